@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# Makes a Raspberry Pi 4 the vehicle's computer: boot settings, device names, groups, time, service. Run it again at any
+# time: what is as it should be is left alone.
+set -euo pipefail
+
+here=$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")
+clone=${here%/docker/pi}
+root='' dry='' kind=native tether='' user=hindrax
+
+usage() {
+  cat <<'END'
+Usage: sudo docker/pi/set-up.sh [--dry-run] [--container] [--tether IFACE:TOPSIDE] [--root DIR]
+
+  --dry-run    say what would be done, and do nothing
+  --container  the stack runs in the container of docker/compose.yaml, not as a service of a ROS installation
+  --tether     interface to the topside computer, and its address: eth0:192.168.2.1
+  --root DIR   write the files below DIR and run no command: to see them, and for tests
+
+Example: sudo docker/pi/set-up.sh --tether eth0:192.168.2.1
+END
+}
+
+fail() {
+  echo "set-up.sh: $*" >&2
+  exit 2
+}
+
+while [ $# -gt 0 ]; do
+  case $1 in
+    --dry-run) dry=1 ;;
+    --container) kind=container ;;
+    --tether) tether=${2-} && shift ;;
+    --root) root=${2-} && shift ;;
+    -h | --help) usage && exit ;;
+    *) fail "found $1, wanted one of the words of --help" ;;
+  esac
+  shift
+done
+[[ -z $tether || $tether =~ ^[A-Za-z0-9._-]{1,15}:[0-9.]{7,15}$ ]] \
+  || fail "--tether: found '$tether', wanted interface and address of the topside computer: eth0:192.168.2.1"
+[ -n "$root$dry" ] || [ "$(id -u)" = 0 ] || fail "changes the system: run it with sudo, or look with --dry-run"
+
+changed=0 reboot=0
+
+# Writes stdin to a file where it differs, and says so.
+keep() { # FILE
+  local file=$root$1 text
+  text=$(cat && echo .) && text=${text%.}
+  if [ -e "$file" ] && [ "$(cat "$file" && echo .)" = "$text." ]; then
+    echo "ok       $1"
+    return 1
+  fi
+  echo "${dry:+would }write $1"
+  changed=1
+  [ -n "$dry" ] || { mkdir -p "$(dirname "$file")" && printf %s "$text" >"$file"; }
+}
+
+act() { # COMMAND...
+  if [ -n "$root$dry" ]; then
+    echo "would run $*"
+  else
+    echo "run $*"
+    "$@"
+  fi
+}
+
+# --- Boot: speed of I2C, a core clock that does not change, the UARTs -------------------------------------------------
+
+boot=/boot/firmware/config.txt
+[ -e "$root$boot" ] || [ ! -e "$root/boot/config.txt" ] || boot=/boot/config.txt
+{
+  if [ -e "$root$boot" ]; then sed '/^# hindrax begin$/,/^# hindrax end$/d' "$root$boot"; fi
+  cat "$here/config.txt"
+} | keep "$boot" && reboot=1
+keep /etc/modules-load.d/hindrax.conf <<<'i2c-dev' || true
+
+# --- Names, groups, time ----------------------------------------------------------------------------------------------
+
+if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules"; then
+  act udevadm control --reload
+  act udevadm trigger --subsystem-match=tty --subsystem-match=i2c-dev
+fi
+getent group i2c >/dev/null || act groupadd --system i2c
+id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c "$user"
+# Whoever runs the doctor or a pool test by hand needs the wires too.
+if [ -n "${SUDO_USER-}" ] && ! id -nG "$SUDO_USER" | grep -qw i2c; then
+  act usermod --append --groups dialout,i2c "$SUDO_USER"
+fi
+if [ -n "$tether" ]; then
+  sed "s/TOPSIDE/${tether#*:}/" "$here/chrony-vehicle.conf" | keep /etc/chrony/conf.d/hindrax.conf \
+    && act systemctl try-restart chrony
+fi
+
+# --- The stack --------------------------------------------------------------------------------------------------------
+
+settings=/etc/hindrax/hindrax.env
+words=$(cat "$root$settings" 2>/dev/null || cat "$here/hindrax.env")
+if [ -n "$tether" ]; then words=$(sed "s/^HINDRAX_TETHER=.*/HINDRAX_TETHER=$tether/" - <<<"$words"); fi
+keep "$settings" <<<"$words" || true
+if [ "$kind" = container ]; then
+  echo "I2C_GID=$(getent group i2c | cut -d: -f3 | grep . || echo 998)" | keep "${clone:?}/docker/.env" || true
+else
+  sed "s|/opt/hindrax|$clone|" "$here/hindrax.service" | keep /etc/systemd/system/hindrax.service || true
+  if [ -n "$tether" ]; then
+    # A second lock beside the profile of the middleware: packets of other interfaces do not reach the stack at all.
+    printf '[Service]\nRestrictNetworkInterfaces=lo %s\n' "${tether%%:*}" \
+      | keep /etc/systemd/system/hindrax.service.d/tether.conf || true
+  fi
+  [ $changed = 0 ] || act systemctl daemon-reload
+  act systemctl enable hindrax
+fi
+
+[ $reboot = 0 ] || echo "The boot settings have changed: sudo reboot"

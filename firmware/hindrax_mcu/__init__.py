@@ -1,0 +1,1 @@
+"""Firmware core of the thruster controller: pure Python that runs under MicroPython and under CPython."""

@@ -1,0 +1,72 @@
+"""What the thruster controller puts out, whatever its host does: the last state machine before the wires.
+
+Times are milliseconds that only grow; the caller sees to that. Pulses are whole microseconds.
+"""
+
+NEUTRAL, LIGHT_OFF, LOW, HIGH = 1500, 1100, 1100, 1900
+PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 800, 2200
+ARM_MS = 7000
+SILENCE_MS = 300
+DISARM_MS = 2000
+
+
+class Failsafe:
+    """Boots disarmed at neutral. Only fresh overrides to an armed controller move a thruster."""
+
+    def __init__(self, thrusters: int, lights: int, now_ms: int, arm_ms: int = ARM_MS) -> None:
+        self.armed = False
+        self.reason = "boot"
+        self._thrusters = thrusters
+        self._rest = [NEUTRAL] * thrusters + [LIGHT_OFF] * lights
+        self._wanted = list(self._rest)
+        self._arm_ms = arm_ms
+        self._neutral_since = now_ms
+        self._heard_ms = now_ms
+        self._heard = False
+
+    def override(self, channels: list[int], now_ms: int) -> None:
+        """Take the host's wish. What is released, ignored, missing or no servo pulse becomes rest, never the last."""
+        for index, rest in enumerate(self._rest):
+            pulse = channels[index] if index < len(channels) else 0
+            plausible = PLAUSIBLE_LOW <= pulse <= PLAUSIBLE_HIGH
+            self._wanted[index] = max(LOW, min(HIGH, pulse)) if plausible else rest
+        self._heard_ms = now_ms
+        self._heard = True
+
+    def arm(self, now_ms: int) -> str:
+        """Arm, or say why not. The speed controllers must have seen neutral, and the host must be talking."""
+        if self.armed:
+            return ""
+        if not self._fresh(now_ms):
+            return "no override from the host"
+        waited = now_ms - self._neutral_since
+        if waited < self._arm_ms:
+            return f"neutral for {waited} of {self._arm_ms} ms"
+        self.armed = True
+        self.reason = ""
+        return ""
+
+    def disarm(self, reason: str, now_ms: int) -> None:
+        """Go neutral and stay there."""
+        if self.armed:
+            self._neutral_since = now_ms
+        self.armed = False
+        self.reason = reason
+
+    def step(self, now_ms: int) -> list[int]:
+        """Pulses to put out now: thrusters, then lights."""
+        silence = now_ms - self._heard_ms
+        if silence >= DISARM_MS:
+            if self.armed:
+                self.disarm(f"no override for {DISARM_MS} ms", now_ms)
+            self._wanted = list(self._rest)
+        if self.armed and self._fresh(now_ms):
+            return list(self._wanted)
+        return self._rest[: self._thrusters] + self._wanted[self._thrusters :]
+
+    def silent(self, now_ms: int) -> bool:
+        """Whether an armed controller is neutral for want of overrides."""
+        return self.armed and not self._fresh(now_ms)
+
+    def _fresh(self, now_ms: int) -> bool:
+        return self._heard and now_ms - self._heard_ms < SILENCE_MS

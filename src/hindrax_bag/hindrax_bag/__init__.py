@@ -1,0 +1,3 @@
+"""MCAP bags: record, recover, read, replay, compare."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,123 @@
+"""metadata.yaml, as rosbag2 of ROS 2 Jazzy writes it beside the files of a bag (version 9)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from hindrax_core.topics import Quality
+
+METADATA_VERSION = 9
+FOREVER = {"sec": 9223372036, "nsec": 854775807}
+NAME = "metadata.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One recorded topic: full name, type as `package/msg/Type`, quality offered, RIHS01 hash (or empty)."""
+
+    topic: str
+    type: str
+    quality: Quality = field(default_factory=Quality)
+    type_hash: str = ""
+
+
+@dataclass(slots=True)
+class Contents:
+    """What one file of a bag holds: messages by topic, and the first and the last time of receipt [ns]."""
+
+    name: str
+    counts: Counter[str] = field(default_factory=Counter)
+    first: int = 0
+    last: int = 0
+
+    @property
+    def messages(self) -> int:
+        """Messages in the file."""
+        return self.counts.total()
+
+
+def metadata_text(channels: Iterable[Channel], files: Sequence[Contents]) -> str:
+    """Text of metadata.yaml for these files of a bag, in their order."""
+    totals: Counter[str] = Counter()
+    for file in files:
+        totals += file.counts
+    held = [file for file in files if file.messages]
+    first = min((file.first for file in held), default=0)
+    last = max((file.last for file in held), default=0)
+    information = {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": last - first},
+        "starting_time": {"nanoseconds_since_epoch": first},
+        "message_count": totals.total(),
+        "topics_with_message_count": [_topic(channel, totals[channel.topic]) for channel in channels],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [_file(file) for file in files],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+    return yaml.dump({"rosbag2_bagfile_information": information}, Dumper=_NoAliases, sort_keys=False)
+
+
+def _topic(channel: Channel, count: int) -> dict[str, Any]:
+    return {
+        "topic_metadata": {
+            "name": channel.topic,
+            "type": channel.type,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": [qos_map(channel.quality)],
+            "type_description_hash": channel.type_hash,
+        },
+        "message_count": count,
+    }
+
+
+def _file(file: Contents) -> dict[str, Any]:
+    return {
+        "path": file.name,
+        "starting_time": {"nanoseconds_since_epoch": file.first},
+        "duration": {"nanoseconds": file.last - file.first},
+        "message_count": file.messages,
+    }
+
+
+def qos_map(quality: Quality) -> dict[str, Any]:
+    """Quality of service in the words of rosbag2."""
+    return {
+        "history": "keep_last",
+        "depth": quality.depth,
+        "reliability": "reliable" if quality.reliable else "best_effort",
+        "durability": "transient_local" if quality.latched else "volatile",
+        "deadline": _duration(quality.deadline_s),
+        "lifespan": _duration(quality.lifespan_s),
+        "liveliness": "automatic",
+        "liveliness_lease_duration": dict(FOREVER),
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+def channel_metadata(channel: Channel) -> dict[str, str]:
+    """What rosbag2 writes beside a channel inside an MCAP file."""
+    return {
+        "offered_qos_profiles": yaml.safe_dump([qos_map(channel.quality)], sort_keys=False),
+        "topic_type_hash": channel.type_hash,
+    }
+
+
+def _duration(seconds: float) -> dict[str, int]:
+    if not seconds:
+        return dict(FOREVER)
+    return {"sec": int(seconds), "nsec": round(seconds % 1.0 * 1e9)}
+
+
+class _NoAliases(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True

@@ -1,0 +1,168 @@
+"""The recorder: every recorded row of the topics table into one bag, CDR bytes untouched.
+
+It runs in a process of its own, so that a slow disk never slows the control loop. Messages arrive as bytes (raw
+subscriptions) and are written as they are.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.event_handler import SubscriptionEventCallbacks
+
+from hindrax_bag import __version__
+from hindrax_bag.limits import Limits, free_bytes
+from hindrax_bag.stamps import stamp_of
+from hindrax_bag.writer import BagWriter, Channel
+from hindrax_core.events import Stamp
+from hindrax_core.topics import TOPICS, Topic, resolved
+from hindrax_ros.graph import message_class, profile
+from hindrax_ros.health import Reporter, status
+from hindrax_ros.parameters import knobs, text
+from hindrax_ros.polled import PolledNode
+from hindrax_ros.process import spin
+
+FLUSH_S = 0.5
+SYNC_EVERY = 2
+QUEUE = 1000
+"""Messages of one topic that may wait for the recorder; more are lost, and counted."""
+
+
+class Recorder(PolledNode):
+    """Subscribes to what the table says is recorded and writes it down."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        folder = Path(text(self, "bag", "", "folder of the bag [-]"))
+        vehicle = text(self, "vehicle", "", "vehicle file, kept inside the bag [-]")
+        notes = text(self, "notes", "", "what this run is, kept inside the bag [-]")
+        self._bag = BagWriter(folder, limits=knobs(self, Limits))
+        self._bag.open()
+        self._describe(notes, vehicle)
+        self._reporter = Reporter(self)
+        self._lost: Counter[str] = Counter()
+        self._early: list[tuple[Channel, bytes, int]] = []
+        self._flushes = 0
+        for topic in TOPICS:
+            if topic.recorded:
+                self._listen(topic)
+        # In wall time, whatever the mock's clock does: a power cut asks no clock.
+        self.every(FLUSH_S, self._flush)
+
+    def _now(self) -> Stamp:
+        return Stamp(self.get_clock().now().nanoseconds)
+
+    def _describe(self, notes: str, vehicle: str) -> None:
+        rmw = os.environ.get("RMW_IMPLEMENTATION", "")
+        self._bag.describe("hindrax", {"notes": notes, "version": __version__, "rmw": rmw})
+        files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
+        for name, path in files.items():
+            if path:
+                self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self._now())
+
+    def _listen(self, topic: Topic) -> None:
+        """Subscribe with a deep queue of our own, and count what is lost on the way."""
+
+        def lost(event: object) -> None:
+            self._lost[topic.name] += int(getattr(event, "total_count_change", 0))
+
+        self.create_subscription(
+            message_class(topic.type),
+            topic.name,
+            self._keeper(topic),
+            profile(replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
+        )
+
+    def _keeper(self, topic: Topic) -> Callable[[bytes], None]:
+        stamped = starts_with_stamp(topic)
+        write, now, early = self._bag.write, self.get_clock().handle.get_now, self._early
+        channel: Channel | None = None
+
+        def keep(data: bytes) -> None:
+            nonlocal channel
+            if channel is None:
+                channel = self._channel(topic)
+            received = now().nanoseconds
+            if not received:
+                # The mock's clock has not been heard yet: these messages wait for its first word.
+                early.append((channel, data, stamp_of(data) if stamped else 0))
+                return
+            if early:
+                self._place(received)
+            write(channel, data, received, stamp_of(data) if stamped else received)
+
+        return keep
+
+    def _place(self, received: int) -> None:
+        for channel, data, sent in self._early:
+            self._bag.write(channel, data, received, sent or received)
+        self._early.clear()
+
+    def _channel(self, topic: Topic) -> Channel:
+        """Describe a topic as its publisher does, once there is one."""
+        name = resolved(topic)
+        found = self.get_publishers_info_by_topic(name)
+        return Channel(name, topic.type, topic.quality, type_hash(found[0].topic_type_hash) if found else "")
+
+    def _flush(self) -> None:
+        self._flushes += 1
+        for sentence in self._bag.flush(sync=self._flushes % SYNC_EVERY == 0):
+            self.get_logger().warning(sentence)
+        if self._flushes % SYNC_EVERY == 0:
+            self._report()
+
+    def _report(self) -> None:
+        bag, lost = self._bag, self._lost
+        values = {
+            "messages": str(bag.counts.total()),
+            "lost": str(lost.total()),
+            "size [MB]": f"{bag.size_bytes / 1e6:.1f}",
+            "free [MB]": f"{free_bytes(bag.folder) / 1e6:.0f}",
+            "bag": str(bag.path),
+            **{f"lost: {topic}": str(count) for topic, count in sorted(lost.items())},
+        }
+        level = DiagnosticStatus.ERROR if bag.stopped else DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
+        said = bag.stopped or (f"recording; {lost.total()} messages lost" if lost else "recording")
+        self._reporter.publish(self._now(), status("hindrax: recorder", level, said, values))
+
+    def close(self) -> None:
+        """Finish the bag with its index."""
+        if self._early:
+            self._place(max(sent for _, _, sent in self._early))
+        self._bag.close()
+
+
+def starts_with_stamp(topic: Topic) -> bool:
+    """Whether the first field of the type is a std_msgs/Header."""
+    fields = message_class(topic.type).get_fields_and_field_types()
+    return next(iter(fields.values()), "") == "std_msgs/Header"
+
+
+def type_hash(found: object) -> str:
+    """Write a type hash of the graph as rosbag2 does: RIHS01_ and the digits; empty when the middleware tells none."""
+    version, value = getattr(found, "version", -1), getattr(found, "value", b"")
+    return f"RIHS{version:02d}_{bytes(value).hex()}" if version > 0 and any(value) else ""
+
+
+def parameter_file(words: Sequence[str]) -> str:
+    """Name of the parameter file among the arguments of the process; empty without one."""
+    names = [value for word, value in pairwise(words) if word == "--params-file"]
+    return names[-1] if names else ""
+
+
+def main() -> int:
+    """Run the recorder until a signal."""
+    return spin(lambda: [Recorder()])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

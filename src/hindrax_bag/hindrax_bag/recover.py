@@ -1,0 +1,128 @@
+"""A whole, indexed bag out of what a power cut left, or a smaller one out of a whole one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.records import Attachment, Message, Metadata, Schema
+from mcap.records import Channel as ChannelRecord
+
+from hindrax_bag.mcap_records import Damage, records
+from hindrax_bag.metadata import NAME, Channel, Contents, metadata_text
+from hindrax_bag.part import Part
+from hindrax_bag.reader import bag_files
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import TOPICS, Quality, resolved
+
+HASH = "topic_type_hash"
+QUALITIES = {resolved(topic): topic.quality for topic in TOPICS}
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What was saved, where, and what was wrong."""
+
+    output: Path
+    messages: int
+    lost_s: float
+    notes: tuple[str, ...]
+
+
+def everything(_topic: str, _after_s: float) -> bool:
+    """Keep all messages."""
+    return True
+
+
+def recover(
+    bag: Path,
+    output: Path,
+    progress: Callable[[int], None] = lambda _count: None,
+    keep: Callable[[str, float], bool] = everything,
+) -> Recovered:
+    """Copy every readable record of a bag into a new one; `progress` is told the number of messages now and then.
+
+    `keep` chooses messages by topic and seconds since the first message of the bag.
+
+    UsageError when the output exists or the bag is none; HindraxError when it cannot be written.
+    """
+    files = bag_files(bag)
+    if files[0].suffix != ".mcap":
+        raise UsageError(f"{files[0]}: only MCAP bags can be recovered; sqlite3 repairs its own files as it opens them")
+    if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
+        raise UsageError(f"{output} exists already; name another folder with --out")
+    damage = Damage()
+    copy = _Copy(damage, progress, keep)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        for number, file in enumerate(files):
+            copy.file(file, output / f"{output.name}_{number}.mcap")
+        copy.finish(output)
+    except OSError as error:
+        raise HindraxError(
+            f"{output}: cannot be written ({error.strerror or error}); name another with --out"
+        ) from error
+    return Recovered(output, copy.total, damage.lost_s, tuple(damage.notes))
+
+
+class _Copy:
+    """Copies files record by record and keeps the account for metadata.yaml."""
+
+    def __init__(self, damage: Damage, progress: Callable[[int], None], keep: Callable[[str, float], bool]) -> None:
+        self.total = 0
+        self._begin: int | None = None
+        self._damage, self._progress, self._keep = damage, progress, keep
+        self._channels: dict[str, Channel] = {}
+        self._noted: dict[str, tuple[Channel, str, str]] = {}
+        self._files: list[Contents] = []
+
+    def file(self, source: Path, target: Path) -> None:
+        """Copy what can be read of one file."""
+        part = Part(target)
+        schemas: dict[int, Schema] = {}
+        topics: dict[int, str] = {}
+        for record in records(source, self._damage):
+            if isinstance(record, Message):
+                self._message(part, topics.get(record.channel_id), record)
+            elif isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, ChannelRecord):
+                topics[record.id] = self._channel(record, schemas.get(record.schema_id))
+            elif isinstance(record, Attachment):
+                part.attach(record.name, record.media_type, record.data, record.create_time)
+            elif isinstance(record, Metadata):
+                part.describe(record.name, record.metadata)
+        part.close()
+        self._files.append(part.contents)
+
+    def finish(self, output: Path) -> None:
+        """Write metadata.yaml."""
+        text = metadata_text(self._channels.values(), self._files)
+        (output / NAME).write_text(text, encoding="utf-8")
+
+    def _message(self, part: Part, topic: str | None, record: Message) -> None:
+        if self._begin is None:
+            self._begin = record.log_time
+        if topic is None or not self._keep(topic, (record.log_time - self._begin) / NS_PER_S):
+            return
+        if not part.has(topic):
+            self._open(part, topic)
+        part.write(topic, record.data, record.log_time, record.publish_time)
+        self.total += 1
+        if self.total % 10_000 == 0:
+            self._progress(self.total)
+
+    def _channel(self, record: ChannelRecord, schema: Schema | None) -> str:
+        """Note a channel; it is opened when the first of its messages is kept."""
+        quality = QUALITIES.get(record.topic, Quality())
+        channel = Channel(record.topic, schema.name if schema else "", quality, record.metadata.get(HASH, ""))
+        text = schema.data.decode("utf-8", "replace") if schema else ""
+        self._noted[record.topic] = (channel, text, schema.encoding if schema else "")
+        return record.topic
+
+    def _open(self, part: Part, topic: str) -> None:
+        channel, text, encoding = self._noted[topic]
+        part.open_channel(channel, text, encoding)
+        self._channels[topic] = channel

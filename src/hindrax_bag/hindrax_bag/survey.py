@@ -1,0 +1,122 @@
+"""What is in a bag: topics, counts, rates, times, files; by reading it, so that unfinished bags are told truly too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hindrax_bag.mcap_records import Damage
+from hindrax_bag.metadata import NAME
+from hindrax_bag.reader import PATTERNS, attachments, bag_files, messages
+from hindrax_core.events import NS_PER_S
+
+EVERY = 10_000
+
+
+@dataclass(slots=True)
+class TopicSurvey:
+    """One topic of a bag."""
+
+    type: str
+    count: int = 0
+    bytes: int = 0
+
+
+@dataclass(slots=True)
+class Survey:
+    """A whole bag. Times in nanoseconds of the clock that was in use."""
+
+    bag: Path
+    first: int = 0
+    last: int = 0
+    files: list[Path] = field(default_factory=list)
+    topics: dict[str, TopicSurvey] = field(default_factory=dict)
+    inside: list[str] = field(default_factory=list)
+    damage: Damage = field(default_factory=Damage)
+
+    @property
+    def seconds(self) -> float:
+        """From the first message to the last [s]."""
+        return (self.last - self.first) / NS_PER_S
+
+    @property
+    def messages(self) -> int:
+        """Messages in all."""
+        return sum(topic.count for topic in self.topics.values())
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the files."""
+        return sum(file.stat().st_size for file in self.files)
+
+    def document(self) -> dict[str, Any]:
+        """As it appears in JSON."""
+        return {
+            "bag": str(self.bag),
+            "start_ns": self.first,
+            "seconds": self.seconds,
+            "messages": self.messages,
+            "bytes": self.size_bytes,
+            "files": [file.name for file in self.files],
+            "finished": not self.damage.unfinished,
+            "damage": self.damage.notes,
+            "attachments": self.inside,
+            "topics": {
+                name: {"type": one.type, "count": one.count, "bytes": one.bytes, "rate_Hz": self.rate_Hz(one)}
+                for name, one in sorted(self.topics.items())
+            },
+        }
+
+    def rate_Hz(self, topic: TopicSurvey) -> float:
+        """Mean rate of a topic over the whole bag."""
+        return round(topic.count / self.seconds, 2) if self.seconds else 0.0
+
+
+def survey(bag: Path, progress: Callable[[int], None] = lambda _count: None) -> Survey:
+    """Read a bag through; `progress` is told the number of messages now and then. UsageError when it is no bag."""
+    found = Survey(bag, files=bag_files(bag), inside=sorted(attachments(bag)))
+    for count, message in enumerate(messages(bag, damage=found.damage)):
+        topic = found.topics.setdefault(message.topic, TopicSurvey(message.type))
+        topic.count += 1
+        topic.bytes += len(message.data)
+        found.first = min(found.first or message.received, message.received)
+        found.last = max(found.last, message.received)
+        if count % EVERY == EVERY - 1:
+            progress(count + 1)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A bag as a list shows it, from its metadata.yaml; unfinished where there is none."""
+
+    bag: Path
+    bytes: int
+    finished: bool
+    seconds: float = 0.0
+    messages: int = 0
+
+    def document(self) -> dict[str, Any]:
+        """As it appears in JSON."""
+        words = {"bag": str(self.bag), "bytes": self.bytes, "finished": self.finished}
+        return {**words, "seconds": self.seconds, "messages": self.messages}
+
+
+def find_bags(folder: Path) -> list[Listed]:
+    """Bags in a folder and all folders below it, by name."""
+    places = {file.parent for pattern in PATTERNS for file in folder.rglob(pattern)}
+    return [_listed(place) for place in sorted(places)]
+
+
+def _listed(bag: Path) -> Listed:
+    size = sum(file.stat().st_size for file in bag_files(bag))
+    try:
+        data = yaml.safe_load((bag / NAME).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        seconds = data["duration"]["nanoseconds"] / NS_PER_S
+        return Listed(bag, size, finished=True, seconds=seconds, messages=int(data["message_count"]))
+    except (OSError, yaml.YAMLError, KeyError, TypeError):
+        return Listed(bag, size, finished=False)

@@ -1,0 +1,56 @@
+"""Small bags for the tests, made without any ROS installation."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+from hindrax_bag.limits import Limits
+from hindrax_bag.writer import BagWriter, Channel
+from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import LATCHED, SENSOR
+
+DEFINITIONS = {
+    ("demo_msgs", "Level"): "std_msgs/Header header\nfloat64 level   # [m]\n",
+    ("demo_msgs", "Word"): "string text\n",
+    ("std_msgs", "Header"): "builtin_interfaces/Time stamp\nstring frame_id\n",
+    ("builtin_interfaces", "Time"): "int32 sec\nuint32 nanosec\n",
+}
+LEVEL = Channel("/demo/level", "demo_msgs/msg/Level", SENSOR, "RIHS01_" + "ab" * 32)
+WORD = Channel("/demo/word", "demo_msgs/msg/Word", LATCHED)
+
+
+def lookup(package: str, name: str) -> str:
+    return DEFINITIONS[(package, name)]
+
+
+def level(stamp: int, value: float) -> bytes:
+    """CDR of demo_msgs/Level with the frame `tank`, by hand."""
+    seconds, nanoseconds = divmod(stamp, NS_PER_S)
+    return b"\x00\x01\x00\x00" + struct.pack("<iII5s7xd", seconds, nanoseconds, 5, b"tank\x00", value)
+
+
+def word(text: str) -> bytes:
+    data = text.encode() + b"\x00"
+    return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
+
+
+def writer(folder: Path, limits: Limits | None = None) -> BagWriter:
+    made = BagWriter(folder, lookup, limits=limits or Limits(keep_free_MB=0.0))
+    made.open()
+    return made
+
+
+def small_bag(folder: Path, count: int = 300, per_flush: int = 20) -> Path:
+    """Write a bag of `count` levels at 100 Hz and a word, a chunk every `per_flush` messages; returns its only file."""
+    bag = writer(folder)
+    bag.describe("hindrax", {"notes": "sample"})
+    bag.attach("vehicle.yaml", "application/yaml", b"name: sample\n", 1)
+    bag.write(WORD, word("hello"), NS_PER_S, NS_PER_S)
+    for index in range(count):
+        sent = NS_PER_S + index * 10_000_000
+        bag.write(LEVEL, level(sent, index * 0.5), sent + 1_000_000, sent)
+        if index % per_flush == per_flush - 1:
+            bag.flush()
+    bag.close()
+    return bag.path

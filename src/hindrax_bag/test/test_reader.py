@@ -1,0 +1,109 @@
+"""Bags of others, damaged bags, and what is no bag."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from bag_samples import LEVEL, level, lookup, small_bag
+
+from hindrax_bag.definitions import definition
+from hindrax_bag.mcap_records import Damage
+from hindrax_bag.reader import bag_files, messages
+from hindrax_core.errors import UsageError
+
+
+def sqlite_bag(folder: Path, *, with_definitions: bool) -> Path:
+    """A bag as rosbag2's sqlite3 storage lays it out (schema versions 3 and 4)."""
+    folder.mkdir()
+    path = folder / "other_0.db3"
+    base = sqlite3.connect(path)
+    base.execute(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
+        " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL, type_description_hash TEXT NOT NULL)"
+    )
+    base.execute(
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,"
+        " data BLOB NOT NULL)"
+    )
+    base.execute("INSERT INTO topics VALUES(1, '/demo/level', 'demo_msgs/msg/Level', 'cdr', '', '')")
+    base.executemany(
+        "INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)",
+        [(index * 100, level(index, index * 2.0)) for index in range(5, 0, -1)],
+    )
+    if with_definitions:
+        base.execute(
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,"
+            " encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL)"
+        )
+        text = definition(LEVEL.type, lookup)
+        base.execute("INSERT INTO message_definitions VALUES(1, ?, 'ros2msg', ?, '')", (LEVEL.type, text))
+    base.commit()
+    base.close()
+    return path
+
+
+@pytest.mark.parametrize("with_definitions", [True, False])
+def test_sqlite_bag(tmp_path, with_definitions):
+    sqlite_bag(tmp_path / "other", with_definitions=with_definitions)
+
+    def nothing(package: str, name: str) -> str:
+        raise LookupError(f"{package}/{name}")
+
+    found = list(messages(tmp_path / "other", lookup=nothing if with_definitions else lookup))
+    assert [one.decoded().level for one in found] == [2.0, 4.0, 6.0, 8.0, 10.0]
+    assert found[0].received == 100
+    assert found[0].type == LEVEL.type
+
+
+def test_sqlite_bag_of_an_unknown_type_says_what_to_install(tmp_path):
+    path = sqlite_bag(tmp_path / "other", with_definitions=False)
+    with pytest.raises(UsageError, match="demo_msgs/msg/Level is neither in the bag nor installed"):
+        list(messages(path))
+
+
+def test_a_file_that_is_no_bag_is_refused(tmp_path):
+    for name in ("x.mcap", "x.db3"):
+        (tmp_path / name).write_bytes(b"nothing like a bag, but long enough to look")
+        with pytest.raises(UsageError, match=name):
+            list(messages(tmp_path / name))
+    with pytest.raises(UsageError, match="an empty folder"):
+        bag_files(_folder(tmp_path / "empty"))
+    with pytest.raises(UsageError, match="found nothing"):
+        bag_files(tmp_path / "none")
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+def test_parts_come_in_the_order_of_their_numbers(tmp_path):
+    for number in (10, 2, 0):
+        (tmp_path / f"bag_{number}.mcap").touch()
+    assert [file.name for file in bag_files(tmp_path)] == ["bag_0.mcap", "bag_2.mcap", "bag_10.mcap"]
+
+
+def test_a_damaged_chunk_is_left_out_and_said(tmp_path):
+    path = small_bag(tmp_path / "bag", count=100)
+    data = bytearray(path.read_bytes())
+    second = data.index(b"zstd", data.index(b"zstd") + 1)
+    data[second + 60] ^= 0xFF
+    path.write_bytes(bytes(data))
+    damage = Damage()
+    found = list(messages(path, [LEVEL.topic], damage=damage))
+    assert len(found) == 80
+    assert len(damage.notes) == 1
+    assert "damaged" in damage.notes[0]
+    assert damage.lost_s == pytest.approx(0.19)
+    assert not damage.unfinished
+
+
+def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path):
+    path = small_bag(tmp_path / "bag", count=100)
+    data = path.read_bytes()
+    path.write_bytes(data[:2500] + bytes(4096))
+    damage = Damage()
+    assert len(list(messages(path, damage=damage))) > 20
+    assert damage.unfinished

@@ -1,0 +1,170 @@
+"""What is written is what rosbag2 would have written, and other people's readers agree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from bag_samples import LEVEL, WORD, level, lookup, small_bag, word, writer
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+
+from hindrax_bag.definitions import definition
+from hindrax_bag.limits import Limits
+from hindrax_bag.mcap_records import Damage
+from hindrax_bag.reader import bag_files, messages
+from hindrax_bag.writer import BagWriter
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import NS_PER_S
+
+
+def test_definition_brings_every_dependency_once():
+    text = definition("demo_msgs/msg/Level", lookup)
+    assert text.count("MSG: std_msgs/Header\n") == 1
+    assert text.count("MSG: builtin_interfaces/Time\n") == 1
+    assert text.startswith("std_msgs/Header header")
+
+
+def test_bytes_come_back_untouched(tmp_path):
+    small_bag(tmp_path / "bag", count=50)
+    found = list(messages(tmp_path / "bag"))
+    assert [one.data for one in found if one.topic == LEVEL.topic] == [
+        level(NS_PER_S + index * 10_000_000, index * 0.5) for index in range(50)
+    ]
+    assert found[0].data == word("hello")
+    assert found[7].received - found[7].sent == 1_000_000
+    assert found[7].decoded().level == 3.0
+
+
+def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path):
+    path = small_bag(tmp_path / "bag", count=5)
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        attachments = list(reader.iter_attachments())
+        metadata = list(reader.iter_metadata())
+        decoded = [one.decoded_message.level for one in reader.iter_decoded_messages(topics=[LEVEL.topic])]
+        assert reader.get_header().profile == "ros2"
+    channel = next(one for one in summary.channels.values() if one.topic == LEVEL.topic)
+    schema = summary.schemas[channel.schema_id]
+    assert (schema.name, schema.encoding, channel.message_encoding) == ("demo_msgs/msg/Level", "ros2msg", "cdr")
+    assert channel.metadata["topic_type_hash"] == LEVEL.type_hash
+    (quality,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+    assert (quality["depth"], quality["reliability"], quality["durability"]) == (50, "reliable", "volatile")
+    assert attachments[0].data == b"name: sample\n"
+    assert metadata[0].metadata == {"notes": "sample"}
+    assert decoded == [0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def test_rosbags_reads_the_folder(tmp_path):
+    small_bag(tmp_path / "bag", count=50)
+    with Reader(tmp_path / "bag") as reader:
+        topics = {one.topic: one for one in reader.connections}
+        assert reader.message_count == 51
+        assert topics[LEVEL.topic].digest == LEVEL.type_hash
+        assert topics[WORD.topic].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
+        data = [bytes(raw) for one, _, raw in reader.messages() if one.topic == LEVEL.topic]
+    assert data[3] == level(NS_PER_S + 30_000_000, 1.5)
+
+
+def test_a_bag_is_never_overwritten(tmp_path):
+    small_bag(tmp_path / "bag", count=1)
+    with pytest.raises(HindraxError, match="exists already"):
+        writer(tmp_path / "bag")
+
+
+def test_what_was_flushed_is_on_disk_without_an_end(tmp_path):
+    bag = writer(tmp_path / "bag")
+    for index in range(10):
+        bag.write(LEVEL, level(index, 0.0), index + 1, index)
+    bag.flush()
+    bag.write(LEVEL, level(11, 0.0), 11, 11)
+    assert len(list(messages(tmp_path / "bag"))) == 10
+
+
+def _record(bag: BagWriter, seconds: int, per_s: int = 100) -> list[str]:
+    said: list[str] = []
+    for second in range(seconds):
+        for index in range(per_s):
+            stamp = (second + 1) * NS_PER_S + index * NS_PER_S // per_s
+            bag.write(WORD, word(f"{stamp * 7919 % 1_000_003:09d}" * 20), stamp, stamp)
+        said += bag.flush()
+    return said
+
+
+def test_split_by_time_leaves_files_that_each_open_alone(tmp_path):
+    bag = writer(tmp_path / "bag", Limits(split_s=1.9, keep_free_MB=0.0))
+    bag.describe("hindrax", {"notes": "split"})
+    said = _record(bag, 6)
+    bag.close()
+    files = bag_files(tmp_path / "bag")
+    assert len(files) == 4
+    assert said == [f"bag_{n}.mcap is full; bag_{n + 1}.mcap goes on" for n in range(3)]
+    assert [len(list(messages(file))) for file in files] == [200, 200, 200, 0]
+    for file in files:
+        with file.open("rb") as stream:
+            assert next(iter(make_reader(stream).iter_metadata())).metadata == {"notes": "split"}
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 600
+        assert len(list(reader.messages())) == 600
+
+
+def test_split_by_size(tmp_path):
+    bag = writer(tmp_path / "bag", Limits(split_MB=0.002, keep_free_MB=0.0))
+    _record(bag, 3)
+    bag.close()
+    assert len(bag_files(tmp_path / "bag")) == 4
+
+
+def test_budget_stops_the_recording_and_says_so(tmp_path):
+    bag = writer(tmp_path / "bag", Limits(budget_MB=0.004, keep_free_MB=0.0))
+    said = _record(bag, 10)
+    bag.close()
+    assert said == ["the bag has used its 0.004 MB of the disk; recording stopped"]
+    assert bag.stopped == said[0]
+    kept = len(list(messages(tmp_path / "bag")))
+    assert 0 < kept < 1000
+    assert kept % 100 == 0
+
+
+def test_budget_drops_the_oldest_file_when_asked(tmp_path):
+    bag = writer(tmp_path / "bag", Limits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
+    said = _record(bag, 30)
+    bag.close()
+    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
+    assert not bag.stopped
+    stamps = [one.received for one in messages(tmp_path / "bag")]
+    assert stamps[-1] == 30 * NS_PER_S + 990_000_000
+    assert len(stamps) < 3000
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == len(stamps)
+
+
+def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path):
+    with pytest.raises(HindraxError, match="MB are wanted"):
+        writer(tmp_path / "never", Limits(planned_s=1e6, keep_free_MB=1e6))
+    bag = writer(tmp_path / "bag", Limits(keep_free_MB=50.0))
+    bag.free = lambda _folder: 1_000_000
+    assert _record(bag, 2) == ["less than 50 MB are free on the disk; recording stopped"]
+    assert len(list(messages(tmp_path / "bag"))) == 100
+
+
+def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(tmp_path, monkeypatch):
+    bag = writer(tmp_path / "bag")
+    _record(bag, 1)
+
+    def refuse(*_args, **_keywords):
+        raise OSError(28, "No space left on device")
+
+    part = bag._part
+    monkeypatch.setattr(type(part), "flush", refuse)
+    (said,) = bag.flush()
+    assert "No space left on device" in said
+    assert "bag recover" in said
+    assert bag.flush() == []
+    bag.close()
+    damage = Damage()
+    assert len(list(messages(Path(bag.folder), damage=damage))) == 100
+    assert damage.unfinished

@@ -1,0 +1,1 @@
+"""Launch files, vehicle files and the command line tool."""

@@ -1,0 +1,26 @@
+"""`hindrax arm`: let the thrusters turn."""
+
+from __future__ import annotations
+
+import argparse
+
+from hindrax_bringup.commands._operator import add_stack, operator_of
+
+NAME = "arm"
+HELP = "arm the thrusters: neutral for the ESCs' time first, then they obey"
+EXAMPLE = "./hindrax arm"
+ARMING_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which stack."""
+    add_stack(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Ask, and wait until the vehicle says that it is armed."""
+    with operator_of(arguments) as operator:
+        print("arming; keep hands off the thrusters", flush=True)
+        operator.arm(seconds=ARMING_S)
+        print(f"armed ({operator.thrusters.output}); `./hindrax stop` ends it at any time")
+    return 0

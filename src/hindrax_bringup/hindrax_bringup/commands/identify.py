@@ -1,0 +1,185 @@
+"""`hindrax identify`: the identification over recorded data, of this stack or of others."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hindrax_bringup.foreign import FRAMES, Wanted
+from hindrax_bringup.identification import show
+from hindrax_bringup.provenance import date_of, software_version
+from hindrax_bringup.recordings import (
+    Found,
+    Source,
+    Span,
+    axes_named,
+    identify_sources,
+    open_source,
+    recorded_vehicle,
+)
+from hindrax_bringup.result_files import bag_hash, traces_of, write_coefficients, write_report
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_ident.bench.plain import plain
+from hindrax_ident.coefficients import Conditions, Saved, SavedMotion, conditions_of
+from hindrax_ident.models import MOTIONS
+from hindrax_ident.readers import COLUMNS
+from hindrax_ident.report import RunReport
+from hindrax_ident.results import Results
+
+NAME = "identify"
+HELP = "the identification over recorded data: our bags, bags of others, CSV"
+EXAMPLE = (
+    "./hindrax identify pool.mcap --vehicle myrov.yaml --odometry /odom --wrench /thrust --dof surge --report pool.html"
+)
+
+NO_VEHICLE = (
+    "no --vehicle was named: mass, volume and size of the Hindrax are used; of the results only the added mass "
+    "and the dimensionless numbers depend on them"
+)
+NO_THRUSTERS = (
+    "the vehicle file has no thrusters: the wrench is taken as exact, so the band with calibration is that of the noise"
+)
+CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
+ABOUT = """
+Bags of this stack give the numbers of their pool test again. In the bags of others (MCAP or sqlite3) velocities are
+found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchStamped or Wrench. Body axes are told by
+the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides.
+Several records of one vehicle are pooled, and the spread between them is shown.
+
+columns of a CSV record (SNAME axes, SI units; empty cells where a row says nothing; others are ignored):
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Records, vehicle, topics, what is taken of them, and where the results go."""
+    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
+    parser.description = f"{HELP}\n{ABOUT}{columns}"
+    parser.add_argument("records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder or CSV file")
+    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file: mass, volume and envelope are enough")
+    parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
+    parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
+    parser.add_argument(
+        "--frame", choices=FRAMES, default="", help="body axes of both topics, whatever they are called"
+    )
+    parser.add_argument(
+        "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved"
+    )
+    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
+    parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read, identify, show; 0 when the work was done, whatever the verdict on each motion."""
+    if not arguments.to_s > arguments.from_s:
+        raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
+    wanted = Wanted(arguments.odometry, arguments.wrench, arguments.frame)
+    sources = [open_source(path, wanted) for path in arguments.records]
+    vehicle, said = _vehicle(arguments.vehicle, sources[0])
+    began = time.monotonic()
+    found = identify_sources(sources, vehicle, axes_named(arguments.dof), Span(arguments.from_s, arguments.to_s))
+    took_s = time.monotonic() - began
+    told = _conditions(vehicle, sources, found, said)
+    if arguments.report:
+        write_report(arguments.report, _report(vehicle, sources, found, told))
+    if arguments.coefficients:
+        write_coefficients(arguments.coefficients, found.identified.results, told)
+    if arguments.json:
+        print(json.dumps(plain(_document(arguments, sources, found, told, took_s)), allow_nan=False))
+    else:
+        _show(arguments, found, told)
+    return 0
+
+
+def _vehicle(named: str | None, source: Source) -> tuple[Vehicle, list[str]]:
+    """Vehicle, and what had to be assumed about it."""
+    if named:
+        vehicle = load_vehicle(named)
+        return vehicle, [] if vehicle.thrusters else [NO_THRUSTERS]
+    recorded = recorded_vehicle(source)
+    if recorded is not None:
+        return recorded, []
+    return load_vehicle(default_vehicle()), [NO_VEHICLE]
+
+
+def _conditions(vehicle: Vehicle, sources: list[Source], found: Found, said: list[str]) -> Conditions:
+    results = found.identified.results
+    told = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
+    assumed = tuple(dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)]))
+    is_bag = sources[0].path.is_dir() or sources[0].path.suffix in (".mcap", ".db3")
+    return replace(
+        told,
+        date=date_of(sources[0].path) if is_bag else "",
+        bag=", ".join(str(source.path) for source in sources),
+        bag_sha256=", ".join(bag_hash(source.path) for source in sources),
+        software=software_version(),
+        assumptions=assumed,
+    )
+
+
+def _report(vehicle: Vehicle, sources: list[Source], found: Found, told: Conditions) -> RunReport:
+    traces = found.traces
+    if len(sources) == 1 and sources[0].recording is None:
+        traces = traces_of(sources[0].path, found.identified.origin)
+    runs = [_saved(source, results, told) for source, results in zip(sources, found.runs, strict=False)]
+    identified = found.identified
+    return RunReport(vehicle, identified.results, identified.outcome.conclusions, told, traces, runs)
+
+
+def _saved(source: Source, results: Results, told: Conditions) -> Saved:
+    """One of several records, as the report shows earlier runs."""
+    motions = {
+        name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds, one.samples, one.method)
+        for name, one in results.motions.items()
+    }
+    label = source.path.parent.name if source.path.name == "bag" else source.path.stem
+    return Saved(label, told, motions)
+
+
+def _document(
+    arguments: argparse.Namespace, sources: list[Source], found: Found, told: Conditions, took_s: float
+) -> dict[str, Any]:
+    """The agreed shape; with several records also each by itself and the spread between them."""
+    recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
+    out: dict[str, Any] = {
+        **found.identified.results.to_json(),
+        "bag": str(sources[0].path),
+        "report": str(arguments.report) if arguments.report else None,
+        "real_time_factor": round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None,
+        "aborted": None,
+        "assumptions": list(told.assumptions),
+    }
+    if found.runs:
+        out["runs"] = [
+            {"bag": str(source.path), **results.to_json()} for source, results in zip(sources, found.runs, strict=True)
+        ]
+        out["spread"] = {
+            motion: {
+                key: {"scatter": one.scatter, "ratio": one.ratio, "mean": one.mean, "std": one.std, "runs": one.runs}
+                for key, one in spreads.items()
+            }
+            for motion, spreads in found.spreads.items()
+        }
+    return out
+
+
+def _show(arguments: argparse.Namespace, found: Found, told: Conditions) -> None:
+    for assumption in told.assumptions:
+        print(f"assumed: {assumption}", file=sys.stderr)
+    show(found.identified)
+    for motion, spreads in found.spreads.items():
+        for key, one in spreads.items():
+            times = f"{one.ratio:.1f} times what their deviations say"
+            print(f"{motion} {key}: {one.runs} runs scatter by {one.scatter:.3g}, {times}")
+    for path in (arguments.report, arguments.coefficients):
+        if path:
+            print(f"  {path}")

@@ -1,0 +1,41 @@
+"""`hindrax joystick`: steer by hand, with what any joystick or keyboard tool of ROS 2 sends."""
+
+from __future__ import annotations
+
+import argparse
+
+from hindrax_bringup.commands._operator import add_stack, presence_of
+from hindrax_bringup.stack import adopted, environment
+from hindrax_bringup.vehicles import default_vehicle
+
+NAME = "joystick"
+HELP = "steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C"
+EXAMPLE = (
+    "./hindrax joystick        (then, in another terminal: ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
+    "                              or: ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args"
+    " -r cmd_vel:=/hindrax/cmd_vel)"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which stack, and what else the node is told."""
+    add_stack(parser)
+    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file; default: that of the stack")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the node here until a signal."""
+    found = presence_of(arguments)
+    file = arguments.vehicle or (found.vehicle if found else str(default_vehicle()))
+    mock = arguments.sim_time or (found is not None and found.mock)
+    given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
+    words = ["hand", "--ros-args", *(word for one in given for word in ("-p", one))]
+    with adopted(environment(mock=False, domain=None) | (dict(found.graph) if found else {})):
+        from hindrax_control.nodes.hand import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
+        from hindrax_ros.process import spin  # noqa: PLC0415  # as above
+
+        print("hold the dead-man button and steer; Ctrl-C ends it", flush=True)
+        return spin(make_nodes, words)

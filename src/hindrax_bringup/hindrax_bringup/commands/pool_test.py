@@ -1,0 +1,59 @@
+"""`hindrax pool-test`: the main job, from arming to a report."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from pathlib import Path
+
+from hindrax_bringup.pool_run import PoolOptions, run_pool_test
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.errors import UsageError
+
+NAME = "pool-test"
+HELP = "fly the maneuvers and identify the vehicle: the main job"
+EXAMPLE = "./hindrax pool-test --mock --dof surge --seed 7"
+
+MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Vehicle or mock, motions, where to put the results."""
+    parser.add_argument("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine")
+    parser.add_argument("--dof", nargs="+", default=["surge"], choices=[*MOTIONS, "all"], help="default: surge")
+    parser.add_argument("--seed", type=int, default=1, help="of the mock's noise and of the excitation; default 1")
+    parser.add_argument(
+        "--rate", type=float, default=0.0, help="mock: times real time at most; default: as honest allows"
+    )
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="mock: garbage:dvl75@30+5, ...")
+    parser.add_argument("--excitation", default="plateaus", help="plateaus, steps, doublets, chirp or multisine")
+    parser.add_argument("--on-cancel", choices=("neutral", "hold"), default="neutral", help="after Ctrl-C or a guard")
+    parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
+    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check the words, then fly."""
+    if not arguments.mock and (arguments.fault or arguments.rate):
+        raise UsageError("--fault and --rate are for --mock only")
+    if arguments.rate < 0.0:
+        raise UsageError(f"--rate: found {arguments.rate:g}, wanted 0 (as fast as stays honest) or more")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    motions = list(MOTIONS) if "all" in arguments.dof else list(dict.fromkeys(arguments.dof))
+    mock = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault)) if arguments.mock else None
+    return run_pool_test(
+        PoolOptions(
+            motions=tuple(motions),
+            vehicle_file=Path(arguments.vehicle),
+            mock=mock,
+            out=arguments.out,
+            seed=arguments.seed,
+            excitation=arguments.excitation,
+            on_cancel=arguments.on_cancel,
+            headless=arguments.headless or arguments.json,
+            json=arguments.json,
+        )
+    )

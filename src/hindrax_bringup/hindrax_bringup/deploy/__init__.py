@@ -1,0 +1,1 @@
+"""Bringing this clone to another machine, and starting it there."""

@@ -1,0 +1,44 @@
+"""What the launch files share, without launch itself: where simulated hardware lies, and settings of the graph."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from hindrax_bringup.stack import environment, mock_parameters
+from hindrax_bringup.tether import FOREVER_S, chosen, waited_for
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.registry import DEVICES
+
+
+def ports(folder: Path, vehicle_file: Path) -> dict[str, object]:
+    """What simulated hardware in a folder will say of itself: serial devices as ptys, everything else on its bus."""
+    bus = f"mock:{folder / 'i2c'}"
+    sensors = load_vehicle(vehicle_file).sensors
+    found = {name: str(folder / name) if DEVICES[one.device].serial else bus for name, one in sensors.items()}
+    return {"ports": found | {"thrusters": bus}, "clock": bus}
+
+
+def parameter_file(folder: Path, vehicle_file: Path) -> Path:
+    """Write parameters that put every node on the simulated hardware of a folder and into its time."""
+    own = mock_parameters(ports(folder, vehicle_file))
+    blocks: Mapping[str, Mapping[str, object]] = {"/**": {"vehicle": str(vehicle_file), "use_sim_time": True}, **own}
+    file = folder / "parameters.yaml"
+    file.write_text(yaml.safe_dump({name: {"ros__parameters": dict(one)} for name, one in blocks.items()}))
+    return file
+
+
+def settings(*, mock: bool) -> list[tuple[str, str]]:
+    """What decides which graph the nodes join, where it differs from this terminal's.
+
+    A tether that is named is waited for: nodes that start before it never find anybody there.
+    """
+    tether = None if mock else chosen()
+    if tether is not None:
+        waited_for(tether, FOREVER_S, lambda: False, lambda sentence: print(sentence, file=sys.stderr))
+    made = environment(mock=mock, domain=None, tether=tether)
+    return [(key, value) for key, value in made.items() if os.environ.get(key) != value]

@@ -1,0 +1,263 @@
+"""The operator's end of the graph: arm, fly, watch, disarm. Every call has a time-out and names what it missed."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, Self
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.state import Estimate, Navigation
+from hindrax_core.topics import (
+    ALLOCATION,
+    DIAGNOSTICS,
+    ESTIMATE,
+    HEARTBEAT,
+    HOLD_STATUS,
+    MANEUVER,
+    NAVIGATION,
+    THRUSTER_HEALTH,
+    THRUSTER_STATE,
+    Topic,
+    resolved,
+)
+from hindrax_msgs.action import FlyManeuver
+from hindrax_msgs.msg import Heartbeat
+from hindrax_msgs.srv import Arm
+from hindrax_ros.convert import estimate_from_msg, navigation_from_msg, stamp_from_msg, stamp_to_msg
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.polled import PolledNode, events_executor
+
+ANSWER_S = 5.0
+LINK_S = 0.3
+"""Time for what was published last to reach its readers, before the node goes away."""
+FLOWN_s = 1.0
+UNHEARD_s = 10.0
+"""Silence about a maneuver, on a link that works, that means it is over. The pilot speaks ten times a second."""
+
+
+class Operator:
+    """One node that commands and watches; use it as a context manager.
+
+    The last message of every watched topic is kept; `tick` (where given) is called between spins, so that the caller
+    can look after its processes and show progress.
+    """
+
+    def __init__(self, *, mock: bool, tick: Callable[[], None] = lambda: None) -> None:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]
+        self.node = PolledNode("operator", parameter_overrides=overrides)
+        self._executor = events_executor()
+        self._executor.add_node(self.node)
+        self._tick = tick
+        # Counts on from any operator before this one, also from one that has just left (milliseconds, 32 bit).
+        self._sequence = time.time_ns() // 1_000_000 % (1 << 32)
+        self.navigation: Stamped[Navigation] | None = None
+        self.estimates: dict[str, Stamped[Estimate]] = {}
+        self.thrusters: Any = None
+        self.maneuver: Any = None
+        self._allocation: Any = None
+        self._allocations: Any = None
+        self.holds: Any = None
+        self.health: Any = None
+        self.diagnostics: dict[str, Any] = {}
+        self._watch()
+        self._arm = self.node.create_client(Arm, "thrusters/arm")
+        self._fly = ActionClient(self.node, FlyManeuver, "maneuver/fly")
+        self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
+        self._goal: Any = None
+
+    def __enter__(self) -> Self:
+        """Nothing to open: the node is up when it is made."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self._fly.destroy()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def _watch(self) -> None:
+        latest: dict[Topic, Callable[[Any], None]] = {
+            NAVIGATION: self._on_navigation,
+            THRUSTER_STATE: lambda message: setattr(self, "thrusters", message),
+            MANEUVER: lambda message: setattr(self, "maneuver", message),
+            HOLD_STATUS: lambda message: setattr(self, "holds", message),
+            THRUSTER_HEALTH: lambda message: setattr(self, "health", message),
+        }
+        for topic, keep in latest.items():
+            subscription(self.node, topic, keep, queue=1)
+        subscription(self.node, ESTIMATE, self._on_estimate)
+        subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
+        beat = publisher(self.node, HEARTBEAT, held=False)
+        self.node.create_timer(0.5, lambda: beat.publish(self._heartbeat()))
+
+    def _heartbeat(self) -> Heartbeat:
+        message = Heartbeat(sequence=self.next(), source="operator")
+        message.header.stamp = stamp_to_msg(self.now())
+        return message
+
+    def _on_navigation(self, message: Any) -> None:
+        self.navigation = navigation_from_msg(message)
+
+    def _on_estimate(self, message: Any) -> None:
+        self.estimates[message.motion] = estimate_from_msg(message)
+
+    @property
+    def allocation(self) -> Any:
+        """The last allocation, listened to from the first time somebody asks: it comes fast, and few want it."""
+        if self._allocations is None:
+            keep = partial(setattr, self, "_allocation")
+            self._allocations = subscription(self.node, ALLOCATION, keep, queue=1)
+        return self._allocation
+
+    def _on_diagnostics(self, message: Any) -> None:
+        self.diagnostics.update({one.name: one for one in message.status})
+
+    def next(self) -> int:
+        """Return the next sequence number."""
+        self._sequence = (self._sequence + 1) % (1 << 32)
+        return self._sequence
+
+    def now(self) -> Stamp:
+        """ROS time: the system's, or the mock's."""
+        return Stamp(self.node.get_clock().now().nanoseconds)
+
+    @property
+    def flying(self) -> str:
+        """Motion that is being flown, empty when none is."""
+        seen = self.maneuver
+        if seen is None or seen.phase in ("done", "aborted"):
+            return ""
+        age_s = seconds_between(stamp_from_msg(seen.header.stamp), self.now())
+        return str(seen.motion) if age_s < FLOWN_s else ""
+
+    def wait_for_time(self, seconds: float = ANSWER_S) -> None:
+        """Wait for the clock: system time is there at once, a mock's when its process says it."""
+        self.wait(lambda: self.now() > 0, seconds, lambda: "the clock of the mock; is its stack still up?")
+
+    def publishers(self, topic: Topic) -> int:
+        """How many nodes publish a topic, as far as they have been discovered."""
+        return int(self.node.count_publishers(resolved(topic)))
+
+    @contextlib.contextmanager
+    def sender(self, topic: Topic, reader: str) -> Iterator[Callable[[Any], None]]:
+        """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
+        out = publisher(self.node, topic, held=False)
+        try:
+            self.wait(lambda: out.get_subscription_count() > 0, ANSWER_S, lambda: f"{reader}; is the stack up?")
+            yield out.publish
+            self.pause(LINK_S)
+        finally:
+            self.node.destroy_publisher(out)
+
+    @contextlib.contextmanager
+    def repeating(self, period_s: float, act: Callable[[], None]) -> Iterator[None]:
+        """Act now and again after each period of ROS time."""
+        act()
+        timer = self.node.create_timer(period_s, act)
+        try:
+            yield
+        finally:
+            self.node.destroy_timer(timer)
+
+    def pause(self, seconds: float) -> None:
+        """Turn for this much wall time."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.spin()
+
+    def spin(self, seconds: float = 0.05) -> None:
+        """Turn once: answers and timers, the last message of every topic, then the caller's tick."""
+        self._executor.spin_once(timeout_sec=seconds)
+        self.node.drain()
+        self._tick()
+
+    def wait(self, done: Callable[[], bool], seconds: float, what: Callable[[], str]) -> None:
+        """Turn until `done`; HindraxError with the sentence of `what` after this much wall time."""
+        deadline = time.monotonic() + seconds
+        while not done():
+            if time.monotonic() > deadline:
+                raise HindraxError(f"waited {seconds:.0f} s for {what()}")
+            self.spin()
+
+    def arm(self, *, arm: bool = True, seconds: float = 30.0) -> None:
+        """Arm or disarm; waits until the thrusters say so (arming holds neutral for the ESC's time first)."""
+        self.wait(
+            self._arm.service_is_ready, ANSWER_S, lambda: "the thrusters node to offer thrusters/arm; is it running?"
+        )
+        request = Arm.Request(arm=arm, sequence=self.next())
+        request.stamp = stamp_to_msg(self.now())
+        future = self._arm.call_async(request)
+        self.wait(future.done, ANSWER_S, lambda: "an answer from thrusters/arm")
+        answer = future.result()
+        if not answer.accepted:
+            raise HindraxError(f"the thrusters refused to {'arm' if arm else 'disarm'}: {answer.reason}")
+        self.wait(lambda: self.thrusters is not None and self.thrusters.armed is arm, seconds, self._thruster_state)
+
+    def _thruster_state(self) -> str:
+        if self.thrusters is None:
+            return "the thrusters to say anything"
+        return f"the thrusters, which are {self.thrusters.state} ({self.thrusters.reason})"
+
+    def fly(self, motions: list[str], *, excitation: str, seed: int, on_cancel: str, seconds: float) -> str:
+        """Fly motions to their end; returns the guard's sentence, empty when all was flown. Ctrl-C cancels."""
+        self.wait(self._fly.server_is_ready, ANSWER_S, lambda: "the pilot to offer maneuver/fly; is control running?")
+        goal = FlyManeuver.Goal(motions=motions, excitation=excitation, seed=seed, on_cancel=on_cancel)
+        goal.stamp = stamp_to_msg(self.now())
+        self.maneuver = None
+        future = self._fly.send_goal_async(goal)
+        self.wait(future.done, ANSWER_S, lambda: "the pilot to answer a goal")
+        self._goal = future.result()
+        if not self._goal.accepted:
+            raise HindraxError("the pilot refused the maneuver; its reason is in the log of the control process")
+        result = self._goal.get_result_async()
+        try:
+            self.wait(lambda: result.done() or self._unheard(), seconds, lambda: "the maneuver to end")
+        except BaseException:
+            self.cancel()
+            raise
+        self._goal = None
+        if not result.done():
+            said = self.maneuver.aborted if self.maneuver is not None else ""
+            return said or "link: the end of the maneuver was not heard"
+        outcome = result.result()
+        if outcome.status == GoalStatus.STATUS_SUCCEEDED and outcome.result.completed:
+            return ""
+        return str(outcome.result.aborted) or "maneuver: ended without a reason"
+
+    def _unheard(self) -> bool:
+        """Whether the vehicle is heard, but of no maneuver any more: the result went lost with the link."""
+        if self.navigation is None or self.maneuver is None:
+            return False
+        now = self.now()
+        silent_s = seconds_between(stamp_from_msg(self.maneuver.header.stamp), now)
+        return silent_s > UNHEARD_s and seconds_between(self.navigation.stamp, now) < FLOWN_s
+
+    def cancel(self) -> None:
+        """Cancel what is being flown, if anything."""
+        if self._goal is None:
+            return
+        future = self._goal.cancel_goal_async()
+        self._goal = None
+        self.wait(future.done, ANSWER_S, lambda: "the pilot to cancel")
+
+    def cancel_all(self) -> int:
+        """Cancel every goal, whoever sent it; returns how many there were. Without a pilot there are none."""
+        if not self._cancel.service_is_ready():
+            return 0
+        # A request without an id and without a stamp means all goals (action_msgs/srv/CancelGoal).
+        future = self._cancel.call_async(CancelGoal.Request())
+        self.wait(future.done, ANSWER_S, lambda: "the pilot to cancel")
+        return len(future.result().goals_canceling)

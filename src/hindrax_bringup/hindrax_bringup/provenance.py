@@ -1,0 +1,70 @@
+"""Where a result comes from: the software's version, the date of a record, and whether the record is of the mock."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from mcap.records import Message, Metadata
+
+from hindrax_bag.mcap_records import records
+from hindrax_bag.reader import bag_files, messages
+
+FIRST_YEAR = 2000
+"""A mock's clock starts in 1970; then the date is that of the file."""
+PACKAGE = "hindrax_ident"
+UNPACKAGED = "0.1.0"
+
+
+def software_version() -> str:
+    """`git describe` of the clone where there is one, else the version of the package."""
+    here = Path(__file__).resolve().parent
+    words = ["git", "-C", str(here), "describe", "--always", "--dirty", "--tags"]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=10.0, check=False)  # noqa: S603  # fixed words
+    except (OSError, subprocess.TimeoutExpired):
+        return f"hindrax {_packaged()}"
+    return f"hindrax {_packaged()} ({done.stdout.strip()})" if done.returncode == 0 else f"hindrax {_packaged()}"
+
+
+def _packaged() -> str:
+    try:
+        return metadata.version(PACKAGE)
+    except metadata.PackageNotFoundError:
+        return UNPACKAGED
+
+
+def date_of(bag: Path) -> str:
+    """Time of the first message of a bag, ISO 8601 in UTC; that of its file where the clock was a mock's."""
+    for message in messages(bag):
+        recorded = datetime.fromtimestamp(message.received // 1_000_000_000, UTC)
+        if recorded.year < FIRST_YEAR:
+            recorded = datetime.fromtimestamp(bag_files(bag)[0].stat().st_mtime, UTC)
+        return recorded.strftime("%Y-%m-%dT%H:%M:%SZ")
+    return ""
+
+
+def notes_of(bag: Path) -> str:
+    """What the recorder noted inside a bag of ours; empty for the bags of others."""
+    for file in bag_files(bag):
+        if file.suffix == ".db3":
+            return ""
+        for record in _until_first_message(file):
+            if isinstance(record, Metadata) and record.name == "hindrax":
+                return str(record.metadata.get("notes", ""))
+    return ""
+
+
+def _until_first_message(file: Path) -> Iterator[object]:
+    for record in records(file):
+        if isinstance(record, Message):
+            return
+        yield record
+
+
+def is_mock(bag: Path) -> bool:
+    """Whether a bag of ours says that it was recorded on the mock vehicle."""
+    return "in mock" in notes_of(bag)

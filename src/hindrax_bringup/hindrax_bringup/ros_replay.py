@@ -1,0 +1,128 @@
+"""`replay --ros`: the real processes on recorded wires, and the bag that they leave compared with the one they had.
+
+Sensors, control, identifier and recorder run as on the vehicle. Which sample falls into which cycle, and when a node
+was up, is that day's: so a message is compared with the recorded one that says the same (devices) or that lies nearest
+in time (what is computed from them), with the tolerances of the section `ros`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hindrax_bag.compare import Ledger, Rules
+from hindrax_bag.reader import attachments, messages
+from hindrax_bringup.replay_run import Replayed
+from hindrax_bringup.ros_compare import compare_bags
+from hindrax_bringup.run_folder import RunFolder, write_parameters
+from hindrax_bringup.stack import environment, first_line, last_words, mock_parameters, own_domain
+from hindrax_bringup.supervisor import Child, Supervisor
+from hindrax_bringup.system import CONTROL, IDENTIFIER, RECORDER, SENSORS, Process
+from hindrax_bringup.wire_replay import parameters_of
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import NS_PER_S
+
+REPLAY = Process(
+    "replay",
+    "hindrax_sim",
+    "hindrax_sim.nodes.replay",
+    "replay",
+    ("replay",),
+    "recorded wires as hardware",
+    restart=False,
+)
+READY_S = 20.0
+PATIENCE_S = 60.0
+"""Wall time for everybody to come up."""
+SLOWEST = 20.0
+"""Wall seconds per second of the record, after which it is not a slow machine any more but a fault."""
+OF_THE_RUN = {"vehicle", "use_sim_time", "port", "clock", "bag", "notes"}
+"""Parameters that say where that run was; all others say how the nodes were tuned."""
+UNHEARD = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
+"""Nobody flies: the maneuver that the identifier hears of is the recorded one."""
+
+
+def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Path | None = None) -> Replayed:
+    """Run the processes over a bag and compare; with `out` the folder of that run is kept.
+
+    UsageError when the bag holds no wire frames or no vehicle file; HindraxError when a process ends on the way.
+    """
+    begin = time.perf_counter()
+    done = Replayed(bag, Ledger(rules))
+    for message in messages(bag):
+        done.begin = done.begin or message.received
+        done.vehicle_s = max(done.vehicle_s, (message.received - done.begin) / NS_PER_S)
+    with _folder(out) as folder:
+        _run(bag, folder, vehicle_file, done.vehicle_s)
+        compare_bags(bag, folder.bag, done.ledger)
+    done.wall_s = time.perf_counter() - begin
+    return done
+
+
+@contextlib.contextmanager
+def _folder(out: Path | None) -> Iterator[RunFolder]:
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        yield RunFolder(out.resolve())
+        return
+    place = tempfile.mkdtemp(prefix="hindrax-replay-")
+    try:
+        yield RunFolder(Path(place))
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float) -> None:
+    inside = attachments(bag)
+    if vehicle_file:
+        shutil.copyfile(vehicle_file, folder.vehicle)
+    elif "vehicle.yaml" in inside:
+        folder.vehicle.write_bytes(inside["vehicle.yaml"])
+    else:
+        raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
+    tuned = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
+    with own_domain(mock=True) as domain, Supervisor(folder.logs, environment(mock=True, domain=domain)) as supervisor:
+        words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]
+        wires = supervisor.start(REPLAY, words, pipe=True)
+        facts = first_line(wires, READY_S, folder.logs / "replay.log")
+        arguments = write_parameters(folder, _parameters(folder, tuned, mock_parameters(facts)))
+        for process in (RECORDER, SENSORS, CONTROL, IDENTIFIER):
+            supervisor.start(process, [*arguments, *(UNHEARD if process is CONTROL else ())])
+        _wait(wires, supervisor, folder, READY_S + PATIENCE_S + SLOWEST * seconds)
+        supervisor.stop("recorder")
+
+
+def _parameters(
+    folder: RunFolder, tuned: dict[str, dict[str, Any]], ports: dict[str, dict[str, object]]
+) -> dict[str, dict[str, object]]:
+    """Parameters of the recorded run, at the ports of this one."""
+    made: dict[str, dict[str, object]] = {
+        f"/**/{node}": {name: value for name, value in block.items() if name not in OF_THE_RUN}
+        for node, block in tuned.items()
+        if node != "**"
+    }
+    for node, block in ports.items():
+        made.setdefault(node, {}).update(block)
+    made.setdefault("/**/recorder", {}).update({"bag": str(folder.bag), "notes": "replay in mock"})
+    made["/**"] = {"vehicle": str(folder.vehicle), "use_sim_time": True}
+    return {node: block for node, block in made.items() if block}
+
+
+def _wait(wires: Child, supervisor: Supervisor, folder: RunFolder, seconds: float) -> None:
+    """Until the record is at its end; HindraxError when it does not come there or a process is down for good."""
+    deadline = time.monotonic() + seconds
+    while wires.handle.poll() is None:
+        if time.monotonic() > deadline:
+            raise HindraxError(f"the replay has not come to its end in {seconds:.0f} s; read {folder.logs}")
+        time.sleep(0.2)
+        wires_code = wires.handle.poll()
+        if wires_code is None:
+            supervisor.check()
+            supervisor.require()
+    if wires.handle.returncode:
+        raise HindraxError(f"the replayed wires ended; {last_words(folder.logs / 'replay.log')}")

@@ -1,0 +1,230 @@
+"""Who may say and hear what: one role for each node, from which the SROS2 policies follow. Nothing else is allowed.
+
+An enclave is the identity of one process. What moves the vehicle is said by the operator's enclave alone; pulses are
+said by the allocator, and at the bench, with the stack down, by the bench's enclave.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hindrax_bringup.vehicles import share_folder
+from hindrax_core.devices import SENSORS
+from hindrax_core.errors import HindraxError
+from hindrax_core.topics import (
+    ALLOCATION,
+    BATTERY,
+    DIAGNOSTICS,
+    ESTIMATE,
+    HEARTBEAT,
+    HOLD_SETPOINT,
+    HOLD_STATUS,
+    JOYSTICK,
+    LIGHTS,
+    MANEUVER,
+    MEASURED,
+    NAMESPACE,
+    NAVIGATION,
+    ODOMETRY,
+    OPERATOR_WRENCH,
+    RAW_FRAMES,
+    THRUSTER_COMMAND,
+    THRUSTER_HEALTH,
+    THRUSTER_HEALTH_ORDER,
+    THRUSTER_STATE,
+    TOPICS,
+    TWIST,
+    WRENCH,
+    Topic,
+    resolved,
+)
+
+KEYSTORE = "HINDRAX_KEYSTORE"
+"""The one setting: the folder of a keystore, and every process enforces the policies."""
+OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
+FROM_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+
+ARM, FLY = "thrusters/arm", "maneuver/fly"
+CANCEL = f"{FLY}/_action/cancel_goal"
+OF_EVERY_NODE = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+    "get_type_description",
+)
+OF_A_LIFECYCLE = (
+    "change_state",
+    "get_state",
+    "get_available_states",
+    "get_available_transitions",
+    "get_transition_graph",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """What one node may do. Names of topics are of the table or absolute; services and actions are ours."""
+
+    node: str
+    enclave: str
+    says: tuple[Topic | str, ...] = ()
+    hears: tuple[Topic | str, ...] = ()
+    answers: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    executes: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
+    lifecycle: bool = False
+
+
+def _sensor(name: str) -> Role:
+    own = (topic for key, topic in MEASURED.items() if key.startswith(f"{name}/"))
+    dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in MEASURED else ()
+    profile = (f"{name}/request_profile",) if f"{name}/profile" in MEASURED else ()
+    return Role(name, "sensors", says=(*own, _raw(name), DIAGNOSTICS, *dvl), answers=profile, lifecycle=True)
+
+
+def _raw(source: str) -> Topic:
+    return next(topic for topic in RAW_FRAMES if topic.name == f"raw/{source}")
+
+
+_STATE = (NAVIGATION, THRUSTER_STATE, MANEUVER, ALLOCATION, HOLD_STATUS, THRUSTER_HEALTH, ESTIMATE, DIAGNOSTICS)
+"""What an operator watches: about a megabit a second over the tether; raw frames are not among it."""
+
+ROLES: tuple[Role, ...] = (
+    *(_sensor(sensor.name) for sensor in SENSORS),
+    Role("sensors", "sensors"),
+    Role(
+        "thrusters",
+        "thrusters",
+        says=(THRUSTER_STATE, BATTERY, _raw("thrusters"), DIAGNOSTICS),
+        hears=(THRUSTER_COMMAND, LIGHTS),
+        answers=(ARM,),
+        lifecycle=True,
+    ),
+    Role("control", "control"),
+    Role(
+        "navigator",
+        "control",
+        says=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
+        hears=tuple(MEASURED.values()),
+    ),
+    Role(
+        "pilot",
+        "control",
+        says=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
+        hears=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH),
+        executes=(FLY,),
+    ),
+    Role(
+        "allocator",
+        "control",
+        says=(THRUSTER_COMMAND, ALLOCATION, DIAGNOSTICS),
+        hears=(THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
+    ),
+    Role(
+        "identifier",
+        "identifier",
+        says=(ESTIMATE, DIAGNOSTICS),
+        hears=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER),
+    ),
+    Role("recorder", "recorder", says=(DIAGNOSTICS,), hears=tuple(topic for topic in TOPICS if topic.recorded)),
+    Role(
+        "keeper",
+        "keeper",
+        says=(THRUSTER_HEALTH_ORDER, DIAGNOSTICS),
+        hears=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT),
+        asks=(ARM, CANCEL),
+    ),
+    Role(
+        "operator",
+        "operator",
+        says=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
+        hears=_STATE,
+        asks=(ARM, CANCEL),
+        calls=(FLY,),
+    ),
+    Role("hand", "operator", says=(OPERATOR_WRENCH,), hears=(JOYSTICK, TWIST)),
+    Role("operator", "bench", says=(HEARTBEAT, THRUSTER_COMMAND), hears=_STATE, asks=(ARM,)),
+)
+
+
+def enclaves() -> tuple[str, ...]:
+    """Paths of all enclaves, in the order of the roles."""
+    return tuple(dict.fromkeys(path(role.enclave) for role in ROLES))
+
+
+def path(process: str) -> str:
+    """Path of the enclave of a process."""
+    return f"{NAMESPACE}/{process}"
+
+
+def arguments(process: str) -> list[str]:
+    """Words that give a process its identity; without security they have no effect."""
+    return ["--enclave", path(process)]
+
+
+def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:
+    """Environment that enforces the policies; empty without a keystore. HindraxError where they cannot be enforced."""
+    if not keystore:
+        return {}
+    if FROM_WHEELS in environment:
+        raise HindraxError(f"{KEYSTORE}: ROS from wheels has no DDS security; use a ROS installation, or unset it")
+    if not (Path(keystore) / "enclaves").is_dir():
+        raise HindraxError(
+            f"{KEYSTORE}: found no keystore at {keystore}; make one with {share_folder('security') / 'keystore.sh'}"
+        )
+    return {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": keystore}
+
+
+def identified(environment: Mapping[str, str], process: str) -> dict[str, str]:
+    """Environment of a node that is made in this process; an identity that the user chose stays, as at the bench."""
+    secured = environment.get("ROS_SECURITY_ENABLE") == "true"
+    return {OVERRIDE: path(process), **environment} if secured else dict(environment)
+
+
+def policies() -> str:
+    """Policies of all enclaves as SROS2 reads them (ROS 2 Access Control Policies, version 0.2.0)."""
+    document = ET.Element("policy", version="0.2.0")
+    listed = ET.SubElement(document, "enclaves")
+    for enclave in enclaves():
+        profiles = ET.SubElement(ET.SubElement(listed, "enclave", path=enclave), "profiles")
+        for role in ROLES:
+            if path(role.enclave) == enclave:
+                _profile(profiles, role)
+    ET.indent(document)
+    head = "<!-- Made by `python -m hindrax_bringup.security` from the roles in it; a test compares. -->"
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}\n{ET.tostring(document, encoding="unicode")}\n'
+
+
+def _profile(profiles: ET.Element, role: Role) -> None:
+    profile = ET.SubElement(profiles, "profile", ns=NAMESPACE, node=role.node)
+    own = [f"{NAMESPACE}/{role.node}/{one}" for one in OF_EVERY_NODE]
+    own += [f"{NAMESPACE}/{role.node}/{one}" for one in OF_A_LIFECYCLE if role.lifecycle]
+    told = [f"{NAMESPACE}/{role.node}/transition_event"] if role.lifecycle else []
+    _allow(profile, "topic", "publish", [*map(_name, role.says), *told, "/rosout", "/parameter_events"])
+    _allow(profile, "topic", "subscribe", [*map(_name, role.hears), "/clock", "/parameter_events"])
+    _allow(profile, "service", "reply", [*own, *(f"{NAMESPACE}/{one}" for one in role.answers)])
+    _allow(profile, "service", "request", [f"{NAMESPACE}/{one}" for one in role.asks])
+    _allow(profile, "action", "execute", [f"{NAMESPACE}/{one}" for one in role.executes])
+    _allow(profile, "action", "call", [f"{NAMESPACE}/{one}" for one in role.calls])
+
+
+def _name(topic: Topic | str) -> str:
+    return topic if isinstance(topic, str) else resolved(topic)
+
+
+def _allow(profile: ET.Element, kind: str, verb: str, names: list[str]) -> None:
+    if names:
+        group = ET.SubElement(profile, f"{kind}s", {verb: "ALLOW"})
+        for name in dict.fromkeys(names):
+            ET.SubElement(group, kind).text = name
+
+
+if __name__ == "__main__":
+    (share_folder("security") / "policies.xml").write_text(policies(), encoding="utf-8")

@@ -1,0 +1,167 @@
+"""A running stack: the mock where it is asked for, the onboard processes, the recorder, and what they are told."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import select
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from hindrax_bringup import security
+from hindrax_bringup.network_profile import profile_file
+from hindrax_bringup.presence import Presence, graph_settings
+from hindrax_bringup.run_folder import RunFolder, write_parameters
+from hindrax_bringup.supervisor import Child, Supervisor
+from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.tether import Tether
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import Vehicle
+
+MOCK_READY_S = 20.0
+DOMAINS = range(1, 101)
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+@dataclass(frozen=True, slots=True)
+class MockOptions:
+    """What the mock vehicle is told: seed, upper bound of its speed (0: as fast as stays honest), faults."""
+
+    seed: int = 1
+    rate: float = 0.0
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Stack:
+    """Starts everything of one run in order; the supervisor ends it."""
+
+    folder: RunFolder
+    vehicle: Vehicle
+    supervisor: Supervisor
+    notes: str = ""
+    mock_facts: Mapping[str, object] = field(default_factory=dict)
+
+    def start(self, mock: MockOptions | None, *, record: bool, onboard: Sequence[Process] = ONBOARD) -> None:
+        """Start the mock (when asked for by name), the onboard processes and the recorder."""
+        parameters: dict[str, dict[str, object]] = {"/**": {"vehicle": str(self.folder.vehicle)}}
+        if mock is not None:
+            self.start_mock(mock)
+            parameters["/**"]["use_sim_time"] = True
+            parameters |= mock_parameters(self.mock_facts)
+        parameters["/**/recorder"] = {"bag": str(self.folder.bag), "notes": self.notes}
+        arguments = write_parameters(self.folder, parameters)
+        for process in (RECORDER, *onboard) if record else onboard:
+            self.supervisor.start(process, [*arguments, *security.arguments(process.name)])
+
+    def last_facts(self) -> Mapping[str, object]:
+        """End the mock and return what it says of what really happened; empty without one."""
+        child = self.supervisor.children.get(MOCK.name)
+        if child is None or child.handle.stdout is None:
+            return {}
+        self.supervisor.close()
+        lines = child.handle.stdout.read().splitlines()
+        found: Mapping[str, object] = json.loads(lines[-1]) if lines else {}
+        return found
+
+    def start_mock(self, options: MockOptions, *more: str) -> None:
+        """Start the mock alone, with more words of its own; `mock_facts` then names its ports."""
+        words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
+        for fault in options.faults:
+            words += ["--fault", fault]
+        child = self.supervisor.start(MOCK, words, pipe=True)
+        self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
+
+
+def presence_of(stack: Stack, made: Mapping[str, str]) -> Presence:
+    """What other terminals need to know of a stack that was started with this environment."""
+    ports = stack.mock_facts.get("ports", {})
+    assert isinstance(ports, dict)
+    folder = stack.folder
+    mock = MOCK.name in stack.supervisor.children
+    purpose = stack.notes.partition(" ")[0]
+    return Presence(os.getpid(), mock, str(folder.vehicle), str(folder.path), graph_settings(made), ports, purpose)
+
+
+def mock_parameters(facts: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    """Ports and clock of the mock as parameters of the nodes that use them."""
+    ports = facts["ports"]
+    assert isinstance(ports, dict)
+    return {f"/**/{node}": {"port": port, "clock": facts["clock"]} for node, port in ports.items()}
+
+
+def first_line(child: Child, seconds: float, log: Path) -> Mapping[str, object]:
+    """Read the one line of JSON that the mock prints when its devices are up."""
+    pipe: IO[bytes] | None = child.handle.stdout
+    assert pipe is not None
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if select.select([pipe], (), (), 0.1)[0]:
+            line = pipe.readline()
+            if not line:
+                break
+            found: Mapping[str, object] = json.loads(line)
+            return found
+    raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
+
+
+def last_words(log: Path) -> str:
+    """Last line that a process wrote to its log."""
+    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if log.is_file() else []
+    return f"its last words: {lines[-1]}" if lines else f"its log {log} is empty"
+
+
+def environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:
+    """Environment of the processes: this machine only, unless the user has a profile; in mock a domain of its own.
+
+    Where a tether is named the graph reaches over it, and nowhere else. Where a keystore is named (a real vehicle on a
+    ROS installation), every process proves who it is.
+
+    The profile replaces the discovery range: with LOCALHOST the middleware would bring shared memory back in, where
+    every killed process slows all later ones down.
+    """
+    made = dict(os.environ)
+    made.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+    made["PYTHONUNBUFFERED"] = "1"
+    if domain is not None:
+        made["ROS_DOMAIN_ID"] = str(domain)
+    if mock or tether is not None or PROFILE not in made:
+        made[PROFILE] = str(profile_file(tether))
+        made["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    return made if mock else made | security.settings(made.get(security.KEYSTORE, ""), made)
+
+
+@contextlib.contextmanager
+def adopted(wanted: Mapping[str, str], process: str = "operator") -> Iterator[None]:
+    """Take the ROS settings of a stack into our own environment, before our node is made, as who we are."""
+    before = dict(os.environ)
+    os.environ.update(graph_settings(security.identified(wanted, process)))
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+@contextlib.contextmanager
+def own_domain(*, mock: bool) -> Iterator[int | None]:
+    """A ROS domain that no other mock run on this machine uses; None (leave as it is) where the user chose one."""
+    if not mock or "ROS_DOMAIN_ID" in os.environ:
+        yield None
+        return
+    folder = Path(f"/tmp/hindrax-domains-{os.getuid()}")  # noqa: S108  # only empty lock files, per user
+    folder.mkdir(mode=0o700, exist_ok=True)
+    for number in DOMAINS:
+        with (folder / str(number)).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            yield number
+            return
+    raise HindraxError("a hundred mock runs are under way on this machine; wait for one to end")

@@ -1,0 +1,192 @@
+"""The policies follow from the roles, and the roles from what the nodes do: nothing is missing, nothing is spare."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from hindrax_bringup import security
+from hindrax_bringup.security import FROM_WHEELS, OVERRIDE, ROLES, Role, identified, policies, settings
+from hindrax_bringup.stack import adopted
+from hindrax_bringup.system import ONBOARD, RECORDER
+from hindrax_bringup.vehicles import share_folder
+from hindrax_core import topics
+from hindrax_core.errors import HindraxError
+from hindrax_core.topics import (
+    HOLD_SETPOINT,
+    OPERATOR_WRENCH,
+    RAW_FRAMES,
+    THRUSTER_COMMAND,
+    TOPICS,
+    WRENCH,
+    Topic,
+    resolved,
+)
+
+SOURCES = Path(__file__).parents[2]
+NODES_OF_FILE = {
+    "hindrax_control/nodes/navigator.py": ("navigator",),
+    "hindrax_control/nodes/pilot.py": ("pilot",),
+    "hindrax_control/nodes/allocator.py": ("allocator",),
+    "hindrax_control/nodes/hand.py": ("hand",),
+    "hindrax_drivers/nodes/thrusters_node.py": ("thrusters",),
+    "hindrax_ident/nodes/identifier.py": ("identifier",),
+    "hindrax_ident/nodes/listen.py": ("identifier",),
+    "hindrax_bringup/nodes/keeper.py": ("keeper",),
+    "hindrax_bringup/nodes/operator.py": ("operator",),
+    "hindrax_bringup/nodes/orders.py": ("operator",),
+    "hindrax_bringup/commands/lights.py": ("operator",),
+    "hindrax_bringup/doctor/graph.py": ("operator",),
+}
+"""Files that name a topic of the table and publish or subscribe it."""
+SAY, HEAR = {"publisher", "sender"}, {"subscription"}
+PEOPLE = {"operator", "hand", "keeper"}
+
+
+def roles(node: str) -> list[Role]:
+    return [role for role in ROLES if role.node == node]
+
+
+def uses(source: Path, verbs: set[str]) -> set[Topic]:
+    """Topics of the table that a file names as an argument of one of these functions."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in verbs:
+            names = {one.id for one in node.args if isinstance(one, ast.Name)}
+            found |= {value for name in names if isinstance(value := getattr(topics, name, None), Topic)}
+    return found
+
+
+def files() -> list[Path]:
+    """Sources that name topics; what simulates a vehicle never runs beside a real one."""
+    found = [*SOURCES.glob("hindrax_*/hindrax_*/nodes/*.py"), *SOURCES.glob("hindrax_bringup/hindrax_bringup/**/*.py")]
+    return [file for file in dict.fromkeys(found) if "hindrax_sim" not in file.parts and uses(file, SAY | HEAR)]
+
+
+@pytest.mark.parametrize("file", files(), ids=lambda file: file.stem)
+def test_what_a_node_does_it_may(file):
+    name = str(file.relative_to(SOURCES)).partition("/")[2]
+    assert name in NODES_OF_FILE, f"say here which node {name} is, and give it a role in hindrax_bringup/security.py"
+    for verbs, allowed in ((SAY, "says"), (HEAR, "hears")):
+        granted = {topic for node in NODES_OF_FILE[name] for role in roles(node) for topic in getattr(role, allowed)}
+        assert {topic.name for topic in uses(file, verbs)} <= {getattr(topic, "name", topic) for topic in granted}
+
+
+def test_every_topic_of_the_table_has_somebody_who_may_say_it():
+    said = {topic for role in ROLES for topic in role.says}
+    outside = {"joy", "cmd_vel", "vehicle_file"}
+    assert {topic.name for topic in TOPICS if topic not in said} == outside
+
+
+def test_only_the_operator_commands_and_only_the_allocator_makes_pulses():
+    def who(topic: Topic) -> set[tuple[str, str]]:
+        return {(role.enclave, role.node) for role in ROLES if topic in role.says}
+
+    assert who(HOLD_SETPOINT) == {("operator", "operator")}
+    assert who(OPERATOR_WRENCH) == {("operator", "operator"), ("operator", "hand")}
+    assert who(WRENCH) == {("control", "pilot")}
+    assert who(THRUSTER_COMMAND) == {("control", "allocator"), ("bench", "operator")}
+    assert {role.enclave for role in ROLES if security.FLY in role.calls} == {"operator"}
+    assert {role.enclave for role in ROLES if security.ARM in role.asks} == {"operator", "keeper", "bench"}
+
+
+def test_nobody_at_the_far_end_hears_raw_frames():
+    far = [role for role in ROLES if role.enclave in ("operator", "bench")]
+    assert not {topic for role in far for topic in role.hears} & set(RAW_FRAMES)
+
+
+def test_every_process_has_an_enclave_with_every_node_of_it():
+    for process in (*ONBOARD, RECORDER):
+        assert set(process.nodes) <= {role.node for role in ROLES if role.enclave == process.name}
+
+
+def test_the_policies_are_up_to_date():
+    written = (share_folder("security") / "policies.xml").read_text(encoding="utf-8")
+    assert written == policies(), "run: python -m hindrax_bringup.security"
+
+
+def test_the_policies_allow_by_full_name_and_deny_nothing():
+    document = ET.fromstring(policies())
+    assert [one.get("path") for one in document.iter("enclave")] == list(security.enclaves())
+    names = [one.text for kind in ("topic", "service", "action") for one in document.iter(kind)]
+    assert all(name.startswith("/") for name in names)
+    assert "DENY" not in policies()
+    (pilot,) = document.findall(".//profile[@node='pilot']")
+    said = {one.text for one in pilot.findall("./topics[@publish='ALLOW']/topic")}
+    assert resolved(WRENCH) in said
+    assert resolved(THRUSTER_COMMAND) not in said
+    assert [one.text for one in pilot.findall("./actions[@execute='ALLOW']/action")] == ["/hindrax/maneuver/fly"]
+
+
+def test_one_setting_enforces_them(tmp_path):
+    assert settings("", {}) == {}
+    with pytest.raises(HindraxError, match="ROS from wheels has no DDS security"):
+        settings(str(tmp_path), {FROM_WHEELS: "1"})
+    with pytest.raises(HindraxError, match=r"found no keystore at .*make one with .*keystore\.sh"):
+        settings(str(tmp_path), {})
+    (tmp_path / "enclaves").mkdir()
+    made = settings(str(tmp_path), {})
+    assert made == {
+        "ROS_SECURITY_ENABLE": "true",
+        "ROS_SECURITY_STRATEGY": "Enforce",
+        "ROS_SECURITY_KEYSTORE": str(tmp_path),
+    }
+    assert identified(made, "keeper")[OVERRIDE] == "/hindrax/keeper"
+    assert identified(made | {OVERRIDE: "/hindrax/bench"}, "operator")[OVERRIDE] == "/hindrax/bench"
+    assert OVERRIDE not in identified({}, "keeper")
+
+
+def test_a_node_in_the_tool_is_the_operator_unless_it_says_who_else():
+    secured = {"ROS_SECURITY_ENABLE": "true"}
+    with adopted(secured):
+        assert os.environ[OVERRIDE] == "/hindrax/operator"
+    with adopted(secured, "keeper"):
+        assert os.environ[OVERRIDE] == "/hindrax/keeper"
+    with adopted({}):
+        assert OVERRIDE not in os.environ
+
+
+ROS2 = """#!/bin/bash
+# Stands in for `ros2 security VERB ...`: writes down what it is told, and makes the files that it would.
+echo "$*" >>"$CALLS"
+case $2 in
+  create_keystore) mkdir -p "$3/enclaves" "$3/public" "$3/private" && touch "$3/enclaves/governance.p7s" ;;
+  create_enclave) mkdir -p "$3/enclaves$4" && touch "$3/enclaves$4/key.pem" ;;
+esac
+"""
+
+
+def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path):
+    tool, folder = tmp_path / "bin/ros2", tmp_path / "keys"
+    tool.parent.mkdir()
+    tool.write_text(ROS2)
+    tool.chmod(0o755)
+    environment = {"PATH": f"{tool.parent}:/usr/bin:/bin", "CALLS": str(tmp_path / "calls")}
+    command = [share_folder("security") / "keystore.sh", folder]
+    for _ in range(2):  # again: only the permissions are signed anew
+        subprocess.run(command, env=environment, check=True, capture_output=True)
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert calls.count(f"security create_keystore {folder}") == 1
+    for enclave in security.enclaves():
+        assert calls.count(f"security create_enclave {folder} {enclave}") == 1
+        permission = f"security create_permission {folder} {enclave} {share_folder('security') / 'policies.xml'}"
+        assert calls.count(permission) == 2
+    topside = tmp_path / "keys-topside"
+    assert [path.name for path in (topside / "enclaves/hindrax").iterdir()] == ["operator"]
+    assert not (topside / "private").exists()
+    assert (folder.stat().st_mode & 0o077, topside.stat().st_mode & 0o077) == (0, 0)
+
+
+def test_without_ros_the_keystore_says_what_to_install(tmp_path):
+    command = [share_folder("security") / "keystore.sh", tmp_path / "keys"]
+    done = subprocess.run(
+        command, env={"PATH": "/usr/bin:/bin"}, check=False, capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 1
+    assert "sudo apt install ros-jazzy-sros2" in done.stderr
+    assert list(tmp_path.iterdir()) == []

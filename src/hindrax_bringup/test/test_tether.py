@@ -1,0 +1,238 @@
+"""The tether: how it is named, when it is there, what the middleware is told of it, and who is at its other end."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import socket
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from hindrax_bringup import network_profile, tether, up_run
+from hindrax_bringup.cli import main
+from hindrax_bringup.commands import up
+from hindrax_bringup.link_watch import LinkWatch
+from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
+from hindrax_bringup.presence import FOLDER
+from hindrax_bringup.pulse import NOTIFY, felt, notify, pulse
+from hindrax_bringup.stack import PROFILE, environment
+from hindrax_bringup.tether import SETTING, Tether, add_tether, address_of, at_hand, chosen, named, waited_for
+from hindrax_bringup.up_run import _require_same, awaited
+from hindrax_core.errors import HindraxError, UsageError
+
+NAMES = {"d": SPACE}
+
+
+@pytest.fixture(autouse=True)
+def own_settings(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
+    monkeypatch.setenv(SETTING, "")
+
+
+def test_names():
+    assert named("") is None
+    assert named("eth0") == Tether("eth0")
+    assert named("enp3s0:192.168.2.1,192.168.2.3") == Tether("enp3s0", ("192.168.2.1", "192.168.2.3"))
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        ("lo", "wanted one as `ip link` names them"),
+        ("eth0; rm", "wanted one as `ip link` names them"),
+        (":192.168.2.1", "wanted one as `ip link` names them"),
+        ("averylonginterface", "wanted one as `ip link` names them"),
+        ("eth0:topside", "found peer 'topside', wanted an IPv4 address"),
+        ("eth0:192.168.2.1,", "found peer '', wanted an IPv4 address"),
+    ],
+)
+def test_what_is_no_tether_is_refused(words, wanted):
+    with pytest.raises(UsageError, match=wanted):
+        named(words)
+
+
+def test_the_option_is_the_setting(capsys):
+    parser = argparse.ArgumentParser()
+    add_tether(parser)
+    assert chosen() is None
+    parser.parse_args(["--tether", "eth0:192.168.2.1"])
+    assert chosen() == Tether("eth0", ("192.168.2.1",))
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--tether", "eth0:nobody"])
+    assert "wanted an IPv4 address" in capsys.readouterr().err
+
+
+def test_an_interface_that_is_not_ready_says_why(tmp_path):
+    with pytest.raises(HindraxError, match="eth7: no such interface"):
+        address_of("eth7", tmp_path)
+    (tmp_path / "eth7").mkdir()
+    with pytest.raises(HindraxError, match="eth7: is down; `sudo ip link set eth7 up`"):
+        address_of("eth7", tmp_path)
+    (tmp_path / "eth7" / "carrier").write_text("0\n")
+    with pytest.raises(HindraxError, match="eth7: no carrier"):
+        address_of("eth7", tmp_path)
+    (tmp_path / "eth7" / "carrier").write_text("1\n")
+    with pytest.raises(HindraxError, match="eth7: no IPv4 address"):
+        address_of("eth7", tmp_path)
+
+
+def test_an_interface_with_an_address():
+    assert address_of("lo") == "127.0.0.1"
+
+
+def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch):
+    said = []
+    assert at_hand(said.append) is None
+    monkeypatch.setenv(SETTING, "nowhere0:192.168.2.1")
+    assert at_hand(said.append) is None
+    assert said == ["without the tether: nowhere0: no such interface; `ip link` lists them"]
+    monkeypatch.setattr(tether, "address_of", lambda _interface: "192.168.2.2")
+    assert at_hand(said.append) == Tether("nowhere0", ("192.168.2.1",))
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["up"], Tether("eth0", ("192.168.2.1",))),
+        (["up", "--mock"], None),
+        (["up", "--mock", "--tether", "eth1"], Tether("eth1")),
+        (["up", "--tether", "eth1"], Tether("eth1")),
+    ],
+)
+def test_a_mock_keeps_to_this_machine_unless_asked_by_name(monkeypatch, words, wanted):
+    monkeypatch.setenv(SETTING, "eth0:192.168.2.1")
+    found = []
+    monkeypatch.setattr(up, "run_up", lambda options: found.append(options.tether) or 0)
+    assert main(words) == 0
+    assert found == [wanted]
+
+
+def test_waiting_says_each_reason_once_and_ends(monkeypatch):
+    answers = iter(["no carrier", "no carrier", "no address", ""])
+
+    def look(_name):
+        reason = next(answers)
+        if reason:
+            raise HindraxError(reason)
+        return "192.168.2.2"
+
+    monkeypatch.setattr(tether, "address_of", look)
+    monkeypatch.setattr(tether, "LOOK_S", 0.0)
+    said = []
+    assert waited_for(Tether("eth0"), 10.0, lambda: False, said.append) == "192.168.2.2"
+    assert said == ["waiting for the tether; no carrier", "waiting for the tether; no address"]
+    assert waited_for(Tether("eth0"), 10.0, lambda: True, said.append) == ""
+
+
+def test_waiting_in_vain_names_what_was_missing(monkeypatch):
+    monkeypatch.setattr(tether, "LOOK_S", 0.0)
+    with pytest.raises(HindraxError, match="waited 0 s for the tether; nowhere0: no such interface"):
+        waited_for(Tether("nowhere0"), 0.0, lambda: False, lambda _sentence: None)
+
+
+def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers():
+    text = tether_profile(Tether("eth0", ("192.168.2.1",)), loopback_profile().read_text())
+    profile = ET.fromstring(text)
+    allowed = profile.findall(".//d:allowlist/d:interface", NAMES)
+    assert [(one.get("name"), one.get("netmask_filter")) for one in allowed] == [("lo", "ON"), ("eth0", "ON")]
+    assert profile.find(".//d:interfaceWhiteList", NAMES) is None
+    peers = [one.text for one in profile.findall(".//d:initialPeersList//d:address", NAMES)]
+    assert peers == [GROUP, "192.168.2.1"]
+    assert profile.find(".//d:useBuiltinTransports", NAMES).text == "false"
+
+
+def test_without_peers_they_are_found_by_multicast():
+    profile = ET.fromstring(tether_profile(Tether("eth0"), loopback_profile().read_text()))
+    assert profile.find(".//d:initialPeersList", NAMES) is None
+
+
+def test_the_environment_reaches_over_the_tether_only_when_it_is_named(monkeypatch):
+    monkeypatch.delenv(PROFILE, raising=False)
+    assert environment(mock=True, domain=3)[PROFILE] == str(loopback_profile())
+    made = environment(mock=False, domain=None, tether=Tether("eth0"))
+    assert 'name="eth0"' in network_profile.Path(made[PROFILE]).read_text()
+    assert made["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
+    assert made[PROFILE] == str(profile_file(Tether("eth0")))
+
+
+def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeypatch):
+    _require_same(None, "")
+    now = iter(["192.168.2.2", HindraxError("eth0: no carrier"), "10.0.0.7"])
+
+    def look(_name):
+        found = next(now)
+        if isinstance(found, HindraxError):
+            raise found
+        return found
+
+    monkeypatch.setattr(up_run, "address_of", look)
+    _require_same(Tether("eth0"), "192.168.2.2")
+    _require_same(Tether("eth0"), "192.168.2.2")
+    with pytest.raises(HindraxError, match=r"eth0: its address was 192\.168\.2\.2 and is 10\.0\.0\.7"):
+        _require_same(Tether("eth0"), "192.168.2.2")
+
+
+def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch, tmp_path):
+    monkeypatch.setattr(tether, "LOOK_S", 0.0)
+    turns = iter([False, False, True])
+    with pulse() as beating:
+        assert awaited(Tether("nowhere0"), lambda: next(turns), beating) == ""
+        (path,) = (tmp_path / "runtime").glob("*.pulse")
+        beat = json.loads(path.read_text())
+    assert felt(path.parent, beat["at_s"]) == (False, "no stack is up here; start one with `./hindrax up`")
+    assert beat["troubles"] == {"tether": "waiting for the tether nowhere0"}
+
+
+def test_health_is_one_sentence_and_an_exit_code(monkeypatch, tmp_path, capsys):
+    assert main(["health"]) == 1
+    assert "no stack is up here" in capsys.readouterr().err
+    with pulse() as beating:
+        beating.beat("up", {})
+        assert main(["health"]) == 0
+    assert capsys.readouterr().out == "up\n"
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(FOLDER, str(tmp_path / "file/below"))
+    assert main(["health"]) == 1
+    assert "no stack of this user can be up here" in capsys.readouterr().err
+
+
+def test_an_operator_is_lost_once_and_comes_back():
+    watch = LinkWatch(patience_s=2.0)
+    assert not watch.step(100.0), "nobody is lost who was never there"
+    assert watch.words(100.0) == "no operator yet"
+    assert watch.beat(100.0) == "link: the operator is there"
+    assert watch.beat(100.5) == ""
+    assert not watch.step(102.5)
+    assert watch.step(102.6)
+    assert not watch.step(103.0)
+    assert watch.words(110.5) == "no operator for 10 s"
+    assert watch.beat(110.5) == "link: the operator is back after 10.0 s"
+    assert not watch.step(111.0)
+    assert watch.step(113.0)
+
+
+def test_the_pulse_is_felt_while_it_beats(tmp_path):
+    assert felt(tmp_path, 0.0) == (False, "no stack is up here; start one with `./hindrax up`")
+    with pulse() as beating:
+        beating.beat("up", {"pilot": ""})
+        (path,) = (tmp_path / "runtime").glob("*.pulse")
+        at_s = json.loads(path.read_text())["at_s"]
+        assert felt(path.parent, at_s + 1.0) == (True, "up")
+        dead = f"process {os.getpid()}: no pulse for 60 s; end it and start it again"
+        assert felt(path.parent, at_s + 60.0) == (False, dead)
+        beating._next_s = 0.0
+        beating.beat("up", {"pilot": "", "dvl75": "silence"})
+        assert felt(path.parent, at_s + 1.0) == (False, "dvl75: silence")
+    assert list(path.parent.glob("*.pulse")) == []
+
+
+def test_the_service_manager_is_told(tmp_path):
+    address = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(address)
+        notify("READY=1", {NOTIFY: address})
+        assert manager.recv(100) == b"READY=1"
+    notify("READY=1", {NOTIFY: address})  # nobody listens any more: no harm
+    notify("READY=1", {})

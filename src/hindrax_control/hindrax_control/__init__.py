@@ -1,0 +1,1 @@
+"""Effectiveness, allocation, thruster curves, guard, navigator, holds and maneuvers."""

@@ -1,0 +1,271 @@
+"""Guarded maneuvers: a goal becomes stages, stages become wrenches; guards and cancel end them at any moment.
+
+Pure: `step(navigation, stamp)` in, what to do out. Holds are asked for by setpoints; who owns them applies them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_control.allocation import Allocator
+from hindrax_control.box import Box, BoxKnobs
+from hindrax_control.excitation import EXCITATIONS, Bounds, Excite, signal
+from hindrax_control.holds import Setpoint, altimeters, silence_s
+from hindrax_control.plan import CHARACTERS, MOTIONS, Plan, PlanKnobs, Planner
+from hindrax_control.run import Run
+from hindrax_control.safety import Safety, SafetyKnobs, Situation
+from hindrax_control.stages import RELEASED, Act, Driven, Moment, Pose, Settle, Stage, Stop
+from hindrax_control.station import Station, StationKnobs
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec6
+from hindrax_core.state import NAN, ZERO6, Navigation, Phase
+from hindrax_core.vehicle import Vehicle
+
+ENDINGS = ("hold", "neutral")
+PLATEAUS = "plateaus"
+SILENT_s = 1.0
+"""Age of the last echo from which on a maneuver goes by depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverKnobs:
+    """How maneuvers are flown beyond what is planned."""
+
+    excitation_s: float = knob(60.0, 5.0, 600.0, "duration of an excitation of one motion [s]")
+    overtime: float = knob(1.6, 1.0, 10.0, "share of the planned time after which a maneuver is given up [-]")
+    overtime_s: float = knob(90.0, 0.0, 3600.0, "time on top of that share [s]")
+    shortfall_N: float = knob(3.0, 0.0, 100.0, "shortfall of surge or sway that stops the station's integral [N]")
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends."""
+
+    motions: tuple[str, ...]
+    excitation: str = PLATEAUS
+    seed: int = 0
+    on_cancel: str = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverOutput:
+    """What a maneuver wants and tells.
+
+    `wrench` comes beside that of the holds [N, Nm]; `setpoints` are events for the holds; `force` and `velocity` are
+    along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`.
+    """
+
+    wrench: Vec6
+    setpoints: tuple[Setpoint, ...]
+    phase: Phase
+    progress: float
+    remaining_s: float
+    wall_distance_m: float = NAN
+    force: float = 0.0
+    velocity: float = 0.0
+    done: bool = False
+    aborted: str = ""
+
+
+class Maneuver:
+    """One goal, from its first step to its end. UsageError when the goal cannot be flown at all."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        allocator: Allocator,
+        goal: Goal,
+        box: Box,
+        *,
+        knobs: ManeuverKnobs | None = None,
+        plan_knobs: PlanKnobs | None = None,
+        station_knobs: StationKnobs | None = None,
+        safety_knobs: SafetyKnobs | None = None,
+        disabled: frozenset[str] = frozenset(),
+    ) -> None:
+        check_goal(goal)
+        self.goal, self._box = goal, box
+        self._knobs = knobs or ManeuverKnobs()
+        self.station = Station(vehicle, station_knobs)
+        self._altimeters = altimeters(vehicle)
+        self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
+        self._safety = Safety(vehicle, safety_knobs)
+        self.plans = tuple(self._planner.plan(motion, box) for motion in goal.motions)
+        self._stages: list[Stage] = [stage for plan in self.plans for stage in self._stages_of(plan)]
+        self._stages.append(Stop(goal.motions[-1], self.station, neutral=False))
+        self._seconds = [stage.seconds for stage in self._stages]
+        self._at = -1
+        self._entered_s = 0.0
+        self._begun: Stamp | None = None
+        self._last: Stamp | None = None
+        self._turned_rad = 0.0
+        self._aborted = ""
+        self._stopping = False
+        self._done: ManeuverOutput | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Planned duration [s]."""
+        return sum(self._seconds)
+
+    @property
+    def done(self) -> bool:
+        """Whether it is over."""
+        return self._done is not None
+
+    @property
+    def last(self) -> ManeuverOutput | None:
+        """The last thing said by a maneuver that is over."""
+        return self._done
+
+    def keep(self, navigation: Navigation, stamp: Stamp) -> Vec6:
+        """Keep the place in the pool after the end: the wrench in surge and sway [N]."""
+        moment = self._moment(navigation, stamp, ZERO6)
+        X, Y = self.station.step(moment.place, moment.dt)
+        return (X, Y, 0.0, 0.0, 0.0, 0.0)
+
+    def cancel(self, reason: str = "cancelled: by the operator", ending: str = "") -> None:
+        """Stop now, whatever is going on; ends in a hold or neutral as `ending` says (default: as the goal does)."""
+        if self._stopping or self._done is not None:
+            return
+        neutral = (ending or self.goal.on_cancel) == "neutral"
+        motion = self._stages[self._at].motion if self._at >= 0 else ""
+        self._aborted, self._stopping = reason, True
+        self._stages, self._at = [Stop(motion, self.station, neutral=neutral)], -1
+
+    def step(
+        self,
+        navigation: Navigation,
+        stamp: Stamp,
+        *,
+        shortfall: Vec6 = ZERO6,
+        lost_axes: Sequence[str] = (),
+        battery_V: float = NAN,
+    ) -> ManeuverOutput:
+        """Fly on, given the state at `stamp` and what the allocator could not give of the last wrench."""
+        if self._done is not None:
+            return self._done
+        moment = self._moment(navigation, stamp, shortfall)
+        if not self._stopping:
+            wrong = self._safety.step(self._situation(moment, tuple(lost_axes), battery_V))
+            if wrong:
+                self.cancel(wrong[0])
+        setpoints: tuple[Setpoint, ...] = ()
+        if self._at < 0:
+            setpoints = self._next(moment)
+        act = self._stages[self._at].step(moment)
+        if act.trouble and not self._stopping:
+            self.cancel(act.trouble)
+            setpoints += self._next(moment)
+            act = self._stages[self._at].step(moment)
+        return self._told(act, setpoints, moment)
+
+    def _told(self, act: Act, setpoints: tuple[Setpoint, ...], moment: Moment) -> ManeuverOutput:
+        done = act.finished and self._at == len(self._stages) - 1
+        if act.finished and not done:
+            setpoints += self._next(moment)
+        if done and self._stopping and act.wrench == ZERO6:
+            setpoints += RELEASED
+        motion = self._stages[self._at].motion
+        phase = ("aborted" if self._aborted else "done") if done else act.phase
+        progress, remaining_s = self._progress(moment.time_s)
+        output = ManeuverOutput(
+            wrench=act.wrench,
+            setpoints=setpoints,
+            phase=Phase("" if done else motion, phase),
+            progress=1.0 if done and not self._aborted else progress,
+            remaining_s=0.0 if done else remaining_s,
+            wall_distance_m=self._box.ahead_m(moment.place),
+            force=act.force,
+            velocity=act.velocity,
+            done=done,
+            aborted=self._aborted if done else "",
+        )
+        if done:
+            self._done = output
+        return output
+
+    def _next(self, moment: Moment) -> tuple[Setpoint, ...]:
+        self._at += 1
+        self._entered_s = moment.time_s
+        return self._stages[self._at].begin(moment)
+
+    def _moment(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> Moment:
+        self._begun = stamp if self._begun is None else self._begun
+        dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
+        self._last = stamp
+        place = self._box.place(navigation)
+        if math.isfinite(place.heading_rad):
+            self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
+        held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
+        heard = math.isfinite(navigation.altitude_m) and silence_s(navigation.ages_s, self._altimeters) <= SILENT_s
+        return Moment(navigation, place, seconds_between(self._begun, stamp), dt, self._turned_rad, held_back, heard)
+
+    def _situation(self, moment: Moment, lost_axes: tuple[str, ...], battery_V: float) -> Situation:
+        motion = self._stages[max(self._at, 0)].motion
+        return Situation(
+            navigation=moment.navigation,
+            place=moment.place,
+            walls_m=self._box.walls_m(moment.place),
+            time_s=moment.time_s,
+            battery_V=battery_V,
+            deadline_s=self.seconds * self._knobs.overtime + self._knobs.overtime_s,
+            lost_axes=lost_axes,
+            needed_axes=("heave" if motion.startswith("heave") else motion, "heave"),
+        )
+
+    def _progress(self, time_s: float) -> tuple[float, float]:
+        if self._stopping:
+            return 0.0, self._stages[0].seconds
+        inside_s = min(time_s - self._entered_s, self._seconds[self._at])
+        passed_s = sum(self._seconds[: self._at]) + inside_s
+        return passed_s / self.seconds, self.seconds - passed_s
+
+    # ---- from plans to stages
+
+    def _stages_of(self, plan: Plan) -> list[Stage]:
+        pose = Pose(self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
+        settle = Settle(plan.motion, self.station, plan.start_m, pose)
+        if self.goal.excitation != PLATEAUS:
+            return [settle, self._excite(plan, pose)]
+        freedom = self._planner.freedoms[plan.motion]
+        drives: list[Stage] = [Driven(leg.axis, Run(leg), freedom, self.station, pose) for leg in plan.legs]
+        return [settle, *drives]
+
+    def _excite(self, plan: Plan, pose: Pose) -> Stage:
+        """Excite about the middle of the legs' room, no faster and no stronger than the fastest leg."""
+        freedom = self._planner.freedoms[plan.motion]
+        ends = [end for leg in plan.legs for end in (leg.start, leg.end)]
+        fastest = max(plan.legs, key=lambda leg: abs(leg.rate))
+        bounds = Bounds(
+            force=abs(fastest.level) + freedom.inertia * abs(fastest.rate) / (4.0 * CHARACTERS[plan.motion].boost_s),
+            rate=abs(fastest.rate),
+            middle=0.5 * (min(ends) + max(ends)),
+            room=0.5 * (max(ends) - min(ends)),
+            inertia=freedom.inertia,
+        )
+        wanted = signal(self.goal.excitation, self.goal.seed, self._knobs.excitation_s, bounds.slowest_Hz)
+        driver = Excite(wanted, bounds, self._knobs.excitation_s)
+        return Driven(plan.motion, driver, freedom, self.station, pose)
+
+
+def check_goal(goal: Goal) -> None:
+    """UsageError that names what of a goal nobody can fly."""
+    if not goal.motions:
+        raise UsageError(f"goal: no motion, wanted some of {', '.join(MOTIONS)}")
+    for motion in goal.motions:
+        if motion not in MOTIONS:
+            raise UsageError(f"goal: motion {motion!r} unknown, wanted one of {', '.join(MOTIONS)}")
+    if goal.excitation not in (PLATEAUS, *EXCITATIONS):
+        raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
+    if goal.on_cancel not in ENDINGS:
+        raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
+
+
+def make_box(vehicle: Vehicle, navigation: Navigation, knobs: BoxKnobs | None = None) -> Box:
+    """Pool axes from the heading that the vehicle has now, lying in the pool as the knobs say."""
+    return Box(vehicle, navigation.attitude_rad[2], knobs)

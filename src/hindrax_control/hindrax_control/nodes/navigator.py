@@ -1,0 +1,94 @@
+"""The navigator node: messages of the sensors in, odometry and navigation status out at 50 Hz of sensor time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hindrax_control.navigator import Navigator, NavigatorKnobs
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.state import Allocation, Navigation
+from hindrax_core.topics import (
+    ALTITUDE,
+    DVL_ATTITUDE,
+    DVL_DETAIL,
+    IMU,
+    MAGNETIC,
+    NAVIGATION,
+    ODOMETRY,
+    PRESSURE,
+    Topic,
+)
+from hindrax_core.vehicle import Vehicle
+from hindrax_ros import convert
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.health import Reporter, status
+from hindrax_ros.parameters import knobs
+from hindrax_ros.polled import PolledNode
+from hindrax_ros.swift import inertial_from_bytes, navigation_writer, odometry_writer, pressure_from_bytes
+from hindrax_ros.transforms import Transforms
+
+SOURCES: dict[Topic, Callable[[Any], Stamped[Any]]] = {
+    MAGNETIC: convert.magnetic_from_msg,
+    PRESSURE: pressure_from_bytes,
+    ALTITUDE: convert.echo_from_msg,
+    DVL_DETAIL: convert.dvl_from_msg,
+    DVL_ATTITUDE: convert.attitude_from_msg,
+    IMU: inertial_from_bytes,
+}
+"""In the order in which they are taken: the inertial samples, which complete a tick, come last."""
+AS_BYTES = (IMU, PRESSURE)
+REPORT_EVERY = 50
+SETTLE_S = 0.0005
+"""In this time the inertial samples of one fetch, and what comes with them, are all there."""
+
+
+class NavigatorNode(PolledNode):
+    """Turns readings into `navigation/status` and `navigation/odometry`; `give` takes each state before they go out."""
+
+    def __init__(self, vehicle: Vehicle, give: Callable[[Stamped[Navigation]], None]) -> None:
+        super().__init__("navigator", ros_time=False)
+        self.settle_s = SETTLE_S
+        self._give = give
+        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs))
+        self._status = publisher(self, NAVIGATION)
+        self._odometry = publisher(self, ODOMETRY)
+        self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
+        self._transforms = Transforms(self)
+        self._reporter = Reporter(self)
+        self._turn = 0
+        for topic, read in SOURCES.items():
+            listener = self._listener(topic.name.partition("/")[0], read)
+            self.lead = subscription(self, topic, listener, raw=topic in AS_BYTES)
+
+    def _listener(self, source: str, read: Callable[[Any], Stamped[Any]]) -> Callable[[Any], None]:
+        step = self._navigator.step
+
+        def listen(message: Any) -> None:
+            found = step(read(message), source)
+            if found is not None:
+                self._publish(found)
+
+        return listen
+
+    def hear(self, stamp: Stamp, allocation: Allocation) -> None:
+        """Take what the thrusters do."""
+        self._navigator.thrust(stamp, allocation.forces_N)
+
+    def _publish(self, found: Stamped[Navigation]) -> None:
+        self._give(found)
+        self._status.publish(self._status_bytes(found))
+        self._odometry.publish(self._odometry_bytes(found))
+        self._transforms.follow(found)
+        self._turn = (self._turn + 1) % REPORT_EVERY
+        if self._turn == 0:
+            self._report(found)
+
+    def _report(self, found: Stamped[Navigation]) -> None:
+        values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
+        locked = found.reading.dvl_locked
+        level = DiagnosticStatus.OK if locked else DiagnosticStatus.WARN
+        text = "navigating" if locked else "DVL has no bottom lock: position is dead reckoned without it"
+        self._reporter.publish(found.stamp, status("hindrax: navigator", level, text, values))

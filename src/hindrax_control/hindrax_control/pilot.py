@@ -1,0 +1,229 @@
+"""The pilot: holds, maneuvers and the operator's hand together make one wrench, every cycle.
+
+Pure. Setpoints, goals, cancels and wrenches by hand are events; `step` is called for every new Navigation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from hindrax_control.allocation import AllocationKnobs, Allocator
+from hindrax_control.box import Box, BoxKnobs
+from hindrax_control.guard import CommandGuard, CommandGuardKnobs
+from hindrax_control.holds import HoldKnobs, Holds, HoldState, Setpoint
+from hindrax_control.maneuvers import Goal, Maneuver, ManeuverKnobs, ManeuverOutput
+from hindrax_control.plan import PlanKnobs
+from hindrax_control.safety import Safety, SafetyKnobs, Situation
+from hindrax_control.station import StationKnobs
+from hindrax_control.watch import Suspicion, ThrusterWatch, WatchKnobs
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, seconds_between, to_s
+from hindrax_core.readings import Vec6
+from hindrax_core.state import NAN, ZERO6, Allocation, Navigation
+from hindrax_core.vehicle import Vehicle
+
+REFUSAL_S = 5.0
+"""Time for which a refused setpoint is shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class PilotKnobs:
+    """The knobs of everything the pilot is made of."""
+
+    holds: HoldKnobs = field(default_factory=HoldKnobs)
+    station: StationKnobs = field(default_factory=StationKnobs)
+    box: BoxKnobs = field(default_factory=BoxKnobs)
+    plan: PlanKnobs = field(default_factory=PlanKnobs)
+    maneuver: ManeuverKnobs = field(default_factory=ManeuverKnobs)
+    safety: SafetyKnobs = field(default_factory=SafetyKnobs)
+    hand: CommandGuardKnobs = field(default_factory=CommandGuardKnobs)
+    allocation: AllocationKnobs = field(default_factory=AllocationKnobs)
+    watch: WatchKnobs = field(default_factory=WatchKnobs)
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One cycle: the wrench for the allocator [N, Nm], every hold, the maneuver (None: none), what the guards say.
+
+    `suspicion` names a thruster in use that does not seem to push: whoever decides may take it out.
+    """
+
+    wrench: Vec6
+    holds: tuple[HoldState, ...]
+    maneuver: ManeuverOutput | None
+    guards: tuple[str, ...]
+    suspicion: Suspicion | None = None
+
+
+class Pilot:
+    """Flies one vehicle. A disarmed vehicle is asked for nothing, and forgets what it was told to hold."""
+
+    def __init__(self, vehicle: Vehicle, knobs: PilotKnobs | None = None) -> None:
+        self._vehicle, self._knobs = vehicle, knobs or PilotKnobs()
+        # For plans only: what the thrusters can reach. Allocating is done elsewhere.
+        self._allocator = Allocator(vehicle, self._knobs.allocation)
+        self._holds = Holds(vehicle, self._knobs.holds)
+        self._guard = CommandGuard(vehicle, self._knobs.hand)
+        self._box: Box | None = None
+        self._safety = Safety(vehicle, self._knobs.safety)
+        self._watch = ThrusterWatch(vehicle, self._knobs.watch)
+        self._maneuver: Maneuver | None = None
+        self._keeping = False
+        self._by_hand: tuple[Stamp, Vec6] | None = None
+        self._armed = self._was_armed = False
+        self._guards: tuple[str, ...] = ()
+        self._disabled: frozenset[str] = frozenset()
+        self._refused: dict[str, tuple[Stamp, str]] = {}
+        self._stamp = Stamp(0)
+
+    # ---- events
+
+    def set(self, setpoint: Setpoint) -> str:
+        """Engage, move or release a hold; returns why it is refused, or nothing. The state of the hold says it too."""
+        reason = self._unwelcome(setpoint) or self._holds.set(setpoint)
+        self._refused.pop(setpoint.axis, None)
+        if reason:
+            self.refuse(setpoint.axis, reason)
+        return reason
+
+    def refuse(self, axis: str, reason: str) -> None:
+        """Let the state of a hold say why a setpoint for it was refused, whoever refused it."""
+        self._refused[axis] = (self._stamp, reason)
+
+    def _unwelcome(self, setpoint: Setpoint) -> str:
+        if not self._armed:
+            return f"hold {setpoint.axis}: the vehicle is not armed"
+        if self._flying:
+            return f"hold {setpoint.axis}: a maneuver is being flown; cancel it first"
+        return ""
+
+    def by_hand(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[str, ...]:
+        """Add a wrench by hand to the holds until it is stale; returns what of it is refused, and why."""
+        judged = self._guard.step(wrench, frame, stamp, now)
+        if judged.wrench is None:
+            return judged.refused
+        if self._flying:
+            return ("wrench: a maneuver is being flown; cancel it first",)
+        self._keeping = False
+        self._by_hand = (stamp, judged.wrench)
+        return judged.refused
+
+    def disable(self, disabled: frozenset[str]) -> None:
+        """Tell which thrusters must not be used."""
+        self._disabled = disabled
+
+    def fly(self, goal: Goal) -> Maneuver:
+        """Begin a maneuver with the next step; HindraxError says why it cannot be flown now or at all."""
+        if self._flying:
+            raise HindraxError("a maneuver is being flown; cancel it first")
+        if not self._armed or self._box is None:
+            raise HindraxError("the vehicle is not armed; arm it first")
+        if self._guards:
+            raise HindraxError(f"{self._guards[0]} (before the start)")
+        knobs = self._knobs
+        self._maneuver = Maneuver(
+            self._vehicle,
+            self._allocator,
+            goal,
+            self._box,
+            knobs=knobs.maneuver,
+            plan_knobs=knobs.plan,
+            station_knobs=knobs.station,
+            safety_knobs=knobs.safety,
+            disabled=self._disabled,
+        )
+        self._keeping = True
+        return self._maneuver
+
+    def cancel(self, ending: str = "") -> None:
+        """Stop the maneuver, if there is one: accepted at any moment. `ending`: hold, neutral, or as the goal says."""
+        if self._maneuver is not None:
+            self._maneuver.cancel(ending=ending)
+
+    @property
+    def _flying(self) -> bool:
+        return self._maneuver is not None and not self._maneuver.done
+
+    # ---- time
+
+    def step(
+        self,
+        navigation: Navigation,
+        stamp: Stamp,
+        allocation: Allocation | None = None,
+        *,
+        armed: bool,
+        battery_V: float = NAN,
+    ) -> Flight:
+        """Return the wrench for this state; `allocation` is what became of the last wrench.
+
+        Where it says the forces of the thrusters, a dead one is noticed.
+        """
+        self._stamp = stamp
+        self._note(navigation, stamp, battery_V, armed=armed)
+        shortfall = allocation.shortfall if allocation else ZERO6
+        lost = allocation.lost_axes if allocation else ()
+        flown, wrench = self._fly_on(navigation, stamp, shortfall, lost, battery_V)
+        held = self._holds.step(navigation, stamp, shortfall, armed=armed)
+        states = tuple(map(self._with_refusal, held.states)) if self._refused else held.states
+        if not armed:
+            return Flight(ZERO6, states, flown, self._guards)
+        total = _sum(_sum(held.wrench, wrench), self._hand(stamp))
+        return Flight(total, states, flown, self._guards, self._suspicion(navigation, stamp, allocation))
+
+    def _with_refusal(self, state: HoldState) -> HoldState:
+        """Let the state of a hold say for a while that a setpoint was refused."""
+        made, reason = self._refused.get(state.axis, (self._stamp, ""))
+        if not reason or seconds_between(made, self._stamp) > REFUSAL_S:
+            return state
+        return replace(state, note=f"{state.note}; refused: {reason}" if state.note else f"refused: {reason}")
+
+    def _note(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool) -> None:
+        if not self._was_armed and math.isfinite(navigation.attitude_rad[2]):
+            # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
+            self._box = Box(self._vehicle, navigation.attitude_rad[2], self._knobs.box)
+        place = self._box.place(navigation) if self._box else None
+        walls_m = self._box.walls_m(place) if self._box and place else {}
+        self._guards = self._safety.step(Situation(navigation, place, walls_m, to_s(stamp), battery_V))
+        if self._armed and not armed:
+            self._keeping = False
+            self._by_hand = None
+            if self._maneuver is not None:
+                self._maneuver.cancel("disarmed: the thrusters were disarmed", "neutral")
+        self._armed = armed
+        self._was_armed = self._was_armed or armed
+
+    def _fly_on(
+        self, navigation: Navigation, stamp: Stamp, shortfall: Vec6, lost: tuple[str, ...], battery_V: float
+    ) -> tuple[ManeuverOutput | None, Vec6]:
+        maneuver = self._maneuver
+        if maneuver is None:
+            return None, ZERO6
+        if not maneuver.done:
+            output = maneuver.step(navigation, stamp, shortfall=shortfall, lost_axes=lost, battery_V=battery_V)
+            for setpoint in output.setpoints:
+                self._holds.set(setpoint)
+            self._keeping = output.wrench != ZERO6 or not output.done
+            return output, output.wrench
+        return maneuver.last, maneuver.keep(navigation, stamp) if self._keeping else ZERO6
+
+    def _suspicion(self, navigation: Navigation, stamp: Stamp, allocation: Allocation | None) -> Suspicion | None:
+        if allocation is None or not allocation.forces_N:
+            return None
+        found = self._watch.step(navigation, stamp, allocation.forces_N)
+        return found if found is not None and found.name not in self._disabled else None
+
+    def _hand(self, stamp: Stamp) -> Vec6:
+        if self._by_hand is None:
+            return ZERO6
+        made, wrench = self._by_hand
+        if seconds_between(made, stamp) > self._knobs.hand.max_age_s:
+            self._by_hand = None
+            return ZERO6
+        return wrench
+
+
+def _sum(one: Vec6, other: Vec6) -> Vec6:
+    X, Y, Z, K, M, N = (a + b for a, b in zip(one, other, strict=True))
+    return (X, Y, Z, K, M, N)

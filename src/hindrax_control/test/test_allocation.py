@@ -1,0 +1,265 @@
+"""Allocation against its laws and against scipy's bounded least squares on the same weighted problem."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+from hindrax_control.allocation import AllocationKnobs, Allocator, finite_axes
+from hindrax_control.bounded import BoundedAllocation, grading
+from hindrax_control.effectiveness import effectiveness
+from hindrax_control.layout import layout
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, load_vehicle
+
+HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
+NAMES = tuple(thruster.name for thruster in HINDRAX.thrusters)
+KNOBS = AllocationKnobs()
+ALLOCATOR = Allocator(HINDRAX)
+B = effectiveness(HINDRAX)
+TOP = 15.5283
+ROUNDING_N = 0.5 * 0.0546  # half a microsecond at the steepest slope of the curve, 1297 us
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+wrenches = st.tuples(finite, finite, finite, finite, finite, finite)
+usual = st.tuples(*[st.floats(-40.0, 40.0)] * 3, *[st.floats(-10.0, 10.0)] * 3)
+masks = st.frozensets(st.sampled_from(NAMES))
+
+
+def applied_wrench(allocation):
+    return B @ np.array(allocation.forces_N)
+
+
+@given(wrenches, masks)
+def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench, mask):
+    allocation = ALLOCATOR.allocate(wrench, mask)
+    assert all(-TOP - 1e-4 <= force <= TOP + 1e-4 for force in allocation.forces_N)
+    assert all(1100 <= pulse <= 1900 for pulse in allocation.pulses_us)
+    assert all(allocation.pulses_us[NAMES.index(name)] == 1500 for name in mask)
+    assert np.allclose(allocation.achieved, applied_wrench(allocation), atol=1e-9)
+    assert np.allclose(np.subtract(allocation.wanted, allocation.achieved), allocation.shortfall, rtol=1e-12, atol=1e-9)
+    assert allocation.refused == ()
+
+
+@given(st.lists(st.floats(-TOP, TOP), min_size=8, max_size=8), st.sampled_from([(), *((name,) for name in NAMES)]))
+def test_wrench_that_can_be_had_is_had(forces, mask):
+    wanted = B @ np.array([0.0 if name in mask else force for name, force in zip(NAMES, forces, strict=True)])
+    given_forces = ALLOCATOR.forces(tuple(wanted), frozenset(mask))
+    assert np.allclose(B @ np.array(given_forces), wanted, atol=1e-7)
+
+
+@given(usual)
+def test_pulses_miss_a_reachable_wrench_by_rounding_only(wrench):
+    """The pattern without wrench keeps every thruster out of its dead band, wherever there is room for it."""
+    wrench = tuple(0.4 * value for value in wrench)
+    shortfall = np.abs(ALLOCATOR.allocate(wrench).shortfall)
+    assert np.all(shortfall <= np.abs(B) @ np.full(8, ROUNDING_N) + 1e-9)
+
+
+def test_zero_wrench_stops_every_thruster():
+    assert ALLOCATOR.allocate((0.0,) * 6, previous_us=(1600,) * 8).pulses_us == (1500,) * 8
+
+
+def test_idle_thrusters_hold_against_each_other():
+    allocation = ALLOCATOR.allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
+    assert np.abs(allocation.forces_N) == pytest.approx([2.0] * 8, abs=ROUNDING_N + 1e-3)
+    quiet = Allocator(HINDRAX, AllocationKnobs(idle_bias_N=0.0)).allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
+    assert quiet.pulses_us == (1500,) * 8
+
+
+@given(usual.filter(lambda wrench: any(0.4 * value for value in wrench)))
+def test_pattern_moves_no_more_than_it_must(first):
+    """With the pulses sent before, a wrench that hardly changes hardly changes the forces."""
+    before = ALLOCATOR.allocate(tuple(0.4 * value for value in first))
+    nudged = tuple(0.4 * value + 1e-3 for value in first)
+    again = ALLOCATOR.allocate(nudged, previous_us=before.pulses_us)
+    assert np.max(np.abs(np.subtract(again.forces_N, before.forces_N))) < 0.1
+
+
+def cost(problem, parts_wanted, forces, parts):
+    """The objective of bounded.py, written down once more."""
+    W, groups = problem.weights, problem.groups
+    directions, magnitudes = parts_wanted
+    error = W * (problem.B @ forces) - directions @ parts
+    missing = [c * (n - s) for c, n, s in zip(grading(len(groups)), magnitudes, parts, strict=False)]
+    waste = grading(len(groups))[-1] * (problem.free.T @ forces)
+    return float(error @ error + np.dot(missing, missing) + waste @ waste)
+
+
+def wanted_parts(problem, wrench, limits):
+    """Unit direction and magnitude of each group, no larger than what all thrusters could ever add up to."""
+    directions, magnitudes = np.zeros((6, len(problem.groups))), np.zeros(len(problem.groups))
+    for g, axes in enumerate(problem.groups):
+        part = np.zeros(6)
+        part[list(axes)] = problem.weights[list(axes)] * np.array(wrench)[list(axes)]
+        length = np.linalg.norm(part)
+        reach = problem.weights[list(axes)] @ np.abs(problem.B[list(axes)]) @ np.max(np.abs(limits), axis=1)
+        magnitudes[g] = min(length, reach)
+        directions[:, g] = part / length if length else part
+    return directions, magnitudes
+
+
+def reference(problem, parts_wanted, limits):
+    directions, magnitudes = parts_wanted
+    groups = len(problem.groups)
+    scale = np.array(grading(groups)[:-1])
+    rows = np.vstack(
+        [
+            np.hstack([problem.weights[:, None] * problem.B, -directions]),
+            np.hstack([np.zeros((groups, len(problem.used))), np.diag(scale)]),
+            np.hstack([grading(groups)[-1] * problem.free.T, np.zeros((problem.free.shape[1], groups))]),
+        ]
+    )
+    wanted = np.concatenate([np.zeros(6), scale * magnitudes, np.zeros(problem.free.shape[1])])
+    low = np.concatenate([limits[:, 0], np.full(groups, -1e-200)])
+    high = np.concatenate([limits[:, 1], magnitudes + 1e-200])
+    solution = lsq_linear(rows, wanted, (low, high), method="bvls", tol=1e-15).x
+    return solution[: len(problem.used)], solution[len(problem.used) :]
+
+
+def best_parts(problem, parts_wanted, forces):
+    """Given the forces, the objective splits into one parabola per group: its least point within the bounds."""
+    directions, magnitudes = parts_wanted
+    had = problem.weights * (problem.B @ forces)
+    parts = [
+        min(max((directions[:, g] @ had + c * c * n) / (1.0 + c * c), 0.0), n)
+        for g, (n, c) in enumerate(zip(magnitudes, grading(len(magnitudes)), strict=False))
+    ]
+    return np.array(parts)
+
+
+@pytest.mark.parametrize(
+    ("seed", "priority", "weights"),
+    [
+        (1, (2, 2, 1, 1, 1, 1), KNOBS.weights),
+        (2, (1, 1, 1, 1, 1, 1), (1.0,) * 6),
+        (3, (1, 2, 2, 1, 1, 2), (1.0, 0.5, 2.0, 8.0, 4.0, 3.0)),
+        (4, (2, 2, 1, 1, 1, 1), KNOBS.weights),
+    ],
+)
+def test_never_worse_than_scipy_on_the_same_problem(seed, priority, weights):
+    """2500 random wrenches, masks and asymmetric limits each."""
+    rng = np.random.default_rng(seed)
+    for _ in range(50):
+        mask = rng.random(8) > rng.choice([0.0, 0.0, 0.1, 0.3])
+        used = [index for index in range(8) if mask[index]] or [0]
+        problem = layout(B, used, weights, priority)
+        limits = np.column_stack([-rng.uniform(0.5, 20.0, len(used)), rng.uniform(0.5, 20.0, len(used))])
+        bounded = BoundedAllocation(problem, limits.tolist())
+        for _ in range(50):
+            wrench = rng.normal(size=6) * [40.0, 40.0, 60.0, 15.0, 20.0, 20.0] * rng.uniform(0.0, 2.0)
+            forces, solved = bounded.forces(tuple(wrench))
+            assert solved
+            assert np.all((limits[:, 0] <= forces) & (forces <= limits[:, 1]))
+            wanted = wanted_parts(problem, wrench, limits)
+            had = np.array(forces)
+            ours = cost(problem, wanted, had, best_parts(problem, wanted, had))
+            theirs = cost(problem, wanted, *reference(problem, wanted, limits))
+            assert ours <= theirs * (1.0 + 1e-9) + 1e-20
+
+
+@given(usual, st.floats(3.0, 100.0))
+def test_out_of_reach_the_first_priority_keeps_its_direction(wrench, excess):
+    wanted = np.array(wrench) * excess
+    given_wrench = B @ np.array(ALLOCATOR.forces(tuple(wanted)))
+    for axes in ([2, 3, 4, 5], [0, 1]):
+        length = float(np.linalg.norm(wanted[axes]))
+        if length > 1e-3:
+            part = float(wanted[axes] @ given_wrench[axes]) / length
+            assert -5e-3 <= part <= length + 5e-3
+            assert given_wrench[axes] == pytest.approx(part * wanted[axes] / length, abs=5e-3)
+
+
+def test_heave_and_attitude_go_before_surge_and_sway():
+    wanted = (100.0, 50.0, 20.0, 2.0, 1.0, 4.0)
+    given_wrench = B @ np.array(ALLOCATOR.forces(wanted))
+    assert given_wrench[2:] == pytest.approx(wanted[2:], abs=0.02)
+    assert given_wrench[0] / given_wrench[1] == pytest.approx(2.0, rel=1e-3)
+    assert 15.0 < given_wrench[0] < 35.7
+
+
+def test_reach_of_each_axis():
+    # All four vectored thrusters at the ends of the curve, and all four vertical ones.
+    c, s = math.cos(math.radians(55.0)), math.sin(math.radians(55.0))
+    for sign in (-1.0, 1.0):
+        assert ALLOCATOR.reach("surge", sign) == pytest.approx(4 * c * TOP, rel=1e-3)
+        assert ALLOCATOR.reach("sway", sign) == pytest.approx(4 * s * TOP, rel=1e-3)
+        assert ALLOCATOR.reach("heave", sign) == pytest.approx(4 * TOP, rel=1e-3)
+    # Without T3 nothing may turn the vehicle: T1 and T2 alone.
+    assert ALLOCATOR.reach("surge", 1.0, frozenset({"T3"})) == pytest.approx(2 * c * TOP, rel=1e-3)
+
+
+def test_failed_thrusters_name_the_axes_that_are_lost():
+    assert ALLOCATOR.allocate((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), frozenset({"T3"})).lost_axes == ()
+    lost = ALLOCATOR.allocate((5.0, 2.0, 0.0, 0.0, 0.0, 1.0), frozenset({"T3", "T4"}))
+    assert lost.lost_axes == ("sway",)
+    assert lost.disabled == ("T3", "T4")
+    assert lost.achieved[0] == pytest.approx(5.0, abs=0.1)
+    assert lost.achieved[5] == pytest.approx(1.0, abs=0.3)
+    everything = ALLOCATOR.allocate((5.0, 2.0, 0.0, 0.0, 0.0, 1.0), frozenset(NAMES))
+    assert everything.lost_axes == AXES
+    assert everything.pulses_us == (1500,) * 8
+
+
+def test_axis_that_is_not_finite_is_refused_and_the_others_are_served():
+    allocation = ALLOCATOR.allocate((5.0, math.nan, 3.0, 0.0, math.inf, 0.5))
+    assert allocation.refused == ("Y: found nan, wanted a finite number", "M: found inf, wanted a finite number")
+    assert allocation.wanted == (5.0, 0.0, 3.0, 0.0, 0.0, 0.5)
+    assert allocation.achieved == pytest.approx(allocation.wanted, abs=0.07)
+
+
+@given(st.tuples(*[st.floats()] * 6))
+def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench):
+    accepted, refused = finite_axes(wrench)
+    assert len(refused) == sum(not math.isfinite(value) for value in wrench)
+    assert all(map(math.isfinite, accepted))
+    assert all(map(math.isfinite, ALLOCATOR.allocate(wrench).achieved))
+
+
+def test_unknown_thruster_is_named():
+    assert ALLOCATOR.allocate((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), frozenset({"T9"})).refused == ("T9: no such thruster",)
+
+
+def test_saturation_is_shown():
+    allocation = ALLOCATOR.allocate((0.0, 0.0, -500.0, 0.0, 0.0, 0.0))
+    assert allocation.saturated == (False,) * 4 + (True,) * 4
+    assert allocation.shortfall[2] == pytest.approx(-500.0 + 4 * TOP, abs=0.1)
+
+
+def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it():
+    full = ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=14.8)
+    low = ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=12.0)
+    assert low.pulses_us[4] > full.pulses_us[4]
+    assert low.achieved[2] == pytest.approx(-30.0, abs=0.15)
+    with pytest.raises(UsageError, match="found nan V"):
+        ALLOCATOR.allocate((1.0,) * 6, supply_V=math.nan)
+
+
+def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force():
+    turned = replace(HINDRAX, thrusters=(replace(HINDRAX.thrusters[0], reversed=True), *HINDRAX.thrusters[1:]))
+    straight, mirrored = (Allocator(one).allocate((12.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for one in (HINDRAX, turned))
+    assert mirrored.pulses_us[0] == 3000 - straight.pulses_us[0]
+    assert mirrored.forces_N[0] == pytest.approx(straight.forces_N[0])
+
+
+def test_solver_that_gives_up_is_replaced_by_the_part_that_fits():
+    problem = BoundedAllocation(layout(B, range(8), KNOBS.weights, KNOBS.priority), [(-TOP, TOP)] * 8)
+    problem._upper[-1] = -2 * TOP  # no force can be above the lower and below this upper limit
+    forces, solved = problem.forces((100.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert not solved
+    given_wrench = B @ np.array(forces)
+    assert given_wrench[1:] == pytest.approx([0.0] * 5, abs=1e-9)
+    assert max(map(abs, forces)) == pytest.approx(TOP)
+
+
+@settings(max_examples=15)
+@given(st.permutations(range(8)), usual)
+def test_order_of_thrusters_does_not_matter(order, wrench):
+    shuffled = Allocator(replace(HINDRAX, thrusters=tuple(HINDRAX.thrusters[index] for index in order)))
+    given_wrench = shuffled.B @ np.array(shuffled.forces(wrench))
+    assert given_wrench == pytest.approx(B @ np.array(ALLOCATOR.forces(wrench)), abs=0.02)

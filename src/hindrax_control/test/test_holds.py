@@ -1,0 +1,255 @@
+"""The holds on an ideal vehicle: uncoupled degrees of freedom without sensors in between."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_control.holds import HoldKnobs, Holds, Setpoint, wrapped
+from hindrax_control.prior import Freedom, freedoms, guessed
+from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.state import ZERO6, Navigation
+from hindrax_core.vehicle import Drag, load_vehicle
+
+HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
+DT = 0.02
+FLOOR_M = 1.8
+
+
+class IdealVehicle:
+    """Heave, roll, pitch and yaw, each on its own, with the truth of the vehicle file and a thruster lag."""
+
+    def __init__(self, vehicle=HINDRAX, depth_m=0.9, limit=1e9):
+        self.freedoms = {axis: freedoms(vehicle)[axis] for axis in ("heave", "roll", "pitch", "yaw")}
+        self.value = {"heave": depth_m, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
+        self.rate = dict.fromkeys(self.value, 0.0)
+        self.thrust = dict.fromkeys(self.value, 0.0)
+        self.time_s, self.limit, self.sonar_age_s, self.push = 0.0, limit, 0.0, 0.0
+
+    @property
+    def stamp(self):
+        return stamp_from_s(self.time_s)
+
+    def navigation(self):
+        value, rate = self.value, self.rate
+        silent = self.sonar_age_s > 5.0
+        return Navigation(
+            attitude_rad=(value["roll"], value["pitch"], wrapped(value["yaw"])),
+            rate_radps=(rate["roll"], rate["pitch"], rate["yaw"]),
+            velocity_mps=(0.0, 0.0, rate["heave"]),
+            depth_m=value["heave"],
+            altitude_m=math.nan if silent else FLOOR_M - value["heave"],
+            position_m=(0.0, 0.0),
+            dvl_locked=True,
+            ages_s={"ping1d": self.sonar_age_s},
+        )
+
+    def step(self, wrench):
+        """Apply a wrench for one period; returns what was missing of it."""
+        shortfall = [0.0] * 6
+        self.time_s += DT
+        for axis, index in (("heave", 2), ("roll", 3), ("pitch", 4), ("yaw", 5)):
+            freedom = self.freedoms[axis]
+            given_force = max(-self.limit, min(self.limit, wrench[index]))
+            shortfall[index] = wrench[index] - given_force
+            self.thrust[axis] += (given_force - self.thrust[axis]) * (1.0 - math.exp(-DT / 0.15))
+            push = self.push if axis == "heave" else 0.0
+            force = self.thrust[axis] + push - freedom.drag_force(self.rate[axis]) - freedom.bias
+            force -= freedom.restoring * math.sin(self.value[axis])
+            self.rate[axis] += force / freedom.inertia * DT
+            self.value[axis] += self.rate[axis] * DT
+        return tuple(shortfall)
+
+
+def fly(holds, vehicle, seconds, each=lambda _vehicle, _output: None, shortfall=ZERO6):
+    for _ in range(round(seconds / DT)):
+        output = holds.step(vehicle.navigation(), vehicle.stamp, shortfall)
+        shortfall = vehicle.step(output.wrench)
+        each(vehicle, output)
+    return output
+
+
+def state(output, axis):
+    return next(one for one in output.states if one.axis == axis)
+
+
+def test_holds_own_only_their_axis():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("heading", value=1.0))
+    wrench = fly(holds, vehicle, 0.5).wrench
+    assert wrench[5] != 0.0
+    assert wrench[:5] == (0.0,) * 5
+
+
+@pytest.mark.parametrize(
+    ("axis", "coordinate", "value", "expected"),
+    [
+        ("heading", "yaw", 1.2, 1.2),
+        ("roll", "roll", 0.3, 0.3),
+        ("pitch", "pitch", -0.4, -0.4),
+        ("depth", "heave", 1.2, 1.2),
+        ("altitude", "heave", 1.1, FLOOR_M - 1.1),
+    ],
+)
+def test_setpoint_is_reached_without_overshoot_and_held(axis, coordinate, value, expected):
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    start = vehicle.value[coordinate]
+    assert holds.set(Setpoint(axis, value=value)) == ""
+    furthest = []
+    fly(holds, vehicle, 12.0, lambda one, _: furthest.append((one.value[coordinate] - start) / (expected - start)))
+    output = fly(holds, vehicle, 8.0)
+    assert vehicle.value[coordinate] == pytest.approx(expected, abs=0.01)
+    assert max(furthest) < 1.08
+    assert state(output, axis).error == pytest.approx(0.0, abs=0.01)
+
+
+def test_heading_takes_the_short_way_round():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    vehicle.value["yaw"] = 3.0
+    holds.set(Setpoint("heading", value=-3.0))
+    fly(holds, vehicle, 15.0)
+    assert vehicle.value["yaw"] == pytest.approx(math.tau - 3.0, abs=0.02)
+
+
+def test_engaging_far_from_the_setpoint_does_not_jump():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("depth", value=1.5))
+    first = holds.step(vehicle.navigation(), vehicle.stamp).wrench[2]
+    assert first == pytest.approx(HINDRAX.net_buoyancy_N, abs=1e-9)
+
+
+def test_changing_between_depth_and_altitude_keeps_the_effort():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    vehicle.push = -6.0  # something the feed-forward does not know
+    holds.set(Setpoint("depth", value=0.9))
+    before = fly(holds, vehicle, 20.0).wrench[2]
+    assert before == pytest.approx(6.0 + HINDRAX.net_buoyancy_N, abs=0.1)
+    holds.set(Setpoint("altitude", value=FLOOR_M - 0.9))
+    after = fly(holds, vehicle, DT).wrench[2]
+    assert after == pytest.approx(before, abs=0.05)
+    fly(holds, vehicle, 3.0)
+    assert vehicle.value["heave"] == pytest.approx(0.9, abs=0.01)
+
+
+def test_lost_sonar_falls_back_to_depth_and_comes_back():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("altitude", value=0.7))
+    fly(holds, vehicle, 12.0)
+    vehicle.sonar_age_s = 2.0
+    output = fly(holds, vehicle, 5.0)
+    assert "altitude unknown for 2.0 s: holding depth" in state(output, "altitude").note
+    assert vehicle.value["heave"] == pytest.approx(FLOOR_M - 0.7, abs=0.01)
+    vehicle.sonar_age_s = 9.0  # and the altitude itself is gone
+    holds.set(Setpoint("altitude", value=1.0))
+    fly(holds, vehicle, 5.0)
+    assert vehicle.value["heave"] == pytest.approx(FLOOR_M - 0.7, abs=0.01)
+    vehicle.sonar_age_s = 0.0
+    output = fly(holds, vehicle, 12.0)
+    assert state(output, "altitude").note == ""
+    assert vehicle.value["heave"] == pytest.approx(FLOOR_M - 1.0, abs=0.01)
+
+
+def test_integral_does_not_wind_up_while_the_thrusters_fall_short():
+    """Pushed away with more than the thrusters have, then let go: back without a long overshoot the other way."""
+    holds, vehicle = Holds(HINDRAX), IdealVehicle(limit=10.0)
+    holds.set(Setpoint("depth", value=0.9))
+    fly(holds, vehicle, 5.0)
+    vehicle.push = 14.0
+    fly(holds, vehicle, 6.0)
+    vehicle.push = 0.0
+    reached = []
+    fly(holds, vehicle, 30.0, lambda one, _: reached.append(one.value["heave"]))
+    assert min(reached) > 0.9 - 0.15
+    assert reached[-1] == pytest.approx(0.9, abs=0.02)
+
+
+def test_disarming_releases_and_arming_again_does_not_dive():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("altitude", value=0.6))
+    fly(holds, vehicle, 2.0)
+    output = holds.step(vehicle.navigation(), vehicle.stamp, armed=False)
+    assert output.wrench == ZERO6
+    output = fly(holds, vehicle, 1.0)
+    assert output.wrench == ZERO6
+    assert not any(one.engaged for one in output.states)
+
+
+def test_released_hold_leaves_the_others_alone():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("depth", value=1.0))
+    holds.set(Setpoint("heading", value=0.5))
+    fly(holds, vehicle, 3.0)
+    holds.set(Setpoint("heading", engaged=False))
+    holds.set(Setpoint("altitude", engaged=False))  # not the mode in force: nothing happens
+    output = fly(holds, vehicle, 10.0)
+    assert output.wrench[5] == 0.0
+    assert vehicle.value["heave"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_setpoint_of_nan_is_where_the_vehicle_is():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle(depth_m=0.77)
+    holds.set(Setpoint("altitude"))
+    holds.set(Setpoint("heading"))
+    output = fly(holds, vehicle, 10.0)
+    assert state(output, "altitude").setpoint == pytest.approx(FLOOR_M - 0.77)
+    assert vehicle.value["heave"] == pytest.approx(0.77, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "reason"),
+    [
+        (Setpoint("surge", value=1.0), "unknown, wanted one of heading"),
+        (Setpoint("depth", value=-1.0), "found -1, wanted 0 to 60"),
+        (Setpoint("depth", value=100.0), "found 100, wanted 0 to 60"),
+        (Setpoint("roll", value=2.0), "found 2, wanted"),
+    ],
+)
+def test_setpoints_out_of_reach_are_refused(setpoint, reason):
+    holds = Holds(HINDRAX)
+    assert reason in holds.set(setpoint)
+    assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
+
+
+def test_unmeasured_axis_gets_no_effort_and_says_so():
+    holds, vehicle = Holds(HINDRAX), IdealVehicle()
+    holds.set(Setpoint("depth", value=1.0))
+    holds.set(Setpoint("heading", value=1.0))
+    blind = replace(vehicle.navigation(), depth_m=math.nan, attitude_rad=(0.0, 0.0, math.nan))
+    output = holds.step(blind, vehicle.stamp)
+    assert output.wrench == ZERO6
+    assert state(output, "depth").note == state(output, "heading").note == "not measured: no effort"
+    assert fly(holds, vehicle, 0.5).wrench[2] != 0.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(5.0, 200.0), st.floats(0.5, 2.0))
+def test_other_vehicles_need_no_tuning(mass_kg, size):
+    other = replace(
+        HINDRAX,
+        mass_kg=mass_kg,
+        volume_m3=mass_kg * 1.005e-3,
+        envelope_m=(0.6 * size, 0.5 * size, 0.4 * size),
+        hydrodynamics=None,
+    )
+    holds, vehicle = Holds(other, HoldKnobs(integral_N=50.0)), IdealVehicle(other)
+    holds.set(Setpoint("depth", value=1.2))
+    holds.set(Setpoint("heading", value=0.8))
+    fly(holds, vehicle, 20.0)
+    assert vehicle.value["heave"] == pytest.approx(1.2, abs=0.02)
+    assert vehicle.value["yaw"] == pytest.approx(0.8, abs=0.02)
+
+
+@given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))
+def test_steady_rate_undoes_drag(rate, drag):
+    freedom = Freedom(20.0, drag)
+    assert freedom.rate_at(freedom.drag_force(rate)) == pytest.approx(rate, abs=1e-9)
+
+
+def test_prior_of_a_vehicle_without_hydrodynamics_is_of_the_right_size():
+    ours, crude = HINDRAX.hydrodynamics, guessed(HINDRAX)
+    for axis in ("surge", "sway", "heave"):
+        assert 0.4 < crude.drag(axis).k_q / ours.drag(axis).k_q < 2.5
+    assert 0.3 < crude.added_mass[0] / ours.added_mass[0] < 3.0

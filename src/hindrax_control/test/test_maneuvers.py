@@ -1,0 +1,336 @@
+"""Maneuvers and the pilot on an ideal vehicle: to the end, and through cancels, currents and lost sensors."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from hindrax_control.allocation import Allocator
+from hindrax_control.box import Box
+from hindrax_control.holds import Setpoint
+from hindrax_control.maneuvers import Goal, check_goal
+from hindrax_control.pilot import Pilot, PilotKnobs
+from hindrax_control.plan import PlanKnobs
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import Stamp
+from hindrax_core.state import UNKNOWN6, ZERO6, Allocation
+
+SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0))
+
+
+class Rig:
+    """Ideal vehicle and pilot; exact allocation within the reach of the thrusters."""
+
+    def __init__(self, hindrax, ideal_vehicle, knobs=SHORT):
+        self.ideal, self.pilot = ideal_vehicle(hindrax, step_s=0.05), Pilot(hindrax, knobs)
+        self.box, self.limits = Box(hindrax, 0.0), hindrax.limits.wrench
+        self.nearest_m, self.armed, self.flight = math.inf, False, None
+        self.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
+
+    def step(self):
+        ideal = self.ideal
+        self.flight = self.pilot.step(ideal.navigation(), ideal.stamp, self.became, armed=self.armed)
+        ideal.step(tuple(max(-top, min(top, f)) for f, top in zip(self.flight.wrench, self.limits, strict=True)))
+        self.nearest_m = min(self.nearest_m, *self.box.walls_m(self.box.place(ideal.navigation())).values())
+        return self.flight
+
+    def arm(self):
+        self.step()
+        self.armed = True
+        self.step()
+
+    def fly(self, goal, each=lambda _rig: None, most_s=600.0):
+        """Fly a goal to its end; returns the last output and every phase that was flown."""
+        self.arm()
+        self.pilot.fly(goal)
+        phases = []
+        while self.ideal.time_s < most_s:
+            output = self.step().maneuver
+            if not phases or phases[-1] != output.phase:
+                phases.append(output.phase)
+            each(self)
+            if output.done:
+                return output, phases
+        raise AssertionError(f"not done after {most_s} s: {output}")
+
+
+@pytest.fixture
+def rig(hindrax, ideal_vehicle):
+    return Rig(hindrax, ideal_vehicle)
+
+
+@pytest.mark.parametrize(
+    ("motion", "names"),
+    [
+        ("surge", {"surge"}),
+        ("sway", {"sway"}),
+        ("heave", {"heave_down", "heave_up", "heave"}),
+        ("roll", {"roll"}),
+        ("pitch", {"pitch"}),
+        ("yaw", {"yaw"}),
+    ],
+)
+def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig, motion, names):
+    rates = []
+
+    def note(rig):
+        output = rig.flight.maneuver
+        if output.phase.phase == "plateau":
+            rates.append(output.velocity)
+
+    output, phases = rig.fly(Goal((motion,)), note)
+    assert output.aborted == ""
+    assert output.phase.phase == "done"
+    assert output.progress == 1.0
+    assert {phase.motion for phase in phases} - {""} == names
+    assert {"settle", "transient", "plateau", "transit"} <= {phase.phase for phase in phases}
+    assert min(rates) < 0.0 < max(rates)
+    assert rig.nearest_m > 0.6
+
+
+def test_plateau_speed_is_that_of_the_plan(rig):
+    seen = {}
+
+    def note(rig):
+        output = rig.flight.maneuver
+        if output.phase.phase == "plateau":
+            seen.setdefault(round(output.force, 3), []).append(output.velocity)
+
+    rig.fly(Goal(("surge",)), note)
+    means = sorted(sum(rates) / len(rates) for rates in seen.values())
+    assert means == pytest.approx([-0.45, -0.1, 0.1, 0.45], abs=0.01)
+
+
+def test_altitude_and_heading_are_held_while_surging(rig):
+    worst = [0.0, 0.0]
+
+    def note(rig):
+        if rig.flight.maneuver.phase.phase == "plateau":
+            worst[0] = max(worst[0], abs(rig.ideal.navigation().altitude_m - 0.9))
+            worst[1] = max(worst[1], abs(rig.ideal.heading))
+
+    rig.fly(Goal(("surge",)), note)
+    assert worst[0] < 0.05
+    assert worst[1] < math.radians(2.0)
+
+
+def test_feedback_counts_down(rig):
+    shown = []
+    rig.fly(Goal(("surge", "yaw")), lambda one: shown.append(one.flight.maneuver))
+    progress = [one.progress for one in shown]
+    assert progress == sorted(progress)
+    assert all(one.remaining_s >= -1e-9 for one in shown)
+    assert all(0.0 < one.wall_distance_m < 10.0 for one in shown)
+
+
+@pytest.mark.parametrize("current", [(0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.1, -0.1)])
+@pytest.mark.parametrize("motion", ["surge", "heave"])
+def test_current_neither_stops_it_nor_drives_it_into_a_wall(rig, motion, current):
+    def switch_on(rig):
+        rig.ideal.current = current if rig.ideal.time_s > 15.0 else (0.0, 0.0)
+
+    output, _ = rig.fly(Goal((motion,)), switch_on)
+    assert rig.nearest_m > 0.3
+    assert output.aborted == ""
+
+
+def test_lock_lost_for_three_seconds_is_no_plateau_and_no_abort(rig):
+    blind_phases = set()
+
+    def blind(rig):
+        rig.ideal.locked = not 20.0 <= rig.ideal.time_s < 23.0
+        if 20.1 <= rig.ideal.time_s < 23.0:
+            blind_phases.add(rig.flight.maneuver.phase.phase)
+
+    output, _ = rig.fly(Goal(("surge",)), blind)
+    assert output.aborted == ""
+    assert "plateau" not in blind_phases
+
+
+@pytest.mark.parametrize("silent_from_s", [0.0, 4.0, 15.0])
+def test_silent_sonar_is_replaced_by_depth(rig, silent_from_s):
+    depths = []
+
+    def silence(rig):
+        age_s = max(0.05, rig.ideal.time_s - silent_from_s)
+        rig.ideal.ages_s = {**rig.ideal.ages_s, "ping1d": age_s}
+        if rig.flight.maneuver.phase.phase == "plateau":
+            depths.append(rig.ideal.depth)
+
+    if silent_from_s == 0.0:
+        del rig.ideal.ages_s["ping1d"]
+    output, _ = rig.fly(Goal(("surge", "yaw")), silence)
+    assert output.aborted == ""
+    assert depths == pytest.approx([0.9] * len(depths), abs=0.05)
+
+
+def test_plateau_counts_only_while_heading_and_altitude_are_held(rig):
+    """Someone turns the vehicle in mid-plateau: no plateau until it is back."""
+    shown = []
+
+    def push(rig):
+        if 20.0 <= rig.ideal.time_s < 20.1:
+            rig.ideal.heading += math.radians(6.0)
+        heading_deg = abs(math.degrees(rig.ideal.heading))
+        shown.append((rig.ideal.time_s, heading_deg, rig.flight.maneuver.phase.phase))
+
+    output, _ = rig.fly(Goal(("surge",)), push)
+    assert output.aborted == ""
+    assert not any(phase == "plateau" for time_s, turned_deg, phase in shown if turned_deg > 4.5 and time_s > 20.2)
+    assert any(phase == "plateau" for time_s, _, phase in shown if time_s > 25.0)
+
+
+def test_lock_lost_for_good_aborts_by_name_and_stops(rig):
+    def blind(rig):
+        rig.ideal.locked = rig.ideal.time_s < 20.0
+
+    output, _ = rig.fly(Goal(("surge",)), blind)
+    assert output.aborted.startswith("dvl_lock: no bottom lock for 5.0 s")
+    assert output.phase.phase == "aborted"
+    assert math.hypot(*rig.ideal.ground_velocity()) < 0.06
+
+
+def test_lying_dead_reckoning_is_caught_before_the_wall(rig):
+    """Someone set the current so high that the vehicle cannot hold against it."""
+
+    def torrent(rig):
+        rig.ideal.current = (0.0, 0.95) if rig.ideal.time_s > 20.0 else (0.0, 0.0)
+
+    output, _ = rig.fly(Goal(("surge",)), torrent)
+    assert output.aborted.startswith("pool_box: ")
+    assert "east wall" in output.aborted
+
+
+@pytest.mark.parametrize("ending", ["hold", "neutral"])
+@pytest.mark.parametrize("at_s", [3.0, 17.0, 31.0])
+def test_cancel_at_any_moment_ends_as_asked(rig, ending, at_s):
+    def cancel(rig):
+        if rig.ideal.time_s >= at_s:
+            rig.pilot.cancel()
+
+    output, phases = rig.fly(Goal(("surge",), on_cancel=ending), cancel)
+    assert output.aborted == "cancelled: by the operator"
+    assert rig.ideal.time_s < at_s + 9.0
+    held = rig.step()
+    engaged = {state.axis for state in held.holds if state.engaged}
+    if ending == "neutral":
+        assert held.wrench == ZERO6
+        assert engaged == set()
+    else:
+        assert engaged == {"heading", "roll", "pitch", "depth"}
+        before = rig.box.place(rig.ideal.navigation())
+        rig.ideal.current = (0.1, 0.0)
+        for _ in range(600):
+            rig.step()
+        after = rig.box.place(rig.ideal.navigation())
+        assert math.hypot(after.x_m - before.x_m, after.y_m - before.y_m) < 0.7
+    assert phases[-1].phase == "aborted"
+
+
+def test_disarming_in_flight_aborts_and_asks_for_nothing(rig):
+    rig.arm()
+    rig.pilot.fly(Goal(("surge",)))
+    for _ in range(100):
+        rig.step()
+    rig.armed = False
+    assert rig.step().wrench == ZERO6
+    for _ in range(200):
+        flight = rig.step()
+    assert flight.maneuver.aborted == "disarmed: the thrusters were disarmed"
+    rig.armed = True
+    assert rig.step().wrench == ZERO6
+
+
+def test_nothing_flies_before_it_is_armed_or_while_a_guard_objects(rig):
+    rig.step()
+    with pytest.raises(HindraxError, match="not armed"):
+        rig.pilot.fly(Goal(("surge",)))
+    assert "not armed" in rig.pilot.set(Setpoint("depth", value=1.0))
+    rig.ideal.north = 4.6
+    rig.arm()
+    with pytest.raises(HindraxError, match=r"pool_box.*before the start"):
+        rig.pilot.fly(Goal(("surge",)))
+
+
+def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig):
+    rig.arm()
+    rig.pilot.fly(Goal(("surge",)))
+    rig.step()
+    with pytest.raises(HindraxError, match="cancel it first"):
+        rig.pilot.fly(Goal(("yaw",)))
+    assert "cancel it first" in rig.pilot.set(Setpoint("depth", value=1.0))
+    stamp = rig.ideal.stamp
+    assert "cancel it first" in rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)[0]
+
+
+def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig):
+    rig.arm()
+    assert rig.pilot.set(Setpoint("depth", value=0.9)) == ""
+    stamp = rig.ideal.stamp
+    assert rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp) == ()
+    flight = rig.step()
+    assert flight.wrench[0] == 5.0
+    assert flight.wrench[2] != 0.0
+    for _ in range(12):
+        flight = rig.step()
+    assert flight.wrench[0] == 0.0
+    refused = rig.pilot.by_hand((5.0,) * 6, "map", stamp, stamp)
+    assert "found frame 'map'" in refused[0]
+
+
+def test_failed_thrusters_that_cost_the_axis_abort_by_name(rig):
+    def fail(rig):
+        lost = ("surge",) if rig.ideal.time_s > 15.0 else ()
+        rig.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), (), lost_axes=lost)
+
+    output, _ = rig.fly(Goal(("surge",)), fail)
+    assert output.aborted.startswith("thrusters: surge cannot be served")
+
+
+def test_unknown_navigation_aborts_instead_of_guessing(hindrax, ideal_vehicle):
+    rig = Rig(hindrax, ideal_vehicle)
+    rig.arm()
+    maneuver = rig.pilot.fly(Goal(("surge",)))
+    for _ in range(300):
+        rig.step()
+    blind = replace(rig.ideal.navigation(), velocity_mps=UNKNOWN6[:3])
+    output = maneuver.step(blind, Stamp(rig.ideal.stamp + 1))
+    assert output.phase.phase == "settle"
+    for index in range(400):
+        output = maneuver.step(blind, Stamp(rig.ideal.stamp + 1 + index * 50_000_000))
+    assert output.done
+    assert output.aborted == "navigation: surge unknown"
+
+
+@pytest.mark.parametrize("excitation", ["steps", "doublets", "chirp", "multisine"])
+@pytest.mark.parametrize("motion", ["surge", "roll"])
+def test_excitations_stay_clear_of_walls_and_limits(rig, motion, excitation):
+    tilts = []
+    output, phases = rig.fly(Goal((motion,), excitation, seed=5), lambda one: tilts.append(abs(one.ideal.roll)))
+    assert output.aborted == ""
+    assert {phase.phase for phase in phases} == {"settle", "excite", "done"}
+    assert rig.nearest_m > 0.4
+    assert max(tilts) < math.radians(45.0)
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [
+        (Goal(()), "no motion"),
+        (Goal(("surge", "loop")), "motion 'loop' unknown"),
+        (Goal(("surge",), "noise"), "excitation 'noise' unknown"),
+        (Goal(("surge",), on_cancel="drift"), "ending 'drift' unknown"),
+    ],
+)
+def test_goals_that_nobody_can_fly_are_refused(goal, reason):
+    with pytest.raises(UsageError, match=reason):
+        check_goal(goal)
+
+
+def test_plans_are_for_the_thrusters_that_work(hindrax, ideal_vehicle):
+    rig = Rig(hindrax, ideal_vehicle)
+    rig.pilot.disable(frozenset({"T3", "T4"}))
+    rig.arm()
+    with pytest.raises(UsageError, match="sway: the thrusters left"):
+        rig.pilot.fly(Goal(("sway",)))
+    assert Allocator(hindrax).lost_axes(frozenset({"T3", "T4"})) == ("sway",)

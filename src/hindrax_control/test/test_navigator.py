@@ -1,0 +1,409 @@
+"""The navigator against motions that are known in closed form."""
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_control.navigator import Navigator, NavigatorKnobs
+from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.rotation import apply, cross, matrix, undo
+from hindrax_core.state import Navigation
+from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
+
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+CENTERED = replace(VEHICLE, sensors={name: Mount(name) for name in ("icm20948", "ms5837", "ping1d", "dvl75")})
+FLOOR_m = 1.8
+FIELD_T = (17.5e-6, 0.0, -13.8e-6)
+HOVER: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
+STILL: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
+
+
+@dataclass
+class Ride:
+    """A motion, and the sensors that watch it. Position is north, east, down; attitude roll, pitch, yaw."""
+
+    vehicle: Vehicle = CENTERED
+    knobs: NavigatorKnobs = field(default_factory=NavigatorKnobs)
+    position: Callable = HOVER
+    attitude: Callable = STILL
+    gyro_bias: tuple = (0.0, 0.0, 0.0)
+    force_bias: tuple = (0.0, 0.0, 0.0)
+    noise: float = 0.0
+    dvl_delay_s: float = 0.02
+    dvl_from_s: float = 0.0
+    dvl_until_s: float = 1e9
+    sonar_until_s: float = 1e9
+    motors_T: Callable = STILL
+
+    def __post_init__(self):
+        self.navigator = Navigator(self.vehicle, self.knobs)
+        self.out: list[Stamped[Navigation]] = []
+        self.random = random.Random(1)
+
+    def rates(self, t, h=1e-4):
+        """Body rates by the rotation between two close attitudes."""
+        before, after = matrix(self.attitude(t - h)), matrix(self.attitude(t + h))
+        columns = [undo(before, apply(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+        return (columns[1][2] / (2 * h), columns[2][0] / (2 * h), columns[0][1] / (2 * h))
+
+    def point(self, t, lever):
+        turned = apply(matrix(self.attitude(t)), lever)
+        return tuple(a + b for a, b in zip(self.position(t), turned, strict=True))
+
+    def velocity(self, t, lever=(0.0, 0.0, 0.0), h=1e-4):
+        low, high = self.point(t - h, lever), self.point(t + h, lever)
+        return undo(matrix(self.attitude(t)), tuple((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
+
+    def inertial(self, t, mount, h=1e-3):
+        low, mid, high = (self.point(t + dt, mount.position_m) for dt in (-h, 0.0, h))
+        a, b, c = ((x - 2 * y + z) / h**2 for x, y, z in zip(low, mid, high, strict=True))
+        force = undo(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
+        turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
+        return Inertial(
+            tuple(f + d for f, d in zip(undo(turn, force), self.force_bias, strict=True)),
+            tuple(w + d for w, d in zip(undo(turn, self.rates(t)), self.gyro_bias, strict=True)),
+            20.0,
+        )
+
+    def tell(self, t, reading, source):
+        found = self.navigator.step(Stamped(stamp_from_s(t), reading), source)
+        if found is not None:
+            self.out.append(found)
+
+    def slow_sensors(self, t, number):
+        """What has arrived since the last IMU sample."""
+        sensors, gauss = self.vehicle.sensors, lambda sigma: self.random.gauss(0.0, sigma * self.noise)
+        if number % 5 == 0:
+            depth = self.point(t, sensors["ms5837"].position_m)[2]
+            pressure = 101325.0 + 1000.0 * GRAVITY_mps2 * (depth + gauss(0.002))
+            self.tell(t, Pressure(pressure, 20.0), "ms5837")
+        if number % 9 == 0:
+            field_T = undo(matrix(self.attitude(t)), FIELD_T)
+            self.tell(t, Magnetic(tuple(a + b for a, b in zip(field_T, self.motors_T(t), strict=True))), "icm20948")
+        if number % 10 == 0:
+            self.acoustics(t, sensors, gauss)
+
+    def acoustics(self, t, sensors, gauss):
+        if t < self.sonar_until_s:
+            at = sensors["ping1d"].position_m
+            slant = math.cos(max(0.0, math.acos(matrix(self.attitude(t))[2][2]) - math.radians(12.5)))
+            self.tell(t, Echo((FLOOR_m - self.point(t, at)[2]) / slant + gauss(0.005), 0.9), "ping1d")
+        end = t - self.dvl_delay_s
+        mount = sensors["dvl75"]
+        speeds = [self.velocity(end - 0.05 + 0.005 * k, mount.position_m) for k in range(11)]
+        turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
+        mean = undo(turn, tuple(sum(axis) / 11 for axis in zip(*speeds, strict=True)))
+        mean = tuple(one + gauss(0.01) for one in mean)
+        known = self.dvl_from_s <= t < self.dvl_until_s
+        self.tell(end - 0.025, BottomVelocity(mean if known else None, 0.01, 1.0, 0.05, 0), "dvl75")
+
+    def run(self, seconds):
+        for number in range(1, round(seconds * 200)):
+            t = number * 0.005
+            self.tell(t, self.inertial(t, self.vehicle.sensors["icm20948"]), "icm20948")
+            if number > 20:
+                self.slow_sensors(t, number)
+        return self
+
+    def errors(self, value, truth, after_s=5.0):
+        return [value(one.reading) - truth(one.stamp * 1e-9) for one in self.out if one.stamp * 1e-9 > after_s]
+
+
+def rms(values):
+    assert values
+    return math.sqrt(sum(one * one for one in values) / len(values))
+
+
+def surging(t):
+    """Half a meter to and fro, once in eight seconds, after two seconds of rest."""
+    return (0.25 * (1 - math.cos(0.8 * max(0.0, t - 2.0))), 0.0, 0.9)
+
+
+def heaving(t):
+    return (0.0, 0.0, 0.9 + 0.15 * math.sin(1.2 * max(0.0, t - 2.0)) * min(1.0, max(0.0, (t - 2.0) / 2.0)))
+
+
+def test_at_rest_everything_is_known_and_still():
+    ride = Ride().run(6.0)
+    state = ride.out[-1].reading
+    assert state.attitude_rad == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert state.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert state.depth_m == pytest.approx(0.9, abs=1e-6)
+    assert state.altitude_m == pytest.approx(0.9, abs=1e-6)
+    assert state.position_m == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert state.dvl_locked
+    assert ride.navigator.refused <= 1  # the DVL's interval that began before the alignment ended
+    assert set(state.ages_s) == {"icm20948", "ms5837", "ping1d", "dvl75"}
+    assert state.ages_s["dvl75"] == pytest.approx(0.045, abs=0.06)
+
+
+def test_it_speaks_fifty_times_a_second_of_imu_time():
+    ride = Ride().run(6.0)
+    stamps = [one.stamp for one in ride.out]
+    assert len(stamps) == pytest.approx(5.0 * 50, abs=2)
+    gaps = [b - a for a, b in pairwise(stamps)]
+    assert max(gaps) <= 25_000_000
+    assert min(gaps) >= 15_000_000
+
+
+def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks():
+    navigator, count = Navigator(CENTERED), 0
+    for number in range(225 * 11):
+        stamp = Stamp(number * 4_444_444)
+        count += navigator.step(Stamped(stamp, Inertial((0, 0, -9.81), (0, 0, 0), 20.0)), "icm20948") is not None
+    assert count == pytest.approx(500, abs=2)
+
+
+def test_tilt_and_gyroscope_bias_are_found_while_it_rests():
+    tilt = (0.1, -0.05, 0.4)
+    ride = Ride(attitude=lambda _: tilt, gyro_bias=(0.01, -0.02, 0.005)).run(9.0)
+    state = ride.out[-1].reading
+    assert state.attitude_rad == pytest.approx(tilt, abs=2e-3)
+    assert state.rate_radps == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+
+
+def test_surge_is_followed_between_dvl_samples_without_lag():
+    ride = Ride(position=surging, noise=1.0).run(25.0)
+    assert rms(ride.errors(lambda n: n.velocity_mps[0], lambda t: ride.velocity(t)[0])) < 0.006
+    assert rms(ride.errors(lambda n: n.position_m[0], lambda t: surging(t)[0])) < 0.03
+    sigma = ride.out[-1].reading.velocity_sigma_mps[0]
+    assert 0.003 < sigma < 0.012
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1, 0.3])
+def test_a_late_dvl_sample_is_fused_at_its_own_time(delay_s):
+    # 0.2 m/s^2 at most: a delay of 0.3 s that is not respected would be wrong by up to 0.05 m/s.
+    ride = Ride(position=surging, dvl_delay_s=delay_s).run(20.0)
+    assert rms(ride.errors(lambda n: n.velocity_mps[0], lambda t: ride.velocity(t)[0])) < 0.007
+
+
+def test_without_lock_it_goes_on_by_the_accelerometer_and_says_how_sure_it_is():
+    ride = Ride(position=surging, force_bias=(0.02, 0.0, 0.0), dvl_until_s=15.0).run(18.0)
+    locked, lost = ride.out[700].reading, ride.out[-1].reading
+    assert locked.dvl_locked
+    assert not lost.dvl_locked
+    error = abs(lost.velocity_mps[0] - ride.velocity(ride.out[-1].stamp * 1e-9)[0])
+    assert lost.velocity_sigma_mps[0] > 3 * locked.velocity_sigma_mps[0]
+    assert error < 3 * lost.velocity_sigma_mps[0]
+    assert error < 0.08
+    assert lost.ages_s["dvl75"] == pytest.approx(3.0, abs=0.15)
+
+
+def test_velocity_is_unknown_before_the_first_lock():
+    ride = Ride(dvl_from_s=3.0).run(5.0)
+    before, after = ride.out[50].reading, ride.out[-1].reading
+    assert math.isnan(before.velocity_mps[0])
+    assert math.isnan(before.velocity_sigma_mps[0])
+    assert not before.dvl_locked
+    assert before.velocity_mps[2] == pytest.approx(0.0, abs=1e-3)
+    assert after.dvl_locked
+
+
+def test_heave_velocity_is_far_better_than_a_differentiated_altitude():
+    ride = Ride(position=heaving, noise=1.0, force_bias=(0.0, 0.0, 0.03)).run(30.0)
+    off = rms(ride.errors(lambda n: n.velocity_mps[2], lambda t: ride.velocity(t)[2]))
+    differentiated = 0.005 * math.sqrt(2) / 0.05
+    assert off < 0.007
+    assert off < differentiated / 15
+    assert off < 2.0 * ride.out[-1].reading.velocity_sigma_mps[2]
+    assert rms(ride.errors(lambda n: n.depth_m, lambda t: heaving(t)[2])) < 0.002
+    assert rms(ride.errors(lambda n: n.altitude_m, lambda t: FLOOR_m - heaving(t)[2])) < 0.004
+
+
+def test_without_sonar_the_altitude_goes_on_from_depth_and_grows_old():
+    ride = Ride(position=heaving, sonar_until_s=10.0).run(16.0)
+    assert rms(ride.errors(lambda n: n.altitude_m, lambda t: FLOOR_m - heaving(t)[2], 12.0)) < 0.01
+    assert ride.out[-1].reading.ages_s["ping1d"] == pytest.approx(6.0, abs=0.1)
+
+
+MOUNTED = replace(
+    VEHICLE,
+    sensors={
+        "icm20948": Mount("icm20948", position_m=(0.1, -0.05, 0.02), rotation_deg=(180.0, 0.0, 90.0)),
+        "ms5837": Mount("ms5837", position_m=(-0.2, 0.1, 0.0)),
+        "ping1d": Mount("ping1d", position_m=(-0.15, 0.0, 0.15)),
+        "dvl75": Mount("dvl75", position_m=(0.2, 0.1, 0.15), rotation_deg=(0.0, 0.0, 45.0)),
+    },
+)
+
+
+def rocking(t):
+    ease = min(1.0, max(0.0, (t - 2.0) / 3.0))
+    return (0.2 * ease * math.sin(1.7 * t), 0.15 * ease * math.sin(1.3 * t), 0.5 * ease * math.sin(0.9 * t))
+
+
+def test_levers_and_turned_mounts_are_taken_off():
+    ride = Ride(vehicle=MOUNTED, attitude=rocking, knobs=NavigatorKnobs(heading_from="none")).run(20.0)
+    for axis in range(3):
+        assert rms(ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda t, k=axis: ride.velocity(t)[k])) < 0.012
+        assert rms(ride.errors(lambda n, k=axis: n.attitude_rad[k], lambda t, k=axis: rocking(t)[k])) < 0.01
+        assert rms(ride.errors(lambda n, k=axis: n.rate_radps[k], lambda t, k=axis: ride.rates(t)[k])) < 0.002
+    assert rms(ride.errors(lambda n: n.depth_m, lambda _: 0.9)) < 0.003
+
+
+def turning(t):
+    return (0.0, 0.0, 0.3 * max(0.0, t - 3.0))
+
+
+def test_heading_goes_round_with_the_gyroscope():
+    ride = Ride(attitude=turning).run(25.0)
+    error = [math.remainder(e, math.tau) for e in ride.errors(lambda n: n.attitude_rad[2], lambda t: turning(t)[2])]
+    assert max(map(abs, error)) < 0.01
+
+
+THRUSTERS_T = ((2e-7, -1e-7), (-1e-7, 2.5e-7), (1.5e-7, 1e-7), (-2e-7, -1e-7)) * 2
+"""Field of each thruster at the compass per N^1.5, along x and y."""
+
+
+def pattern(t):
+    """Forces that change every two seconds, after ten seconds of rest, and never repeat soon."""
+    if t < 10.0:
+        return (0.0,) * 8
+    turn = int((t - 10.0) / 2.0)
+    return tuple(float((turn * (3 * k + 1)) % 7 - 2) * 1.5 for k in range(8))
+
+
+def motors(t):
+    x, y = (sum(abs(f) ** 1.5 * k[axis] for f, k in zip(pattern(t), THRUSTERS_T, strict=True)) for axis in (0, 1))
+    return (x, y, 0.0)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_the_compass_learns_what_the_thrusters_do_to_it(told):
+    ride = Ride(motors_T=motors, gyro_bias=(0.0, 0.0, 0.002)).run(10.0)
+    worst = 0.0
+    for number in range(1000, 6000):
+        t = number * 0.01
+        if told and number % 2 == 0:
+            ride.navigator.thrust(Stamp(0), pattern(t))
+        ride.tell(t, Inertial((0.0, 0.0, -GRAVITY_mps2), (0.0, 0.0, 0.002), 20.0), "icm20948")
+        if number % 4 == 0:
+            ride.tell(t, Magnetic(tuple(a + b for a, b in zip(FIELD_T, motors(t), strict=True))), "icm20948")
+        worst = max(worst, abs(ride.out[-1].reading.attitude_rad[2]))
+    assert (worst < math.radians(1.0)) is told
+
+
+def test_a_compass_that_jumps_is_not_followed_at_once():
+    ride = Ride(motors_T=lambda t: (0.0, 9e-6, 0.0) if t > 5.0 else (0.0, 0.0, 0.0)).run(12.0)
+    assert max(map(abs, ride.errors(lambda n: n.attitude_rad[2], lambda _: 0.0, 2.0))) < math.radians(1.0)
+
+
+def track(heading_rad, calibration="3333", altitude_m=None):
+    return BottomTrack(altitude_m is not None, 0.0, 0.0, heading_rad, altitude_m, (0.0, 0.0), (), calibration, 0)
+
+
+@pytest.mark.parametrize(("calibration", "wanted"), [("3333", 1.0), ("", 1.0), ("3331", 0.0)])
+def test_the_heading_may_come_from_a_calibrated_dvl(calibration, wanted):
+    ride = Ride(knobs=NavigatorKnobs(heading_from="dvl"))
+    for number in range(400):
+        ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        ride.tell(number * 0.005, track(1.0, calibration), "dvl75")
+    assert ride.out[-1].reading.attitude_rad[2] == pytest.approx(wanted, abs=0.01)
+
+
+def test_the_dvl_tells_the_altitude_while_the_sonar_is_silent():
+    ride = Ride()
+    for number in range(600):
+        ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        ride.tell(number * 0.005, track(0.0, altitude_m=0.7), "dvl75")
+    assert ride.out[-1].reading.altitude_m == pytest.approx(0.7, abs=0.01)
+    assert ride.out[-1].reading.ages_s.get("ping1d", math.inf) == math.inf
+
+
+@pytest.mark.parametrize("bad", [
+    BottomVelocity((math.nan, 0.0, 0.0), 0.01, 1.0, 0.05, 0),
+    BottomVelocity((9.0, 0.0, 0.0), 0.01, 1.0, 0.05, 0),
+    Pressure(math.nan, 20.0),
+    Pressure(9e9, 20.0),
+    Echo(math.nan, 0.9),
+    Echo(-1.0, 0.9),
+    Echo(50.0, 0.9),
+    Inertial((math.inf, 0.0, 0.0), (0.0, 0.0, 0.0), 20.0),
+    Inertial((0.0, 0.0, -9.81), (math.nan, 0.0, 0.0), 20.0),
+])  # fmt: skip
+def test_what_cannot_be_is_refused_and_changes_nothing(bad):
+    ride = Ride().run(4.0)
+    before = ride.navigator.refused
+    for number in range(3):
+        ride.tell(4.0 + 0.005 * number - 0.001, bad, {Echo: "ping1d", Pressure: "ms5837"}.get(type(bad), "dvl75"))
+        ride.tell(4.0 + 0.005 * number, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+    for t in (4.03, 4.06):
+        ride.tell(t, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+    state = ride.out[-1].reading
+    assert ride.navigator.refused - before == 3
+    assert state.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=1e-5)
+    assert (state.depth_m, state.altitude_m) == pytest.approx((0.9, 0.9), abs=1e-5)
+
+
+def test_what_was_measured_after_the_newest_imu_sample_waits():
+    # IMU samples come in batches, so a pressure may be younger than they: fused too early, depth would run ahead.
+    ride = Ride(position=lambda t: (0.0, 0.0, 0.3 + 0.2 * t)).run(4.0)
+    ride.tell(4.5, Pressure(101325.0 + 1000.0 * GRAVITY_mps2 * 1.2, 20.0), "ms5837")
+    ride.tell(4.02, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+    assert ride.out[-1].reading.depth_m == pytest.approx(0.3 + 0.2 * 4.02, abs=1e-3)
+
+
+def test_a_weak_echo_and_an_unknown_reading_are_passed_over():
+    ride = Ride().run(4.0)
+    ride.tell(4.0, Echo(0.3, 0.1), "ping1d")
+    ride.tell(4.0, DeviceText("hello"), "dvl75")
+    ride.tell(4.02, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+    assert ride.out[-1].reading.altitude_m == pytest.approx(0.9, abs=1e-5)
+
+
+def test_a_floor_that_really_changes_is_believed_in_the_end():
+    ride = Ride().run(4.0)
+    for number in range(800, 1400):
+        t = number * 0.005
+        ride.tell(t, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+        if number % 10 == 0:
+            ride.tell(t, Echo(2.4, 0.9), "ping1d")
+    assert ride.out[-1].reading.altitude_m == pytest.approx(2.4, abs=0.02)
+
+
+def test_after_a_gap_in_the_imu_it_starts_anew():
+    ride = Ride(position=surging).run(6.0)
+    ride.tell(8.0, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+    count = len(ride.out)
+    for number in range(1, 300):
+        ride.tell(8.0 + number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+    state = ride.out[count].reading
+    assert ride.out[count].stamp >= stamp_from_s(9.0)
+    assert math.isnan(state.velocity_mps[0])
+    assert math.isnan(state.depth_m)
+
+
+def test_time_that_runs_back_is_refused():
+    ride = Ride().run(3.0)
+    before = ride.navigator.refused
+    ride.tell(2.0, Inertial((0, 0, -9.81), (0, 0, 0), 20.0), "icm20948")
+    assert ride.navigator.refused == before + 1
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-3.0, 3.0)))
+def test_any_attitude_at_rest_is_found(attitude):
+    ride = Ride(attitude=lambda _: attitude).run(1.6)
+    found = ride.out[-1].reading.attitude_rad
+    assert found[:2] == pytest.approx(attitude[:2], abs=1e-3)
+    assert matrix(found)[0] == pytest.approx(matrix((*found[:2], attitude[2]))[0], abs=0.02)
+
+
+def test_the_same_readings_give_the_same_navigation():
+    first, second = (Ride(position=surging, noise=1.0).run(4.0).out for _ in range(2))
+    assert first == second
+
+
+def test_rates_of_the_test_itself_are_those_of_a_turning_body():
+    ride = Ride(attitude=turning)
+    assert ride.rates(5.0) == pytest.approx((0.0, 0.0, 0.3), abs=1e-6)
+    lever = (0.2, 0.0, 0.0)
+    assert ride.velocity(5.0, lever) == pytest.approx(cross((0.0, 0.0, 0.3), lever), abs=1e-6)

@@ -1,0 +1,50 @@
+"""What the pilot tells of what it was told: a setpoint that is refused is seen in the state of its hold."""
+
+import pytest
+
+from hindrax_control.holds import Setpoint
+from hindrax_control.pilot import REFUSAL_S, Pilot
+
+
+class Hovering:
+    """A vehicle that hangs still; `notes` are those of the holds after a step."""
+
+    def __init__(self, vehicle, ideal):
+        self.pilot, self.ideal = Pilot(vehicle), ideal
+
+    def step(self, *, armed=True, seconds=0.02):
+        self.ideal.time_s += seconds
+        flight = self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed)
+        return {state.axis: state.note for state in flight.holds if state.note}
+
+
+@pytest.fixture
+def hovering(hindrax, ideal_vehicle):
+    return Hovering(hindrax, ideal_vehicle(hindrax))
+
+
+def test_a_refused_setpoint_is_shown_for_a_while(hovering):
+    hovering.step()
+    assert hovering.pilot.set(Setpoint("roll", value=1.6))
+    assert hovering.step() == {"roll": "refused: hold roll: found 1.6, wanted -0.959931 to 0.959931"}
+    assert hovering.step(seconds=REFUSAL_S) == {}
+
+
+def test_it_is_shown_disarmed_too(hovering):
+    hovering.step(armed=False)
+    hovering.pilot.set(Setpoint("depth", value=0.5))
+    assert hovering.step(armed=False) == {"depth": "refused: hold depth: the vehicle is not armed"}
+
+
+def test_a_good_setpoint_takes_its_place(hovering):
+    hovering.step()
+    hovering.pilot.set(Setpoint("depth", value=-1.0))
+    assert "depth" in hovering.step()
+    assert hovering.pilot.set(Setpoint("depth", value=0.5)) == ""
+    assert hovering.step() == {}
+
+
+def test_what_others_refuse_is_shown_too(hovering):
+    hovering.step()
+    hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
+    assert hovering.step() == {"heading": "refused: hold heading: 3.0 s old"}

@@ -1,0 +1,1 @@
+"""Pure foundations: events, bus operations, readings, vehicle file, topics table, knobs."""

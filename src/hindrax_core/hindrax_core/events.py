@@ -1,0 +1,54 @@
+"""What flows out of a decoder: readings with the time they were valid, and bytes that were refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, NewType, TypeVar
+
+Stamp = NewType("Stamp", int)
+"""Nanoseconds of ROS time (int, so that adding a sample period never rounds)."""
+
+ReadingT_co = TypeVar("ReadingT_co", covariant=True)
+
+NS_PER_S = 1_000_000_000
+
+
+def stamp_from_s(seconds: float) -> Stamp:
+    """Nearest nanosecond to a time in seconds."""
+    return Stamp(round(seconds * NS_PER_S))
+
+
+def to_s(stamp: int) -> float:
+    """Seconds as a float: for differences and plots, never to be turned back into a stamp."""
+    return stamp / NS_PER_S
+
+
+def after(stamp: Stamp, seconds: float) -> Stamp:
+    """Return the stamp that lies the given seconds (may be negative) later."""
+    return Stamp(stamp + round(seconds * NS_PER_S))
+
+
+def seconds_between(earlier: Stamp, later: Stamp) -> float:
+    """Signed seconds from the first stamp to the second."""
+    return (later - earlier) / NS_PER_S
+
+
+@dataclass(frozen=True, slots=True)
+class Stamped(Generic[ReadingT_co]):
+    """A reading and the time at which it was valid (not the time at which it arrived)."""
+
+    stamp: Stamp
+    reading: ReadingT_co
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """Bytes that are data no longer: why they were refused, and what they were (cut to 64 bytes)."""
+
+    stamp: Stamp
+    reason: str
+    data: bytes = b""
+
+    def __post_init__(self) -> None:
+        """Keep a flood of garbage from becoming a flood of memory."""
+        object.__setattr__(self, "data", bytes(self.data[:64]))

@@ -1,0 +1,136 @@
+"""A number is declared once: default, range, unit and meaning; validation, ROS parameters and docs follow from it.
+
+`knob(...)` makes a dataclass field. `build(cls, mapping, path)` makes a checked instance from plain data (YAML, ROS
+parameters), and every error names the key path, what was found and what was wanted.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from typing import Any, TypeVar
+
+from hindrax_core.errors import UsageError
+
+T = TypeVar("T")
+
+META = "hindrax"
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """Range, meaning (with its unit in brackets) and allowed words of one declared number, vector or word."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    meaning: str = ""
+    choices: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """The text between the last brackets of the meaning, or an empty string."""
+        return self.meaning.rpartition("[")[2].rstrip("]") if self.meaning.endswith("]") else ""
+
+
+def knob(default: Any, low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
+    """Declare a number (or a tuple of numbers) with its default, closed range and meaning [unit]."""
+    return field(default=default, metadata={META: Knob(low, high, meaning)})
+
+
+def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
+    """Declare a number that has no default: the file must say it."""
+    return field(metadata={META: Knob(low, high, meaning)})
+
+
+def block(factory: Callable[[], Any], meaning: str) -> Any:
+    """Declare a block of keys, or a list, that need not be there: `factory` makes what holds then."""
+    return field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
+
+
+def choice(default: str, choices: Sequence[str], meaning: str) -> Any:
+    """Declare a word out of a closed set."""
+    return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
+
+
+def knob_of(declared: Field[Any]) -> Knob:
+    """Return what was declared for a field; fields without a declaration have no limits and no meaning."""
+    found: Knob = declared.metadata.get(META, Knob())
+    return found
+
+
+def _hints(cls: Any) -> dict[str, Any]:
+    return typing.get_type_hints(cls)
+
+
+def build(cls: type[T], data: object, path: str) -> T:
+    """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong."""
+    if not isinstance(data, Mapping):
+        raise UsageError(f"{path}: found {data!r}, wanted a block of keys for {cls.__name__}")
+    declared = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]  # T is a dataclass by contract
+    unknown = [str(key) for key in data if key not in declared]
+    if unknown:
+        raise UsageError(f"{path}.{unknown[0]}: unknown key, wanted one of {', '.join(declared)}")
+    values = {}
+    for name, one in declared.items():
+        if name in data:
+            values[name] = _value(_hints(cls)[name], one, data[name], f"{path}.{name}")
+        elif one.default is MISSING and one.default_factory is MISSING:
+            raise UsageError(f"{path}.{name}: missing, wanted {knob_of(one).meaning or 'a value'}")
+    try:
+        return cls(**values)
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from error
+
+
+def _value(hint: Any, declared: Field[Any], data: object, path: str) -> Any:
+    origin = typing.get_origin(hint)
+    if origin in (types.UnionType, typing.Union):
+        inner = [one for one in typing.get_args(hint) if one is not type(None)]
+        return None if data is None else _value(inner[0], declared, data, path)
+    if is_dataclass(hint):
+        return build(typing.cast("type[Any]", hint), data, path)
+    if origin is tuple:
+        return _tuple(hint, declared, data, path)
+    if origin in (dict, Mapping):
+        return _mapping(hint, declared, data, path)
+    return _scalar(hint, knob_of(declared), data, path)
+
+
+def _tuple(hint: Any, declared: Field[Any], data: object, path: str) -> tuple[Any, ...]:
+    arguments = typing.get_args(hint)
+    many = len(arguments) == 2 and arguments[1] is Ellipsis
+    if isinstance(data, str) or not isinstance(data, Sequence):
+        raise UsageError(f"{path}: found {data!r}, wanted a list ({knob_of(declared).meaning})")
+    if not many and len(data) != len(arguments):
+        raise UsageError(f"{path}: found {len(data)} values, wanted {len(arguments)} ({knob_of(declared).meaning})")
+    kinds = [arguments[0]] * len(data) if many else arguments
+    pairs = enumerate(zip(kinds, data, strict=True))
+    return tuple(_value(kind, declared, one, f"{path}[{index}]") for index, (kind, one) in pairs)
+
+
+def _mapping(hint: Any, declared: Field[Any], data: object, path: str) -> dict[str, Any]:
+    if not isinstance(data, Mapping):
+        raise UsageError(f"{path}: found {data!r}, wanted a block of names")
+    kind = typing.get_args(hint)[1]
+    return {str(name): _value(kind, declared, one, f"{path}.{name}") for name, one in data.items()}
+
+
+def _scalar(kind: Any, knob: Knob, data: object, path: str) -> Any:
+    if kind is float and isinstance(data, int | float) and not isinstance(data, bool):
+        return _in_range(float(data), knob, path)
+    if kind is int and isinstance(data, int) and not isinstance(data, bool):
+        return int(_in_range(data, knob, path))
+    if kind in (str, bool) and isinstance(data, kind):
+        if knob.choices and data not in knob.choices:
+            raise UsageError(f"{path}: found {data!r}, wanted one of {', '.join(knob.choices)}")
+        return data
+    raise UsageError(f"{path}: found {data!r}, wanted {kind.__name__} ({knob.meaning})")
+
+
+def _in_range(number: float, knob: Knob, path: str) -> float:
+    if not math.isfinite(number) or not knob.low <= number <= knob.high:
+        raise UsageError(f"{path}: found {number:g}, wanted {knob.low:g} to {knob.high:g} ({knob.meaning})")
+    return number

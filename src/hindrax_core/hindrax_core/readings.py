@@ -1,0 +1,140 @@
+"""What the sensors say, in SI units. One dataclass per kind of reading; a reading never carries its own time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+Vec3: TypeAlias = tuple[float, float, float]
+Vec6: TypeAlias = tuple[float, float, float, float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+"""w, x, y, z; rotates a vector from the body into the reference frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """Specific force (at rest and level: +g on the axis that points up) and angular rate, in the sensor's own axes."""
+
+    specific_force_mps2: Vec3
+    rate_radps: Vec3
+    temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
+class Magnetic:
+    """Magnetic flux density in the axes of the inertial sensor it is packaged with."""
+
+    field_T: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class Pressure:
+    """Absolute pressure and water temperature."""
+
+    pressure_Pa: float
+    temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """Distance to the strongest echo along the beam, and the instrument's own confidence in it (0 to 1)."""
+
+    range_m: float
+    confidence: float
+    ping_number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class EchoProfile:
+    """Echo strength along the beam: `strength` holds equally spaced samples from `start_m` over `length_m`."""
+
+    range_m: float
+    confidence: float
+    ping_number: int
+    start_m: float
+    length_m: float
+    gain: int
+    strength: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class BottomVelocity:
+    """Velocity over ground of the DVL in its own frame (x forward, y starboard, z down), mean over the interval.
+
+    `valid` is False while the instrument is unlocked: velocity is then None, never zero.
+    """
+
+    velocity_mps: Vec3 | None
+    sigma_mps: float
+    confidence: float
+    interval_s: float
+    device_us: int
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is a velocity at all."""
+        return self.velocity_mps is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Beam:
+    """One acoustic beam of a DVL; None where the instrument has no value."""
+
+    locked: bool
+    velocity_mps: float
+    range_m: float | None
+    gain_dB: float
+
+
+@dataclass(frozen=True, slots=True)
+class BottomTrack:
+    """Lock, attitude, altitude along the sensor axis and the four beams, as the DVL reports them.
+
+    Roll, pitch and heading are SNAME angles (z down, heading clockwise from north). Altitude is None when unlocked.
+    """
+
+    locked: bool
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    altitude_m: float | None
+    velocity_north_east_mps: tuple[float, float]
+    beams: tuple[Beam, ...]
+    imu_calibration: str
+    skipped_pings: int
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceText:
+    """A free line of text of a device, for the log."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """Supply voltage; current is NaN where it is not measured."""
+
+    voltage_V: float
+    current_A: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedPulses:
+    """Pulses that an output says it makes, thrusters then lights in the order of the vehicle file [us]."""
+
+    pulses_us: tuple[float, ...]
+
+
+Reading: TypeAlias = (
+    Inertial
+    | Magnetic
+    | Pressure
+    | Echo
+    | EchoProfile
+    | BottomVelocity
+    | BottomTrack
+    | DeviceText
+    | Battery
+    | AppliedPulses
+)

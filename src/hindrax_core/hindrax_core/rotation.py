@@ -1,0 +1,48 @@
+"""Rotations in plain scalars: angles are roll, pitch, yaw, applied z-y-x (yaw first)."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+from hindrax_core.readings import Vec3
+
+Matrix3: TypeAlias = tuple[Vec3, Vec3, Vec3]
+IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def matrix(angles_rad: Vec3) -> Matrix3:
+    """Rotation from the turned frame into the reference frame, (3, 3)."""
+    roll, pitch, yaw = angles_rad
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+
+
+def apply(turn: Matrix3, vector: Vec3) -> Vec3:
+    """Matrix times vector."""
+    x, y, z = vector
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
+
+
+def undo(turn: Matrix3, vector: Vec3) -> Vec3:
+    """Transposed matrix times vector: the rotation back."""
+    x, y, z = vector
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    return (a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z)
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Vector product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def wrapped(angle_rad: float) -> float:
+    """Angle within plus or minus pi."""
+    return math.remainder(angle_rad, math.tau)

@@ -1,0 +1,48 @@
+"""The checkers that are shipped beside the interfaces: transcripts for programs, chunkings for decoders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+from hindrax_core.bus import DeviceError, Operation, Program
+
+ResultT = TypeVar("ResultT")
+
+
+def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, bytes | DeviceError]]) -> ResultT:
+    """Run a bus program against a transcript; every line must be said, in order, and none may be left.
+
+    Each line is the operation the program must yield and the answer it gets (bytes, or an error thrown into it).
+    """
+    lines = iter(enumerate(transcript))
+    answer: bytes | DeviceError | None = None
+    try:
+        while True:
+            operation = _advance(program, answer)
+            number, (expected, answer) = next(lines, (-1, (None, b"")))
+            if operation != expected:
+                raise AssertionError(f"line {number}: program did {operation}, transcript says {expected}")
+    except StopIteration as stop:
+        unsaid = next(lines, None)
+        if unsaid is not None:
+            raise AssertionError(f"program ended before line {unsaid[0]}: {unsaid[1][0]}") from stop
+        result: ResultT = stop.value
+        return result
+
+
+def _advance(program: Program[ResultT], answer: bytes | DeviceError | None) -> Operation:
+    if answer is None:
+        return next(program)
+    if isinstance(answer, DeviceError):
+        return program.throw(answer)
+    return program.send(answer)
+
+
+def chunks(data: bytes, sizes: Sequence[int]) -> Iterator[bytes]:
+    """Cut data into pieces of the given sizes, repeated as often as needed; a size below one counts as one."""
+    start, turn = 0, 0
+    while start < len(data):
+        size = max(1, sizes[turn % len(sizes)]) if sizes else len(data)
+        yield data[start : start + size]
+        start, turn = start + size, turn + 1

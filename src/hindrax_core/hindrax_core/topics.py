@@ -1,0 +1,147 @@
+"""Every topic of the stack, once: recorder, replay, diagnostics, launch, access policies and docs read this table.
+
+Names are relative to the vehicle's namespace (`/hindrax`), except those that begin with a slash.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hindrax_core.devices import SENSORS, Sensor
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Quality of service of a topic. Zero means: not set."""
+
+    reliable: bool = True
+    depth: int = 10
+    latched: bool = False
+    deadline_s: float = 0.0
+    lifespan_s: float = 0.0
+
+
+STATE = Quality()
+SENSOR = Quality(depth=50)
+COMMAND = Quality(depth=1, lifespan_s=1.0)
+LATCHED = Quality(depth=1, latched=True)
+BY_HAND = Quality(reliable=False, depth=1)
+"""What is late is lost: after a cut of the tether nothing is sent again."""
+RAW = Quality(depth=200)
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One row: name, type as `package/msg/Type`, quality, usual rate, whether the recorder takes it, meaning."""
+
+    name: str
+    type: str
+    quality: Quality
+    rate_Hz: float
+    recorded: bool
+    meaning: str
+
+
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "velocity": ("geometry_msgs/msg/TwistWithCovarianceStamped", "velocity over ground"),
+    "attitude": ("sensor_msgs/msg/Imu", "attitude of the DVL's own IMU"),
+    "detail": ("hindrax_msgs/msg/Dvl", "lock, beams, confidence, device time"),
+    "altitude": ("sensor_msgs/msg/Range", "distance along the DVL axis"),
+    "range": ("sensor_msgs/msg/Range", "distance to the bottom, sonar"),
+    "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
+    "data_raw": ("sensor_msgs/msg/Imu", "specific force and angular rate"),
+    "mag": ("sensor_msgs/msg/MagneticField", "magnetic field"),
+    "pressure": ("sensor_msgs/msg/FluidPressure", "absolute pressure"),
+    "temperature": ("sensor_msgs/msg/Temperature", "water temperature"),
+}
+"""What a sensor can publish under its name: type and meaning."""
+
+
+def _measured(sensor: Sensor) -> dict[str, Topic]:
+    rows = ((quantity, rate, *QUANTITIES[quantity]) for quantity, rate in sensor.publishes.items())
+    made = (Topic(f"{sensor.name}/{one}", kind, SENSOR, rate, True, meaning) for one, rate, kind, meaning in rows)
+    return {topic.name: topic for topic in made}
+
+
+MEASURED: Mapping[str, Topic] = {name: topic for sensor in SENSORS for name, topic in _measured(sensor).items()}
+"""Topics of the sensors by name, in the order of their table."""
+
+DVL_VELOCITY, DVL_ATTITUDE = MEASURED["dvl75/velocity"], MEASURED["dvl75/attitude"]
+DVL_DETAIL, DVL_ALTITUDE = MEASURED["dvl75/detail"], MEASURED["dvl75/altitude"]
+IMU, MAGNETIC = MEASURED["icm20948/data_raw"], MEASURED["icm20948/mag"]
+PRESSURE, WATER_TEMPERATURE = MEASURED["ms5837/pressure"], MEASURED["ms5837/temperature"]
+ALTITUDE, PING_PROFILE = MEASURED["ping1d/range"], MEASURED["ping1d/profile"]
+BATTERY = Topic("battery", "sensor_msgs/msg/BatteryState", STATE, 1, True, "supply voltage, when measured")
+ODOMETRY = Topic("navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, True, "pose and twist, REP-105")
+NAVIGATION = Topic(
+    "navigation/status", "hindrax_msgs/msg/NavigationStatus", STATE, 50, True, "depth, altitude, attitude, ages, SNAME"
+)
+HOLD_SETPOINT = Topic("holds/setpoint", "hindrax_msgs/msg/HoldSetpoint", COMMAND, 0, True, "setpoint of one hold")
+HOLD_STATUS = Topic("holds/status", "hindrax_msgs/msg/HoldStatus", STATE, 10, True, "holds, their setpoints and errors")
+OPERATOR_WRENCH = Topic(
+    "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, True, "wrench by hand, added to the holds"
+)
+JOYSTICK = Topic("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, True, "joystick of the operator, as `joy_node` tells it")
+TWIST = Topic("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, True, "velocity by hand: keyboard, web page")
+LIGHTS = Topic("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, True, "brightness of every lamp, 0 dark to 1")
+WRENCH = Topic("control/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 50, True, "wrench wanted of the allocator")
+ALLOCATION = Topic(
+    "control/allocation",
+    "hindrax_msgs/msg/AllocationStatus",
+    STATE,
+    50,
+    True,
+    "wanted, achieved, shortfall, forces",
+)
+MANEUVER = Topic("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10, True, "motion, phase, progress")
+THRUSTER_COMMAND = Topic("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, True, "pulses wanted")
+THRUSTER_STATE = Topic("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, True, "armed, pulses applied")
+THRUSTER_HEALTH = Topic(
+    "thrusters/health", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, True, "disabled thrusters, as the pilot has them"
+)
+THRUSTER_HEALTH_ORDER = Topic(
+    "thrusters/health_order", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, True, "the list that the pilot is to take"
+)
+ESTIMATE = Topic("ident/estimate", "hindrax_msgs/msg/ModelEstimate", Quality(depth=100), 10, True, "coefficients")
+RAW_FRAMES = tuple(
+    Topic(f"raw/{source}", "hindrax_msgs/msg/RawFrames", RAW, 10, True, f"wire frames of {source}")
+    for source in (*(sensor.name for sensor in SENSORS), "thrusters")
+)
+HEARTBEAT = Topic(
+    "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, True, "the operator's link"
+)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE, 1, True, "health of every node")
+VEHICLE_FILE = Topic("vehicle_file", "std_msgs/msg/String", LATCHED, 0, True, "the vehicle file in force, as text")
+
+TOPICS: tuple[Topic, ...] = (
+    *MEASURED.values(),
+    BATTERY,
+    ODOMETRY,
+    NAVIGATION,
+    HOLD_SETPOINT,
+    HOLD_STATUS,
+    OPERATOR_WRENCH,
+    JOYSTICK,
+    TWIST,
+    LIGHTS,
+    WRENCH,
+    ALLOCATION,
+    MANEUVER,
+    THRUSTER_COMMAND,
+    THRUSTER_STATE,
+    THRUSTER_HEALTH,
+    THRUSTER_HEALTH_ORDER,
+    ESTIMATE,
+    *RAW_FRAMES,
+    HEARTBEAT,
+    DIAGNOSTICS,
+    VEHICLE_FILE,
+)
+
+NAMESPACE = "/hindrax"
+
+
+def resolved(topic: Topic) -> str:
+    """Full name of a topic in the ROS graph."""
+    return topic.name if topic.name.startswith("/") else f"{NAMESPACE}/{topic.name}"

@@ -1,0 +1,269 @@
+"""What the vehicle is: one file with mass, volume, thruster poses and curves, limits, sensor mounts, water and pool.
+
+Frames: SNAME body axes (x forward, y starboard, z down); positions are from the body origin, which is the center of the
+envelope. How the vehicle is *tuned* is not here; that is in ROS parameters declared from the nodes' knobs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from hindrax_core.devices import SENSORS
+from hindrax_core.errors import UsageError
+from hindrax_core.knobs import block, build, choice, fact, knob
+from hindrax_core.readings import Vec3, Vec6
+
+GRAVITY_mps2 = 9.80665
+
+AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
+
+
+@dataclass(frozen=True, slots=True)
+class Water:
+    """The water the vehicle is in."""
+
+    density_kgpm3: float = knob(1000.0, 950.0, 1100.0, "density [kg/m^3]")
+    kinematic_viscosity_m2ps: float = knob(1.01e-6, 1e-7, 1e-5, "kinematic viscosity [m^2/s]")
+    speed_of_sound_mps: float = knob(1484.0, 1300.0, 1700.0, "speed of sound [m/s]")
+    surface_pressure_Pa: float = knob(101325.0, 80000.0, 120000.0, "air pressure at the surface [Pa]")
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """A box of water: x along the length, y along the width, z down from the surface."""
+
+    length_m: float = knob(10.0, 1.0, 1000.0, "length [m]")
+    width_m: float = knob(6.0, 1.0, 1000.0, "width [m]")
+    depth_m: float = knob(1.8, 0.5, 6000.0, "depth [m]")
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One direction of a thrust curve: F = c4 P^3 + c3 P^2 + c2 P + c1, F in N, P in us. COB-2023-1394 eq. 1."""
+
+    c: tuple[float, float, float, float] = fact(meaning="c1, c2, c3, c4 [N, N/us, N/us^2, N/us^3]")
+    from_us: float = fact(500.0, 2500.0, "lower end of validity [us]")
+    to_us: float = fact(500.0, 2500.0, "upper end of validity [us]")
+    sigma: tuple[float, float, float, float] | None = knob(None, meaning="standard deviations of c, where known")
+
+    def force_N(self, pulse_us: float) -> float:
+        """Value of the cubic (Horner); no check of validity."""
+        c1, c2, c3, c4 = self.c
+        return ((c4 * pulse_us + c3) * pulse_us + c2) * pulse_us + c1
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Thrust of one kind of thruster against the pulse at one supply voltage.
+
+    `positive: null` in the file means the mirror image of the negative branch about the stop pulse: an assumption,
+    and marked as one. Thrust is scaled by (V / supply_V) ** supply_exponent; the default is what the published bollard
+    data of a comparable thruster show at full command from 10 to 20 V (Blue Robotics T200, 2019: 28.7 to 65.9 N).
+    """
+
+    negative: Branch
+    positive: Branch | None = knob(None, meaning="positive branch; null: the mirror image of the negative one")
+    stop_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest [us]")
+    dead_band_us: float = knob(25.0, 0.0, 200.0, "half width of the band about the stop pulse without thrust [us]")
+    supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage at which the curve holds [V]")
+    supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")
+    gain_sigma: float = knob(0.02, 0.0, 0.5, "standard deviation of the gain of the whole curve [-]")
+    source: str = knob("", meaning="where the curve comes from")
+
+
+@dataclass(frozen=True, slots=True)
+class Thruster:
+    """Pose, curve and output channel of one thruster. The direction is that of the force for a positive command."""
+
+    name: str = fact(meaning="as it is called everywhere, such as T1")
+    position_m: Vec3 = fact(-100.0, 100.0, "position from the body origin [m]")
+    azimuth_deg: float = knob(0.0, -360.0, 360.0, "direction of positive thrust, from x towards y [deg]")
+    elevation_deg: float = knob(0.0, -90.0, 90.0, "positive thrust above the x-y plane, +90 is up [deg]")
+    curve: str = knob("main", meaning="name of its curve under curves")
+    channel: int = knob(0, 0, 15, "output channel [-]")
+    reversed: bool = knob(False, meaning="a longer pulse pushes the other way")
+    lag_s: float = knob(0.15, 0.0, 5.0, "time constant of the thrust [s]")
+
+    @property
+    def direction(self) -> Vec3:
+        """Unit vector of positive thrust in body axes (z down). Multiples of 90 degrees are exact."""
+        ca, sa = _cos_sin(self.azimuth_deg)
+        ce, se = _cos_sin(self.elevation_deg)
+        return (ce * ca, ce * sa, 0.0 - se)
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """F = k_q |x| x + k_l x for one degree of freedom (N, Nm; m/s, rad/s). COB-2023-1394 eq. 2.
+
+    `k_q_negative`, where given, is the quadratic coefficient for motion in the negative direction.
+    """
+
+    k_q: float = knob(0.0, 0.0, 1e6, "quadratic [N s^2/m^2, Nm s^2]")
+    k_l: float = knob(0.0, 0.0, 1e6, "linear [N s/m, Nm s]")
+    k_q_negative: float | None = knob(None, meaning="quadratic, for motion the other way [N s^2/m^2, Nm s^2]")
+    k_l_negative: float | None = knob(None, meaning="linear, for motion the other way [N s/m, Nm s]")
+
+
+@dataclass(frozen=True, slots=True)
+class Hydrodynamics:
+    """What is believed of the hydrodynamics: prior for plans, truth for the mock; never told to the estimator."""
+
+    added_mass: Vec6 = fact(0.0, 1e6, "diagonal added mass, surge to yaw [kg, kg m^2]")
+    surge: Drag = field(default_factory=Drag)
+    sway: Drag = field(default_factory=Drag)
+    heave: Drag = field(default_factory=Drag)
+    roll: Drag = field(default_factory=Drag)
+    pitch: Drag = field(default_factory=Drag)
+    yaw: Drag = field(default_factory=Drag)
+    added_mass_cross: tuple[Vec6, ...] = knob(
+        (), meaning="6 x 6, off-diagonal, need not be symmetric (rows: force; columns: acceleration) [kg, kg m, kg m^2]"
+    )
+
+    def drag(self, axis: str) -> Drag:
+        """Return the drag of one SNAME axis by its name."""
+        found: Drag = getattr(self, axis)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where a sensor sits, how it is turned (sensor to body: yaw, then pitch, then roll), where it is plugged in."""
+
+    device: str = fact(meaning="kind of sensor, a name of the table of sensors")
+    port: str = knob("", meaning="where it is plugged in, such as /dev/i2c-1")
+    address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default [-]")
+    position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
+    rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")
+    calibration: Mapping[str, tuple[float, ...]] = block(dict, "as its calibration command writes it")
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What makes the pulses: a PCA9685 on an I2C bus or an STM32F407 on a serial port."""
+
+    device: str = choice("pca9685", ("pca9685", "stm32"), "kind of output")
+    port: str = knob("/dev/i2c-1", meaning="where it is plugged in")
+    address: int = knob(0x40, 0, 127, "I2C address [-]")
+    rate_Hz: float = knob(200.0, 40.0, 400.0, "pulse rate [Hz]")
+    clock_Hz: float = knob(25e6, 20e6, 50e6, "measured oscillator frequency of the PCA9685 [Hz]")
+    external_clock: bool = knob(False, meaning="the PCA9685 has a clock of its own at EXTCLK")
+    enable_line: str = knob("", meaning="GPIO that enables the outputs when low, CHIP:LINE (label or name of the chip)")
+    light_channels: tuple[int, ...] = knob((8, 9), 0, 15, "output channels of the lamps")
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What must not be exceeded, whoever asks."""
+
+    wrench: Vec6 = knob((60.0, 60.0, 80.0, 20.0, 25.0, 30.0), 0.0, 1e6, "largest wrench per axis [N, Nm]")
+    speed_mps: float = knob(1.0, 0.0, 20.0, "largest speed through the water [m/s]")
+    tilt_deg: float = knob(55.0, 0.0, 180.0, "largest roll or pitch [deg]")
+    battery_V: float = knob(13.0, 0.0, 100.0, "lowest supply voltage [V]")
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """The whole file. Derived quantities (weight, buoyancy, inertia where none is given) are properties."""
+
+    name: str = fact(meaning="as it is called in reports and bags")
+    mass_kg: float = fact(0.1, 1e5, "mass [kg]")
+    volume_m3: float = fact(1e-5, 1e3, "displaced volume [m^3]")
+    envelope_m: Vec3 = fact(0.01, 50.0, "length, width, height [m]")
+    thrusters: tuple[Thruster, ...] = knob((), meaning="poses, curves and channels, see below")
+    curves: Mapping[str, Curve] = block(dict, "thrust curves by name, see below")
+    hydrodynamics: Hydrodynamics | None = knob(None, meaning="what is believed: prior for plans, truth for the mock")
+    inertia_kgm2: Vec3 | None = knob(None, meaning="moments of inertia; none: of a homogeneous prism [kg m^2]")
+    center_of_mass_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of mass from the body origin [m]")
+    center_of_buoyancy_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of buoyancy from the body origin [m]")
+    depth_rating_m: float = knob(60.0, 0.0, 12000.0, "depth rating [m]")
+    supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage assumed without a battery sensor [V]")
+    projected_areas_m2: Vec3 | None = knob(None, meaning="seen along x, y, z; for estimates from geometry [m^2]")
+    water: Water = field(default_factory=Water)
+    pool: Pool = field(default_factory=Pool)
+    limits: Limits = field(default_factory=Limits)
+    sensors: Mapping[str, Mount] = block(dict, "sensors by name, see below")
+    output: Output = field(default_factory=Output)
+
+    def __post_init__(self) -> None:
+        """Names must be unique and refer to what exists."""
+        for name, mount in self.sensors.items():
+            _check_sensor(name, mount.device)
+        names = [thruster.name for thruster in self.thrusters]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"thrusters: name {name} is used {names.count(name)} times, wanted once")
+        for index, thruster in enumerate(self.thrusters):
+            if thruster.curve not in self.curves:
+                known = ", ".join(self.curves) or "none"
+                raise ValueError(f"thrusters[{index}].curve: found {thruster.curve!r}, wanted one of curves ({known})")
+
+    @property
+    def weight_N(self) -> float:
+        """Mass times standard gravity."""
+        return self.mass_kg * GRAVITY_mps2
+
+    @property
+    def buoyancy_N(self) -> float:
+        """Weight of the displaced water."""
+        return self.volume_m3 * self.water.density_kgpm3 * GRAVITY_mps2
+
+    @property
+    def net_buoyancy_N(self) -> float:
+        """Buoyancy minus weight: positive floats."""
+        return self.buoyancy_N - self.weight_N
+
+    @property
+    def characteristic_length_m(self) -> float:
+        """Cube root of the displaced volume, the length of the Reynolds number in COB-2023-1394."""
+        return float(self.volume_m3 ** (1.0 / 3.0))
+
+    @property
+    def inertia(self) -> Vec3:
+        """Moments of inertia about x, y, z [kg m^2]: as given, or of a homogeneous prism (Eidsvik 2015 eq. 3.1)."""
+        if self.inertia_kgm2 is not None:
+            return self.inertia_kgm2
+        L, W, H = self.envelope_m
+        twelfth = self.mass_kg / 12.0
+        return (twelfth * (W * W + H * H), twelfth * (L * L + H * H), twelfth * (W * W + L * L))
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+    angle = degrees % 360.0
+    return quarter.get(angle) or (math.cos(math.radians(angle)), math.sin(math.radians(angle)))
+
+
+def _check_sensor(name: str, device: str) -> None:
+    """A sensor must be of the table, and be called like its kind: topics and raw frames are found by that name."""
+    known = [sensor.name for sensor in SENSORS]
+    if device not in known:
+        raise ValueError(f"sensors.{name}.device: found {device!r}, wanted one of {', '.join(known)}")
+    if name != device:
+        raise ValueError(f"sensors.{name}: found a {device} of another name, wanted it to be called {device}")
+
+
+def parse_vehicle(data: object, source: str) -> Vehicle:
+    """Check plain data (as YAML gives it) and make a Vehicle; errors name `source` and the key path."""
+    return build(Vehicle, data, source)
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
+    """Read and check a vehicle file. UsageError names the file, the key path, what was found and what was wanted."""
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"vehicle file {file}: cannot be read ({error}); name one with --vehicle") from error
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        where = " ".join(str(error).split())
+        raise UsageError(f"vehicle file {file}: is not YAML ({where})") from error
+    return parse_vehicle(data, str(file))

@@ -1,0 +1,31 @@
+"""How a register transaction is written down as wire frames: what was asked (sent), then what came back (received).
+
+A sent frame is `u8 address | u16 count, little endian | bytes written`; count 0 is a write, no bytes a read, both a
+write and a read in one transaction. The received frame that follows holds the bytes read, and is empty for a write.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from hindrax_core.bus import Read, Transaction, Write, WriteRead
+
+_HEAD = struct.Struct("<BH")
+
+
+def pack_transaction(transaction: Transaction) -> bytes:
+    """Write a transaction down."""
+    count = 0 if isinstance(transaction, Write) else transaction.count
+    data = b"" if isinstance(transaction, Read) else transaction.data
+    return _HEAD.pack(transaction.address, count) + data
+
+
+def unpack_transaction(frame: bytes) -> Transaction:
+    """Read a transaction back; ValueError when the frame is too short to be one."""
+    if len(frame) < _HEAD.size:
+        raise ValueError(f"found a transaction of {len(frame)} bytes, wanted at least {_HEAD.size}")
+    address, count = _HEAD.unpack_from(frame)
+    data = frame[_HEAD.size :]
+    if count == 0:
+        return Write(address, data)
+    return WriteRead(address, data, count) if data else Read(address, count)

@@ -1,0 +1,95 @@
+"""The vehicle file: figures of the papers, and every mistake named by its key path."""
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle, parse_vehicle
+
+FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
+
+
+def data() -> dict:
+    return yaml.safe_load(FILE.read_text())
+
+
+def test_net_buoyancy_of_cob_2023_1394():
+    # W - rho V g with the figures of section 2 gives 0.7845 N of buoyancy.
+    assert load_vehicle(FILE).net_buoyancy_N == pytest.approx(0.7845, abs=5e-5)
+
+
+def test_characteristic_length_of_cob_2023_1394():
+    assert load_vehicle(FILE).characteristic_length_m == pytest.approx(0.2483, abs=5e-5)
+
+
+def test_prism_inertia_of_eidsvik_2015():
+    # Equation 3.1: m/12 (W^2 + H^2), m/12 (L^2 + H^2), m/12 (W^2 + L^2).
+    m, L, W, H = 15.22, 0.59, 0.47, 0.40
+    wanted = (m / 12 * (W**2 + H**2), m / 12 * (L**2 + H**2), m / 12 * (W**2 + L**2))
+    assert load_vehicle(FILE).inertia == pytest.approx(wanted)
+
+
+def test_thruster_1_points_as_in_cob_2023_1394():
+    vehicle = load_vehicle(FILE)
+    angle = math.radians(55.0)
+    assert vehicle.thrusters[0].direction == pytest.approx((math.cos(angle), math.sin(angle), 0.0))
+    assert all(one.direction == (0.0, 0.0, -1.0) for one in vehicle.thrusters[4:])
+
+
+def test_negative_thruster_curve_of_cob_2023_1394_table_2():
+    branch = load_vehicle(FILE).curves["main"].negative
+    assert branch.force_N(1100.0) == pytest.approx(-15.5, abs=0.05)
+    assert branch.force_N(1300.0) == pytest.approx(-8.15, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "sentence"),
+    [
+        (("mass_kg",), -1.0, "here.mass_kg: found -1, wanted 0.1 to"),
+        (
+            ("thrusters", 2, "curve"),
+            "other",
+            r"here: thrusters\[2\].curve: found 'other', wanted one of curves \(main\)",
+        ),
+        (("thrusters", 3, "name"), "T1", "name T1 is used 2 times, wanted once"),
+        (("thrusters", 0, "position_m"), [1.0], r"here.thrusters\[0\].position_m: found 1 values, wanted 3"),
+        (("output", "device"), "arduino", "here.output.device: found 'arduino', wanted one of pca9685, stm32"),
+        (("wings",), 2, "here.wings: unknown key"),
+        (("sensors", "ping1d", "device"), "sonar", "here: sensors.ping1d.device: found 'sonar', wanted one of dvl75, "),
+        (
+            ("sensors", "front"),
+            {"device": "ping1d"},
+            "here: sensors.front: found a ping1d of another name, wanted it to",
+        ),
+    ],
+)
+def test_mistakes_are_named(path, value, sentence):
+    changed = data()
+    target = changed
+    for key in path[:-1]:
+        target = target[key]
+    target[path[-1]] = value
+    with pytest.raises(UsageError, match=sentence):
+        parse_vehicle(changed, "here")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(UsageError, match="name one with --vehicle"):
+        load_vehicle(tmp_path / "none.yaml")
+
+
+def test_broken_yaml_is_named(tmp_path):
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("name: [")
+    with pytest.raises(UsageError, match="is not YAML"):
+        load_vehicle(broken)
+
+
+def test_binary_is_named(tmp_path):
+    broken = tmp_path / "binary.yaml"
+    broken.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UsageError, match="cannot be read"):
+        load_vehicle(broken)

@@ -1,0 +1,1 @@
+"""Devices (pure), buses (the only input and output) and their lifecycle nodes."""

@@ -1,0 +1,119 @@
+"""The clocks a host can wait on: the system's, or that of mock hardware (see `virtual`).
+
+Every sleep can be cut short by `wake()` from another thread or by a readable file descriptor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import time
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
+
+from hindrax_core.events import NS_PER_S, Stamp
+
+MOCK_PREFIX = "mock:"
+EPOCH = Stamp(0)
+NEVER = Stamp(2**63 - 1)
+
+
+Meanwhile: TypeAlias = Callable[[], None]
+
+
+def nothing() -> None:
+    """What there is to do where nothing is."""
+
+
+class Clock(Protocol):
+    """Time that can be read and waited for."""
+
+    def now(self) -> Stamp:
+        """Time of this clock."""
+
+    def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
+        """Return when the time has come, after `wake()`, or when the descriptor `readable` has bytes: check which.
+
+        `meanwhile` is called once, at the beginning: for work that no device waits for. A mock's time goes on by then.
+        """
+
+    def wake(self) -> None:
+        """End the sleep of another thread; with nobody asleep, the next sleep ends at once."""
+
+    def close(self) -> None:
+        """Give back descriptors. The clock must not be used afterwards."""
+
+
+class Alarm:
+    """A pipe that turns `ring()` in one thread into a readable descriptor in another; rings are not counted."""
+
+    def __init__(self) -> None:
+        self._read, self._write = os.pipe()
+        os.set_blocking(self._read, False)
+        os.set_blocking(self._write, False)
+
+    def fileno(self) -> int:
+        """Descriptor that is readable after a ring."""
+        return self._read
+
+    def ring(self) -> None:
+        """Make the descriptor readable; a full pipe is readable already."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._write, b"!")
+
+    def hush(self) -> None:
+        """Forget all rings so far."""
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._read, 4096)
+
+    def close(self) -> None:
+        """Close both ends."""
+        os.close(self._read)
+        os.close(self._write)
+
+
+class SystemClock:
+    """CLOCK_REALTIME, because every node of the graph and the bag stamp with it.
+
+    A sleep is measured as a duration: when the clock is set (a Pi has no battery clock and gets its time from the
+    network after boot), a sleep neither hangs for hours nor ends early by more than itself.
+    """
+
+    def __init__(self) -> None:
+        self._alarm = Alarm()
+
+    def now(self) -> Stamp:
+        """Nanoseconds since 1970."""
+        return Stamp(time.time_ns())
+
+    def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep at most as long as the stamp lies ahead now."""
+        meanwhile()
+        left_s = (stamp - time.time_ns()) / NS_PER_S
+        if left_s > 0.0:
+            wanted = [self._alarm.fileno()] if readable is None else [self._alarm.fileno(), readable]
+            ready, _, _ = select.select(wanted, (), (), left_s)
+            if self._alarm.fileno() in ready:
+                self._alarm.hush()
+
+    def wake(self) -> None:
+        """End the current or the next sleep."""
+        self._alarm.ring()
+
+    def close(self) -> None:
+        """Close the alarm's pipe."""
+        self._alarm.close()
+
+
+def open_clock(port: str, name: str = "") -> Clock:
+    """Open "system", or "mock:/path/to/socket" for the clock of mock hardware.
+
+    `name` tells the mock who is asking, so that it can rouse a serial node as its port gets bytes (`BusServer.rouse`).
+    Anything else than a mock's socket is a real port and lives in system time.
+    """
+    if port.startswith(MOCK_PREFIX):
+        from hindrax_drivers.buses.virtual import VirtualClock  # noqa: PLC0415 - `virtual` implements Clock
+
+        return VirtualClock(port.removeprefix(MOCK_PREFIX), name)
+    return SystemClock()

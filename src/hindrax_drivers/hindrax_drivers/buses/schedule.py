@@ -1,0 +1,235 @@
+"""Many programs on one bus, taking turns at their pauses. Pure: the host brings time and transfers.
+
+A device that waits 9 ms for a conversion does not keep the bus: its program sleeps in a heap of wake-ups while others
+run. A program is never cut between two pauses, so a thruster write waits for one burst at most.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar
+
+from hindrax_core.bus import DeviceError, Pause, Program, Transaction, Write
+from hindrax_core.device import Identity, RegisterDevice, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import Reading
+from hindrax_drivers.buses.clock import EPOCH, NEVER
+
+ResultT = TypeVar("ResultT")
+BusOutput: TypeAlias = Stamped[Reading] | Rejected | Identity | Trouble
+Result: TypeAlias = tuple[str, Sequence[BusOutput]]
+Transfer: TypeAlias = Callable[[Transaction], bytes]
+Tap: TypeAlias = Callable[[str, Stamp, Transaction, bytes], None]
+"""Told of every transaction that succeeded: device or request, time of the turn, transaction, bytes read."""
+
+_BEFORE_ALL = Stamp(-(2**63))
+BACK_OFF_S = (0.0, 0.1, 0.2, 0.4, 0.8, 1.0)
+
+
+@dataclass(slots=True)
+class _Task:
+    """One thing that is going on: a device's configuration or cycles, or a single request."""
+
+    name: str
+    device: RegisterDevice | None = None
+    program: Program[Any] | None = None
+    started: bool = False
+    configured: bool = False
+    planned: Stamp = EPOCH
+    failures: int = 0
+    future: Future[Any] | None = None
+
+
+@dataclass(order=True, slots=True)
+class _Wake:
+    due: Stamp
+    serial: int
+    task: _Task = field(compare=False)
+
+
+class BusSchedule:
+    """Runs the cycles of the devices on one bus, each at its period, and single requests before them.
+
+    A device whose program raises DeviceError is configured anew after 0, 0.1, 0.2 ... 1 s, and says so as Trouble.
+    """
+
+    def __init__(self, tap: Tap | None = None) -> None:
+        self._tap = tap
+        self._heap: list[_Wake] = []
+        self._devices: dict[str, _Task] = {}
+        self._requests: list[_Task] = []
+        self._pausing: list[tuple[_Task, float]] = []
+        self._serial = 0
+        self._last = EPOCH
+
+    def add(self, name: str, device: RegisterDevice, start: Stamp = EPOCH) -> None:
+        """Take a device into the schedule; it is configured at `start` and cycles from then on."""
+        if name in self._devices:
+            raise ValueError(f"{name}: is in the schedule already")
+        if not device.period_s > 0.0:
+            raise ValueError(f"{name}: found a period of {device.period_s} s, wanted more than 0 s")
+        task = self._devices[name] = _Task(name, device)
+        self._push(task, start)
+
+    def remove(self, name: str) -> None:
+        """Drop a device; a turn that is under way is closed where it pauses."""
+        task = self._devices.pop(name)
+        self._forget(task)
+
+    def ready(self, name: str) -> bool:
+        """Whether a device has been configured and has not failed since."""
+        return name in self._devices and self._devices[name].configured
+
+    def restart(self, name: str, now: Stamp) -> None:
+        """Configure a device anew, as after a change of its settings."""
+        device = self._devices[name].device
+        assert device is not None
+        self.remove(name)
+        self.add(name, device, now)
+
+    def request(self, name: str, program: Program[ResultT], future: Future[ResultT] | None = None) -> Future[ResultT]:
+        """Run a program once, before anything else that is due. The future brings its result or DeviceError.
+
+        A request of the same name that has not begun is cancelled: of two thruster commands the newer counts.
+        """
+        for old in [task for task in self._requests if task.name == name and not task.started]:
+            self._cancel(old)
+        wanted: Future[ResultT] = Future() if future is None else future
+        task = _Task(name, program=program, future=wanted)
+        self._requests.append(task)
+        self._push(task, _BEFORE_ALL)
+        return wanted
+
+    def close(self) -> None:
+        """End everything: devices leave the schedule, open requests are cancelled."""
+        for name in list(self._devices):
+            self.remove(name)
+        for task in list(self._requests):
+            self._cancel(task)
+
+    def next_due(self, now: Stamp) -> Stamp:
+        """Return when the next turn is due (NEVER without devices). Pauses of the last turn count from this `now`."""
+        self._meet(now)
+        return self._heap[0].due if self._heap else NEVER
+
+    def step(self, now: Stamp, transfer: Transfer) -> list[Result]:
+        """Do everything that is due at `now`, for hosts whose transfers take no time (lock-step)."""
+        results: list[Result] = []
+        while self.next_due(now) <= now:
+            results += self.turn(now, transfer)
+        return results
+
+    def turn(self, now: Stamp, transfer: Transfer) -> list[Result]:
+        """Do the most urgent thing that is due at `now`, up to its next pause, for hosts on a real bus."""
+        if self.next_due(now) > now:
+            return []
+        task = heapq.heappop(self._heap).task
+        if task.future is not None and not task.started and not task.future.set_running_or_notify_cancel():
+            self._requests.remove(task)
+            return []
+        try:
+            pause_s = self._advance(task, now, transfer)
+        except StopIteration as stop:
+            return self._finished(task, stop.value, now)
+        except DeviceError as error:
+            return self._failed(task, error, now)
+        self._pausing.append((task, pause_s))
+        return []
+
+    def _meet(self, now: Stamp) -> None:
+        """Notice a clock that was set back, and start the pauses that the last turn ended with."""
+        if now < self._last:
+            back = self._last - now
+            for wake in self._heap:
+                wake.due = Stamp(wake.due - back)
+            for task in self._devices.values():
+                task.planned = Stamp(task.planned - back)
+        self._last = now
+        for task, seconds in self._pausing:
+            self._push(task, after(now, seconds))
+        self._pausing.clear()
+
+    def _push(self, task: _Task, due: Stamp) -> None:
+        self._serial += 1
+        heapq.heappush(self._heap, _Wake(due, self._serial, task))
+
+    def _advance(self, task: _Task, now: Stamp, transfer: Transfer) -> float:
+        """Run a task up to its next pause and return that; StopIteration at its end."""
+        program = task.program or self._begin(task, now)
+        operation = program.send(b"") if task.started else next(program)
+        task.started = True
+        while not isinstance(operation, Pause):
+            try:
+                answer = _whole(operation, transfer(operation))
+            except DeviceError as error:
+                operation = program.throw(error)
+                continue
+            if self._tap is not None:
+                self._tap(task.name, now, operation, answer)
+            operation = program.send(answer)
+        return operation.seconds
+
+    def _begin(self, task: _Task, now: Stamp) -> Program[Any]:
+        """Start a turn. Beats that were missed altogether are left out, not made up for."""
+        assert task.device is not None
+        if seconds_between(task.planned, now) > task.device.period_s:
+            task.planned = now
+        task.program = task.device.cycle(now) if task.configured else task.device.configure()
+        return task.program
+
+    def _finished(self, task: _Task, value: Any, now: Stamp) -> list[Result]:
+        task.program, task.started = None, False
+        if task.future is not None:
+            self._settle(task).set_result(value)
+            return []
+        if not task.configured:
+            task.configured, task.planned = True, now
+            self._push(task, now)
+            return [(task.name, (value,))]
+        assert task.device is not None
+        task.failures = 0
+        task.planned = after(task.planned, task.device.period_s)
+        self._push(task, max(task.planned, now))
+        return [(task.name, value)] if value else []
+
+    def _failed(self, task: _Task, error: DeviceError, now: Stamp) -> list[Result]:
+        task.program, task.started = None, False
+        if task.future is not None:
+            self._settle(task).set_exception(error)
+            return []
+        wait_s = BACK_OFF_S[min(task.failures, len(BACK_OFF_S) - 1)]
+        task.failures += 1
+        task.configured = False
+        self._push(task, after(now, wait_s))
+        when = f"in {wait_s:g} s" if wait_s else "at once"
+        return [(task.name, (Trouble(now, f"{task.name}: {error}; configured anew {when}"),))]
+
+    def _settle(self, task: _Task) -> Future[Any]:
+        assert task.future is not None
+        self._requests.remove(task)
+        return task.future
+
+    def _cancel(self, task: _Task) -> None:
+        self._forget(task)
+        future = self._settle(task)
+        if not future.cancel():
+            future.set_exception(DeviceError(f"{task.name}: the bus was closed in the middle of a request"))
+
+    def _forget(self, task: _Task) -> None:
+        self._heap = [wake for wake in self._heap if wake.task is not task]
+        heapq.heapify(self._heap)
+        self._pausing = [pausing for pausing in self._pausing if pausing[0] is not task]
+        if task.program is not None:
+            task.program.close()
+
+
+def _whole(transaction: Transaction, answer: bytes) -> bytes:
+    """Refuse an answer that is not as long as it was asked to be, whatever adapter it came from."""
+    wanted = 0 if isinstance(transaction, Write) else transaction.count
+    if len(answer) != wanted:
+        address = f"address {transaction.address:#04x}"
+        raise DeviceError(f"{address}: short read, found {len(answer)} bytes, wanted {wanted}")
+    return answer

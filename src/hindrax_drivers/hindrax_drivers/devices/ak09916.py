@@ -1,0 +1,114 @@
+"""The AK09916 magnetometer inside an ICM-20948, on the host's bus by the bypass. TDK DS-000189 r1.3, section 13.
+
+It is a second die, and fails on its own: then the inertial sensor goes on without it, and it is set up again.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import Magnetic
+from hindrax_drivers.devices import icm20948_registers as r
+from hindrax_drivers.imu_calibration import Correction
+
+SET_UP_EVERY_S = 1.0
+SILENT_S = 0.5
+REPEATS = 20
+"""The field is noisy to about two counts per axis, so this many equal samples in a row are a device that has hung."""
+
+LARGEST_STEP_LSB = 130
+"""20 uT from one reading to the next: more than a turn of 8 rad/s does in 40 ms, and so damage on the wire."""
+BELIEVE_AFTER = 3
+"""A leap this often confirmed was real, however large."""
+
+# Mode 100 Hz: a sample is at most 10 ms old when it is read, and the measurement before it took 7.2 ms.
+MEAN_AGE_S = 0.5 * 0.01 + 0.5 * 0.0072
+
+_FIELD = struct.Struct("<3h")
+
+MagOutputs = Sequence[Stamped[Magnetic] | Rejected]
+
+
+class Ak09916:
+    """Set-up and reading of the magnetometer; every output of `read` is data, wire errors included."""
+
+    def __init__(self, correction: Correction) -> None:
+        self._correction = correction
+        self._ready = False
+        self._tried = self._heard = Stamp(0)
+        self._last = b""
+        self._believed: tuple[int, ...] | None = None
+        self._repeats = self._doubted = 0
+
+    def configure(self) -> Program[str]:
+        """Reset, identify, measure at 100 Hz. Returns what answered, or why nobody did."""
+        self._ready = False
+        try:
+            yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL3, r.MAG_RESET]))
+            yield Pause(0.001)
+            identity = yield WriteRead(r.MAG_ADDRESS, bytes([r.MAG_WIA1]), 2)
+            if identity != r.MAG_IDENTITY:
+                return f"no AK09916 (found identity {identity.hex()}, wanted {r.MAG_IDENTITY.hex()})"
+            yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL2, r.MAG_100_HZ]))
+        except DeviceError as error:
+            return f"no AK09916 ({error})"
+        self._ready, self._repeats, self._doubted, self._heard = True, 0, 0, Stamp(0)
+        self._believed = None
+        return "AK09916"
+
+    def read(self, stamp: Stamp) -> Program[MagOutputs]:
+        """Take the newest sample if there is one; a lost magnetometer is set up again once a second."""
+        if not self._ready:
+            return (yield from self._set_up_again(stamp))
+        try:
+            block = yield WriteRead(r.MAG_ADDRESS, bytes([r.MAG_ST1]), r.MAG_BLOCK)
+        except DeviceError as error:
+            return self._lost(stamp, f"magnetometer: {error}")
+        return self._judge(block, stamp)
+
+    def _set_up_again(self, stamp: Stamp) -> Program[MagOutputs]:
+        if 0.0 <= seconds_between(self._tried, stamp) < SET_UP_EVERY_S:
+            return ()
+        self._tried = stamp
+        found = yield from self.configure()
+        return () if self._ready else (Rejected(stamp, f"magnetometer: {found}"),)
+
+    def _judge(self, block: bytes, stamp: Stamp) -> MagOutputs:
+        """Ready, not overflowed, not the same for ever."""
+        if not block[0] & r.MAG_READY:
+            self._heard = self._heard if 0 < self._heard <= stamp else stamp
+            silent = seconds_between(self._heard, stamp) > SILENT_S
+            return self._lost(stamp, f"magnetometer: no sample for {SILENT_S} s") if silent else ()
+        self._heard = stamp
+        if block[8] & r.MAG_OVERFLOW:
+            return (Rejected(stamp, "magnetometer: field too strong (overflow)", block),)
+        field = block[1:7]
+        self._repeats = self._repeats + 1 if field == self._last else 0
+        self._last = field
+        if self._repeats >= REPEATS:
+            return self._lost(stamp, f"magnetometer: {self._repeats} equal samples", block)
+        counts = _FIELD.unpack(field)
+        if self._leaps(counts):
+            return (Rejected(stamp, "magnetometer: leap, no vehicle turns like that", block),)
+        return (Stamped(after(stamp, -MEAN_AGE_S), self._magnetic(*counts)),)
+
+    def _leaps(self, counts: tuple[int, ...]) -> bool:
+        last = self._believed
+        far = last is not None and any(abs(a - b) > LARGEST_STEP_LSB for a, b in zip(counts, last, strict=True))
+        if far and self._doubted < BELIEVE_AFTER:
+            self._doubted += 1
+            return True
+        self._believed, self._doubted = counts, 0
+        return False
+
+    def _magnetic(self, x: int, y: int, z: int) -> Magnetic:
+        """To tesla and into the axes of the inertial sensor: y and z of the two dies point in opposite directions."""
+        scale = r.MAG_T_PER_LSB
+        return Magnetic(self._correction.apply(scale * x, -scale * y, -scale * z))
+
+    def _lost(self, stamp: Stamp, reason: str, data: bytes = b"") -> MagOutputs:
+        self._ready, self._tried = False, stamp
+        return (Rejected(stamp, reason, data),)

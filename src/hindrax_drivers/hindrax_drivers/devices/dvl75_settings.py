@@ -1,0 +1,80 @@
+"""How a DVL-75 is read, and the settings it keeps in its flash."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec3
+
+SETTINGS = {
+    "DVPDL messages": "SEND-DVPDL",
+    "DVEXT messages": "SEND-DVEXT",
+    "Speed of sound": "SET-SPEED-OF-SOUND",
+    "Velocity adjustment": "SET-VELOCITY-ADJUSTMENT",
+}
+"""Key in $DVNVM and the command that sets it: the pairs of Cerulean's own OmniTrack web page."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dvl75Knobs:
+    """How the DVL is read and, by `hindrax dvl setup` only, set up."""
+
+    baud: int = knob(115200, 9600, 921600, "line speed [bit/s]")
+    speed_of_sound_mps: float = knob(1484.0, 1100.0, 1950.0, "speed of sound the device shall reckon with [m/s]")
+    velocity_adjustment: float = knob(1.0, 0.8, 1.25, "factor the device shall put on its velocities [-]")
+    min_confidence: float = knob(0.5, 0.01, 1.0, "confidence below which there is no velocity [-]")
+    axis_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn the device's x, y, z into FRD [-]")
+    attitude_sign: Vec3 = knob((1.0, 1.0, 1.0), -1.0, 1.0, "signs that turn roll, pitch, heading into SNAME [-]")
+    sigma_floor_mps: float = knob(0.01, 0.0, 1.0, "standard deviation of a velocity without rounding [m/s]")
+    max_speed_mps: float = knob(5.0, 0.1, 20.0, "largest believable velocity along an axis [m/s]")
+    clock_drift_ppm: float = knob(200.0, 0.0, 1000.0, "largest believed error of the device's clock rate [ppm]")
+    latency_s: float = knob(0.0065, 0.0, 0.5, "end of interval to arrival: 75 characters at 115200 baud [s]")
+    stall_s: float = knob(1.0, 0.3, 60.0, "silence that is told [s]")
+    enable_after_s: float = knob(2.0, 0.5, 60.0, "time without a delta before it is asked for [s]")
+    enable_tries: int = knob(3, 0, 100, "how often deltas are asked for after a start [-]")
+
+    def __post_init__(self) -> None:
+        """Signs are signs."""
+        for name, signs in (("axis_sign", self.axis_sign), ("attitude_sign", self.attitude_sign)):
+            if any(abs(sign) != 1.0 for sign in signs):
+                raise ValueError(f"{name}: found {signs}, wanted 1 or -1 for each axis")
+
+
+DEFAULT_KNOBS = Dvl75Knobs()
+
+
+def wanted_settings(knobs: Dvl75Knobs) -> dict[str, str]:
+    """Sticky settings this driver is best served with, as $DVNVM would report them."""
+    return {
+        "DVPDL messages": "ON",
+        "DVEXT messages": "ON",
+        "Speed of sound": f"{knobs.speed_of_sound_mps:.1f}",
+        "Velocity adjustment": f"{knobs.velocity_adjustment:.3f}",
+    }
+
+
+def setup_commands(current: Mapping[str, str], knobs: Dvl75Knobs, always: bool = False) -> tuple[bytes, ...]:
+    """Lines that make a device's settings (its $DVNVM, empty when unknown) those of the knobs; they wear the flash."""
+    return commands(current, wanted_settings(knobs), always)
+
+
+def commands(current: Mapping[str, str], wanted: Mapping[str, str], always: bool = False) -> tuple[bytes, ...]:
+    """Command lines that bring a device from `current` settings to the `wanted` ones.
+
+    Settings live in flash, so one that already holds is left alone unless `always`; one that the device did not
+    report is sent. Page "Commands Accepted by the DVL".
+    """
+    return tuple(
+        f"{SETTINGS[key]} {value}\n".encode("ascii")
+        for key, value in wanted.items()
+        if always or not _same(current.get(key, ""), value)
+    )
+
+
+def _same(found: str, wanted: str) -> bool:
+    try:
+        return abs(float(found) - float(wanted)) < 5e-4
+    except ValueError:
+        return found.upper() == wanted.upper()

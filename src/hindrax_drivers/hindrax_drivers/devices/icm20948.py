@@ -1,0 +1,276 @@
+"""TDK ICM-20948: specific force and angular rate out of its FIFO, magnetic field through its bypass.
+
+The FIFO keeps every sample until it is fetched, so nothing is missed when the host is late, and samples are counted:
+they are stamped by the sample clock, not by the wake-up of a thread. Source: TDK DS-000189 r1.3.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.device import Identity
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.knobs import choice, knob
+from hindrax_core.readings import DeviceText, Inertial, Reading
+from hindrax_drivers.devices import icm20948_registers as r
+from hindrax_drivers.devices.ak09916 import Ak09916
+from hindrax_drivers.devices.icm20948_samples import Samples
+from hindrax_drivers.driver import Driver
+from hindrax_drivers.gyro_bias import GyroBias, GyroBiasKnobs
+from hindrax_drivers.imu_calibration import correction
+from hindrax_drivers.timebase import Timebase, TimebaseKnobs
+
+NO_DATA_S = 0.25
+CROOKED = 5
+"""Counts in a row that are no whole number of samples: a sample may be half written, but not every time."""
+LATE = 1.1
+"""Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
+FILL = 0.6
+"""Share of the FIFO that may fill up between two cycles; the rest is for a host that is late."""
+
+_COUNT = struct.Struct(">H")
+_TEMPERATURE = struct.Struct(">h")
+
+Outputs = list[Stamped[Reading] | Rejected]
+
+
+@dataclass(frozen=True, slots=True)
+class Icm20948Knobs:
+    """How the inertial sensor is set up."""
+
+    mode: str = choice("fifo", ("fifo", "burst"), "fetch all samples from the FIFO, or the newest from the registers")
+    divider: int = knob(4, 0, 255, "sample rate is 1125 Hz / (1 + divider) [-]")
+    period_s: float = knob(0.02, 0.001, 0.2, "time between two fetches [s]")
+    gyro_range_dps: str = choice("500", r.GYRO_RANGES, "full scale of the gyroscope [dps]")
+    accel_range_g: str = choice("4", r.ACCEL_RANGES, "full scale of the accelerometer [g]")
+    filter: int = knob(3, 0, 7, "low-pass filter of both; 3: 51 Hz gyroscope, 50 Hz accelerometer [-]")
+    filter_delay_s: float = knob(0.003, 0.0, 0.1, "delay of the filter, taken off the stamps [s]")
+    drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest believed error of the sample clock [ppm]")
+    magnetometer: bool = knob(True, meaning="whether the magnetometer is used")
+    magnetometer_every: int = knob(2, 1, 1000, "the magnetometer is read in every n-th cycle [-]")
+    temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
+    largest_rate_step_radps: float = knob(1.0, 0.0, 100.0, "larger steps between two samples are damage [rad/s]")
+    largest_force_step_mps2: float = knob(5.0, 0.0, 500.0, "larger steps between two samples are damage [m/s^2]")
+    startup_bias: bool = knob(True, meaning="take the gyroscope's offset off once it has been seen at rest")
+    bias: GyroBiasKnobs = field(default_factory=GyroBiasKnobs)
+
+    @property
+    def rate_Hz(self) -> float:
+        """Nominal sample rate."""
+        return r.BASE_RATE_Hz / (1 + self.divider)
+
+    def __post_init__(self) -> None:
+        """The FIFO must not overflow while all goes well."""
+        wanted = self.period_s * self.rate_Hz * r.SAMPLE_BYTES
+        if self.mode == "fifo" and wanted > FILL * r.FIFO_BYTES:
+            longest = FILL * r.FIFO_BYTES / r.SAMPLE_BYTES / self.rate_Hz
+            raise ValueError(
+                f"period_s: found {self.period_s:g}, wanted at most {longest:.3g} at {self.rate_Hz:g} Hz (FIFO size)"
+            )
+
+
+DEFAULT_KNOBS = Icm20948Knobs()
+
+
+class Icm20948:
+    """The sensor at an address (0 for 0x68), with the calibration of the vehicle file's mount."""
+
+    def __init__(
+        self,
+        knobs: Icm20948Knobs = DEFAULT_KNOBS,
+        address: int = 0,
+        calibration: Mapping[str, tuple[float, ...]] | None = None,
+    ) -> None:
+        self._knobs, self._address = knobs, address or r.ADDRESS
+        self.bias = GyroBias(knobs.bias)
+        self._samples = Samples(
+            gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
+            accel_scale=r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g)),
+            largest_rate_step_radps=knobs.largest_rate_step_radps,
+            largest_force_step_mps2=knobs.largest_force_step_mps2,
+            correction=correction(calibration or {}, "accel", "mps2"),
+            rate_Hz=knobs.rate_Hz,
+            timebase=Timebase(
+                1.0 / knobs.rate_Hz, TimebaseKnobs(drift_ppm=knobs.drift_ppm, latency_s=knobs.filter_delay_s)
+            ),
+        )
+        self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
+        self._turn = self._crooked = 0
+        self._fetched = Stamp(0)
+
+    @property
+    def period_s(self) -> float:
+        """Time between the starts of two cycles."""
+        return self._knobs.period_s if self._knobs.mode == "fifo" else 1.0 / self._knobs.rate_Hz
+
+    def configure(self) -> Program[Identity]:
+        """Identify, reset, wake, set ranges, filters and rates, find the magnetometer, start the FIFO."""
+        yield from self._identify()
+        yield from self._reset()
+        yield from self._set_up_converters()
+        yield self._write(r.USER_CTRL, 0)
+        yield self._write(r.INT_PIN_CFG, r.BYPASS_EN)
+        yield Pause(0.001)
+        mag = (yield from self._mag.configure()) if self._knobs.magnetometer else "no magnetometer wanted"
+        yield from self._fetch_temperature()
+        if self._knobs.mode == "fifo":
+            yield from self._start_fifo()
+        self._turn, self._crooked, self._fetched = 0, 0, Stamp(0)
+        self._samples.restart()
+        knobs = self._knobs
+        return Identity(
+            f"ICM-20948 at {self._address:#04x}, {mag}, {knobs.rate_Hz:g} Hz, "
+            f"{knobs.gyro_range_dps} dps, {knobs.accel_range_g} g"
+        )
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        """Fetch all samples taken since the last cycle, and now and then temperature and magnetic field."""
+        knobs = self._knobs
+        outputs = yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
+        if self._samples.hung:
+            raise DeviceError(f"address {self._address:#04x}: gives the same sample again and again")
+        if self.bias.found is None and knobs.startup_bias:
+            outputs += self._learn_bias(outputs)
+        self._turn += 1
+        if knobs.magnetometer and self._turn % knobs.magnetometer_every == 0:
+            outputs += yield from self._mag.read(stamp)
+        if self._turn % knobs.temperature_every == 0:
+            yield from self._fetch_temperature()
+        return outputs
+
+    def _identify(self) -> Program[None]:
+        yield self._bank(0)
+        found = (yield self._read(r.WHO_AM_I, 1))[0]
+        if found != r.IDENTITY:
+            raise DeviceError(
+                f"address {self._address:#04x}: found WHO_AM_I {found:#04x}, wanted {r.IDENTITY:#04x} (ICM-20948); "
+                "another device answers at this address"
+            )
+
+    def _reset(self) -> Program[None]:
+        yield self._write(r.PWR_MGMT_1, r.DEVICE_RESET)
+        yield Pause(0.1)
+        yield self._bank(0)
+        for _ in range(10):
+            if not (yield self._read(r.PWR_MGMT_1, 1))[0] & r.DEVICE_RESET:
+                break
+            yield Pause(0.01)
+        else:
+            raise DeviceError(f"address {self._address:#04x}: does not come out of its reset; power-cycle it")
+        yield self._write(r.PWR_MGMT_1, r.CLOCK_AUTO)
+        yield Pause(0.035)
+        yield self._write(r.PWR_MGMT_2, 0)
+        yield self._write(r.LP_CONFIG, 0)
+
+    def _set_up_converters(self) -> Program[None]:
+        """Bank 2, written and read back: a setting that did not arrive would scale every reading wrongly."""
+        knobs = self._knobs
+        gyro = r.config_byte(knobs.filter, r.GYRO_RANGES.index(knobs.gyro_range_dps))
+        accel = r.config_byte(knobs.filter, r.ACCEL_RANGES.index(knobs.accel_range_g))
+        yield self._bank(2)
+        for register, value in (
+            (r.GYRO_SMPLRT_DIV, knobs.divider),
+            (r.GYRO_CONFIG_1, gyro),
+            (r.ACCEL_SMPLRT_DIV_1, 0),
+            (r.ACCEL_SMPLRT_DIV_2, knobs.divider),
+            (r.ACCEL_CONFIG, accel),
+            (r.ODR_ALIGN_EN, 1),
+        ):
+            yield self._write(register, value)
+        for register, value in ((r.GYRO_CONFIG_1, gyro), (r.ACCEL_CONFIG, accel)):
+            found = (yield self._read(register, 1))[0]
+            if found != value:
+                raise DeviceError(
+                    f"address {self._address:#04x}: bank 2 register {register:#04x} reads {found:#04x}, "
+                    f"wanted {value:#04x} as written; check the wiring"
+                )
+        yield self._bank(0)
+
+    def _start_fifo(self) -> Program[None]:
+        yield self._write(r.FIFO_EN_1, 0)
+        yield self._write(r.FIFO_EN_2, r.FIFO_GYRO_AND_ACCEL)
+        yield self._write(r.FIFO_MODE, 0)
+        yield self._write(r.USER_CTRL, r.USER_FIFO_EN)
+        yield from self._empty_fifo()
+
+    def _empty_fifo(self) -> Program[None]:
+        yield self._write(r.FIFO_RST, r.FIFO_ALL)
+        yield self._write(r.FIFO_RST, 0)
+
+    def _fetch_fifo(self, stamp: Stamp) -> Program[Outputs]:
+        """Count, then all samples in one burst; a FIFO that has lost its beginning is emptied."""
+        raw = yield self._read(r.FIFO_COUNTH, 2)
+        count: int = _COUNT.unpack(raw)[0]
+        wrong = self._wrong(count, stamp)
+        if wrong:
+            yield from self._empty_fifo()
+            self._samples.restart()
+            self._crooked, self._fetched = 0, stamp
+            return [Rejected(stamp, wrong, raw)]
+        if count == 0 or self._crooked:
+            return self._nothing(stamp)
+        self._fetched = stamp
+        data = yield self._read(r.FIFO_R_W, count)
+        return self._samples.decode(data, stamp)
+
+    def _wrong(self, count: int, stamp: Stamp) -> str:
+        """Say why a fill level means that the FIFO must be emptied; a half-written sample is waited for."""
+        if count > r.FIFO_BYTES - r.SAMPLE_BYTES:
+            return f"FIFO overflow: {count} bytes waiting, samples are lost"
+        elapsed_s = seconds_between(self._fetched, stamp)
+        most = 4 + LATE * elapsed_s * self._knobs.rate_Hz
+        self._crooked = self._crooked + 1 if count % r.SAMPLE_BYTES else 0
+        if self._crooked >= CROOKED:
+            return f"FIFO out of step: {count} bytes are no whole number of samples"
+        if self._fetched and elapsed_s >= 0.0 and count > most * r.SAMPLE_BYTES:
+            return f"FIFO count {count} is more than {elapsed_s:.3f} s can have brought"
+        return ""
+
+    def _fetch_newest(self, stamp: Stamp) -> Program[Outputs]:
+        status = (yield self._read(r.INT_STATUS_1, 1))[0]
+        if not status & r.RAW_DATA_READY:
+            return self._nothing(stamp)
+        self._fetched = stamp
+        data = yield self._read(r.ACCEL_XOUT_H, r.SAMPLE_BYTES)
+        # Half a period old on average; how many samples were passed over is not known, so nothing is counted.
+        return self._samples.decode_one(data, after(stamp, -0.5 / self._knobs.rate_Hz - self._knobs.filter_delay_s))
+
+    def _fetch_temperature(self) -> Program[None]:
+        raw = yield self._read(r.TEMP_OUT_H, 2)
+        self._samples.temperature_C = r.temperature_C(_TEMPERATURE.unpack(raw)[0])
+
+    def _nothing(self, stamp: Stamp) -> Outputs:
+        """A sensor that has reset itself sleeps, and gives nothing for ever."""
+        if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
+            self._fetched = stamp
+        if seconds_between(self._fetched, stamp) > NO_DATA_S:
+            raise DeviceError(f"address {self._address:#04x}: no sample for {NO_DATA_S} s; it may have reset itself")
+        return []
+
+    def _learn_bias(self, outputs: Outputs) -> Outputs:
+        for output in outputs:
+            if not isinstance(output, Stamped) or not isinstance(output.reading, Inertial):
+                continue
+            if self.bias.add(output.reading.rate_radps, output.reading.specific_force_mps2):
+                assert self.bias.found is not None
+                self._samples.bias_radps = self.bias.found
+                text = ", ".join(f"{rate:+.4f}" for rate in self.bias.found)
+                return [
+                    Stamped(output.stamp, DeviceText(f"gyroscope offset at rest: {text} rad/s, removed from now on"))
+                ]
+        return []
+
+    def _bank(self, number: int) -> Write:
+        return self._write(r.BANK, number << 4)
+
+    def _write(self, register: int, *values: int) -> Write:
+        return Write(self._address, bytes([register, *values]))
+
+    def _read(self, register: int, count: int) -> WriteRead:
+        return WriteRead(self._address, bytes([register]), count)
+
+
+DRIVER = Driver(Icm20948Knobs, lambda knobs, mount, _vehicle: Icm20948(knobs, mount.address, mount.calibration))

@@ -1,0 +1,129 @@
+"""From the bytes of an ICM-20948's samples to readings: scale, correct, stamp, and refuse what cannot be true."""
+
+from __future__ import annotations
+
+import struct
+from itertools import pairwise
+
+from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped
+from hindrax_core.readings import Inertial, Reading, Vec3
+from hindrax_drivers.imu_calibration import Correction
+from hindrax_drivers.timebase import Timebase
+
+SAMPLE = struct.Struct(">6h")
+LIMITS = (-32768, 32767)
+REPEATS = 2
+"""The noise of six axes is several counts each: more equal samples in a row than this are a device that has hung."""
+HUNG_AFTER = 50
+BELIEVE_AFTER = 3
+"""A step this often confirmed by the samples after it was real, however large."""
+
+Outputs = list[Stamped[Reading] | Rejected]
+Raw = tuple[int, int, int, int, int, int]
+
+
+class Samples:
+    """Decodes samples of 12 bytes in the order in which they were taken; the n-th is tick n of the sample clock."""
+
+    def __init__(
+        self,
+        *,
+        gyro_scale: float,
+        accel_scale: float,
+        largest_rate_step_radps: float,
+        largest_force_step_mps2: float,
+        correction: Correction,
+        rate_Hz: float,
+        timebase: Timebase,
+    ) -> None:
+        self._gyro_scale, self._accel_scale = gyro_scale, accel_scale
+        self._rate_step = largest_rate_step_radps / gyro_scale
+        self._force_step = largest_force_step_mps2 / accel_scale
+        self._correction = None if correction.idle else correction
+        self._period_ns = NS_PER_S / rate_Hz
+        self._timebase = timebase
+        self.bias_radps: Vec3 = (0.0, 0.0, 0.0)
+        self.temperature_C = float("nan")
+        self.restart()
+
+    def restart(self) -> None:
+        """The count of samples is broken: begin anew."""
+        self._timebase.restart()
+        self._ticks = 0
+        self._stamp = Stamp(0)
+        self._last: Raw | None = None
+        self._repeats = self._doubted = 0
+
+    @property
+    def hung(self) -> bool:
+        """Whether samples have been equal for so long that only a reset can help."""
+        return self._repeats > HUNG_AFTER
+
+    def decode(self, data: bytes, arrival: Stamp) -> Outputs:
+        """Decode whole samples that arrived together, oldest first.
+
+        Only the newest tells something about the sample clock: the others waited for it.
+        """
+        outputs: Outputs = []
+        count = len(data) // SAMPLE.size
+        self._ticks += count
+        newest = self._timebase.map(self._ticks, arrival)
+        if arrival < self._stamp:  # no stamp is later than its arrival: the host's clock was set back
+            self._stamp = Stamp(0)
+        period_ns = self._period_ns * (1.0 + 1e-6 * self._timebase.drift_ppm)
+        if self._last is None:
+            self._begin_with(data)
+        for older, raw in zip(range(count - 1, -1, -1), SAMPLE.iter_unpack(data), strict=True):
+            stamp = self._stamp = max(self._stamp, Stamp(newest - round(older * period_ns)))
+            reason = self._doubt(raw)
+            outputs.append(Rejected(stamp, reason, SAMPLE.pack(*raw)) if reason else self._reading(raw, stamp))
+        return outputs
+
+    def _begin_with(self, data: bytes) -> None:
+        """The first sample has none before it to be judged by: start from the first that its successor confirms."""
+        for raw, following in pairwise(SAMPLE.iter_unpack(data)):
+            if not self._leaps(raw, following):
+                self._last, self._repeats = raw, -1
+                return
+
+    def decode_one(self, data: bytes, stamp: Stamp) -> Outputs:
+        """Decode one sample that has its stamp already."""
+        raw = SAMPLE.unpack(data)
+        reason = self._doubt(raw)
+        return [Rejected(stamp, reason, data) if reason else self._reading(raw, stamp)]
+
+    def _reading(self, raw: tuple[int, ...], stamp: Stamp) -> Stamped[Reading]:
+        ax, ay, az, gx, gy, gz = raw
+        a, g = self._accel_scale, self._gyro_scale
+        bx, by, bz = self.bias_radps
+        force = (a * ax, a * ay, a * az)
+        if self._correction is not None:
+            force = self._correction.apply(*force)
+        return Stamped(stamp, Inertial(force, (g * gx - bx, g * gy - by, g * gz - bz), self.temperature_C))
+
+    def _doubt(self, raw: Raw) -> str:
+        """Say why a sample cannot be true; an empty string when it can."""
+        last = self._last
+        if raw == last:
+            self._repeats += 1
+            return f"{self._repeats + 1} equal samples" if self._repeats > REPEATS else ""
+        self._repeats = 0
+        if -32768 in raw or 32767 in raw:
+            return "saturated: the motion exceeds the range"
+        if last is not None and self._leaps(raw, last) and self._doubted < BELIEVE_AFTER:
+            self._doubted += 1
+            return "leap: no vehicle moves like that"
+        self._doubted = 0
+        self._last = raw
+        return ""
+
+    def _leaps(self, raw: Raw, last: Raw) -> bool:
+        force, rate = self._force_step, self._rate_step
+        return (
+            abs(raw[0] - last[0]) > force
+            or abs(raw[1] - last[1]) > force
+            or abs(raw[2] - last[2]) > force
+            or abs(raw[3] - last[3]) > rate
+            or abs(raw[4] - last[4]) > rate
+            or abs(raw[5] - last[5]) > rate
+        )

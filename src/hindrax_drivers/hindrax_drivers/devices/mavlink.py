@@ -1,0 +1,322 @@
+"""The MAVLink 2 subset between host and thruster controller, sans-IO: bytes in, frames and refusals out.
+
+Frames: https://mavlink.io/en/guide/serialization.html. Messages and the bytes that stand for their definitions
+(CRC_EXTRA): message set common. Signed frames are refused, as the guide asks of an end that cannot check them.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, Self
+
+from hindrax_core.events import Rejected, Stamp
+
+STX = 0xFD
+HEAD, CHECKSUM = 10, 2
+REFUSED_AT_ONCE = 64
+ARM_DISARM = 400
+ARMED_FLAG = 0x80
+UNKNOWN = 0xFFFF
+
+
+class Message(Protocol):
+    """How a message lies in its payload: fields by size, extensions last."""
+
+    NUMBER: ClassVar[int]
+    CRC_EXTRA: ClassVar[int]
+    FIELDS: ClassVar[struct.Struct]
+
+    def values(self) -> tuple[Any, ...]:
+        """Values of all fields, in the order of the wire."""
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Make the message from the values of all its fields."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """HEARTBEAT: what the sender is and whether it is armed; custom_mode is not used."""
+
+    NUMBER: ClassVar[int] = 0
+    CRC_EXTRA: ClassVar[int] = 50
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<IBBBBB")
+
+    type: int
+    autopilot: int
+    base_mode: int
+    system_status: int
+    version: int = 3
+
+    @property
+    def armed(self) -> bool:
+        """MAV_MODE_FLAG_SAFETY_ARMED."""
+        return bool(self.base_mode & ARMED_FLAG)
+
+    def values(self) -> tuple[Any, ...]:
+        """Field by field."""
+        return (0, self.type, self.autopilot, self.base_mode, self.system_status, self.version)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Field by field."""
+        return cls(*values[1:])
+
+
+@dataclass(frozen=True, slots=True)
+class ServoOutput:
+    """SERVO_OUTPUT_RAW: pulses that the controller puts out, sixteen channels [us], 0 where there is none."""
+
+    NUMBER: ClassVar[int] = 36
+    CRC_EXTRA: ClassVar[int] = 222
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<I8HB8H")
+
+    time_us: int
+    pulses_us: tuple[int, ...]
+
+    def values(self) -> tuple[Any, ...]:
+        """The port, between the first and the second eight channels, is always 0."""
+        pulses = (self.pulses_us + (0,) * 16)[:16]
+        return (self.time_us, *pulses[:8], 0, *pulses[8:])
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Without the port."""
+        return cls(values[0], (*values[1:9], *values[10:]))
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelsOverride:
+    """RC_CHANNELS_OVERRIDE: pulses wanted, up to eighteen channels [us]."""
+
+    NUMBER: ClassVar[int] = 70
+    CRC_EXTRA: ClassVar[int] = 124
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<8HBB10H")
+
+    pulses_us: tuple[int, ...]
+    target_system: int = 1
+    target_component: int = 1
+
+    def values(self) -> tuple[Any, ...]:
+        """Channels that are not given: "ignore" for the first eight, nothing at all for the extensions."""
+        first = (self.pulses_us + (UNKNOWN,) * 8)[:8]
+        more = (self.pulses_us[8:] + (0,) * 10)[:10]
+        return (*first, self.target_system, self.target_component, *more)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """The target lies between the first eight channels and the extensions."""
+        return cls((*values[:8], *values[10:]), values[8], values[9])
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLong:
+    """COMMAND_LONG: a command with its first parameter; the other six are zero."""
+
+    NUMBER: ClassVar[int] = 76
+    CRC_EXTRA: ClassVar[int] = 152
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<7fHBBB")
+
+    command: int
+    parameter: float
+    confirmation: int = 0
+    target_system: int = 1
+    target_component: int = 1
+
+    def values(self) -> tuple[Any, ...]:
+        """Parameters come first, being the largest fields."""
+        target = (self.target_system, self.target_component)
+        return (self.parameter, *(0.0,) * 6, self.command, *target, self.confirmation)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Parameters come first, being the largest fields."""
+        return cls(values[7], values[0], values[10], values[8], values[9])
+
+
+@dataclass(frozen=True, slots=True)
+class CommandAck:
+    """COMMAND_ACK: a command and its MAV_RESULT, 0 for accepted."""
+
+    NUMBER: ClassVar[int] = 77
+    CRC_EXTRA: ClassVar[int] = 143
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<HBBiBB")
+
+    command: int
+    result: int
+
+    def values(self) -> tuple[Any, ...]:
+        """All extensions are zero."""
+        return (self.command, self.result, 0, 0, 0, 0)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Without the extensions."""
+        return cls(*values[:2])
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryStatus:
+    """BATTERY_STATUS: sum of the cells that are known [V], current [A] or None."""
+
+    NUMBER: ClassVar[int] = 147
+    CRC_EXTRA: ClassVar[int] = 154
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<iih10HhBBBbiB4HBI")
+
+    voltage_V: float
+    current_A: float | None
+
+    def values(self) -> tuple[Any, ...]:
+        """The voltage goes as that of the first cell [mV], the current in hundredths of an ampere."""
+        cells = (round(self.voltage_V * 1e3), *(UNKNOWN,) * 9)
+        current = -1 if self.current_A is None else round(self.current_A * 100.0)
+        return (-1, -1, 0x7FFF, *cells, current, 0, 0, 0, -1, 0, 0, *(0,) * 4, 0, 0)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Cells that do not exist say 65535; a current that is not measured says -1."""
+        cells = [cell for cell in values[3:13] if cell != UNKNOWN]
+        return cls(sum(cells) / 1e3, None if values[13] < 0 else values[13] / 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText:
+    """STATUSTEXT: a sentence of at most 50 bytes, with MAV_SEVERITY (0 emergency to 7 debug)."""
+
+    NUMBER: ClassVar[int] = 253
+    CRC_EXTRA: ClassVar[int] = 83
+    FIELDS: ClassVar[struct.Struct] = struct.Struct("<B50sHB")
+
+    severity: int
+    text: str
+
+    def values(self) -> tuple[Any, ...]:
+        """One piece: longer texts are cut."""
+        return (self.severity, self.text.encode()[:50], 0, 0)
+
+    @classmethod
+    def of(cls, values: tuple[Any, ...]) -> Self:
+        """Up to the first zero."""
+        return cls(values[0], values[1].partition(b"\x00")[0].decode(errors="replace"))
+
+
+_MESSAGES: tuple[type[Message], ...] = (
+    Heartbeat,
+    ServoOutput,
+    ChannelsOverride,
+    CommandLong,
+    CommandAck,
+    BatteryStatus,
+    StatusText,
+)
+_BY_NUMBER = {message.NUMBER: message for message in _MESSAGES}
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A message whose checksum holds, and who sent it."""
+
+    system: int
+    component: int
+    sequence: int
+    message: Message
+
+
+def encode(message: Message, sequence: int, system: int = 1, component: int = 191) -> bytes:
+    """One frame. Zeros at the end of the payload are left out, but for its first byte."""
+    payload = message.FIELDS.pack(*message.values()).rstrip(b"\x00") or b"\x00"
+    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)
+    body = head + message.NUMBER.to_bytes(3, "little") + payload
+    return bytes([STX]) + body + checksum(body, message.CRC_EXTRA).to_bytes(2, "little")
+
+
+def checksum(body: bytes, crc_extra: int) -> int:
+    """CRC-16/MCRF4XX of a frame without its start byte, then of the byte of its definition."""
+    crc = 0xFFFF
+    for byte in body:
+        crc = crc >> 8 ^ _TABLE[(crc ^ byte) & 0xFF]
+    return crc >> 8 ^ _TABLE[(crc ^ crc_extra) & 0xFF]
+
+
+class Decoder:
+    """Cuts a stream of bytes into frames; any cutting of the stream gives the same events.
+
+    A start byte that begins nothing valid is dropped alone, and what follows is looked at again: no frame is lost to
+    garbage before it, nor to a corrupt length.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._refused = bytearray()
+        self._why = ""
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterator[Frame | Rejected]:
+        """Everything that is complete by now. Refused bytes come before the frame that ends them, 64 at a time."""
+        self._buffer += data
+        while len(self._buffer) >= HEAD:
+            start = self._buffer.find(STX)
+            if start:
+                yield from self._refuse(len(self._buffer) if start < 0 else start, "no start of a frame", stamp)
+                continue
+            size, why = self._judge_head()
+            if size > len(self._buffer):
+                break
+            if why or (why := self._judge_checksum(size)):
+                yield from self._refuse(1, why, stamp)
+                continue
+            if self._refused:
+                yield self._flush(len(self._refused), stamp)
+            yield self._take(size)
+
+    def _judge_head(self) -> tuple[int, str]:
+        length, incompatible = self._buffer[1], self._buffer[2]
+        number = int.from_bytes(self._buffer[7:10], "little")
+        message = _BY_NUMBER.get(number)
+        if incompatible:
+            return 0, "signed, or of a later version"
+        if message is None:
+            return 0, f"unknown message {number}"
+        if not 0 < length <= message.FIELDS.size:
+            return 0, f"impossible length for message {number}"
+        return HEAD + length + CHECKSUM, ""
+
+    def _judge_checksum(self, size: int) -> str:
+        body = bytes(self._buffer[1 : size - CHECKSUM])
+        found = int.from_bytes(self._buffer[size - CHECKSUM : size], "little")
+        return "" if checksum(body, self._message().CRC_EXTRA) == found else "checksum"
+
+    def _message(self) -> type[Message]:
+        return _BY_NUMBER[int.from_bytes(self._buffer[7:10], "little")]
+
+    def _take(self, size: int) -> Frame:
+        _, length, _, _, sequence, system, component = self._buffer[:7]
+        message = self._message()
+        payload = bytes(self._buffer[HEAD : HEAD + length]).ljust(message.FIELDS.size, b"\x00")
+        del self._buffer[:size]
+        return Frame(system, component, sequence, message.of(message.FIELDS.unpack(payload)))
+
+    def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
+        # The first reason that names a frame says more than that there was none.
+        if not self._refused or self._why == "no start of a frame":
+            self._why = why
+        self._refused += self._buffer[:count]
+        del self._buffer[:count]
+        while len(self._refused) >= REFUSED_AT_ONCE:
+            yield self._flush(REFUSED_AT_ONCE, stamp)
+
+    def _flush(self, count: int, stamp: Stamp) -> Rejected:
+        refused = bytes(self._refused[:count])
+        del self._refused[:count]
+        return Rejected(stamp, self._why, refused)
+
+
+def _table_entry(byte: int) -> int:
+    crc = byte
+    for _ in range(8):
+        crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+    return crc
+
+
+_TABLE = tuple(_table_entry(byte) for byte in range(256))

@@ -1,0 +1,248 @@
+"""TE MS5837-30BA and -02BA: absolute pressure and water temperature.
+
+Sources: TE MS5837-30BA rev C2 (12/2019) pages 7, 9, 11; MS5837-02BA pages 6, 7, 9; second order as the Blue Robotics
+MS5837 library computes it. All divisions round down: only so does the datasheet's example come out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.device import Identity
+from hindrax_core.events import Rejected, Stamp, Stamped, after
+from hindrax_core.knobs import choice, knob
+from hindrax_core.readings import Pressure, Reading
+from hindrax_core.vehicle import GRAVITY_mps2
+from hindrax_drivers.driver import Driver
+
+Model: TypeAlias = Literal["30BA", "02BA"]
+
+ADDRESS = 0x76
+RESET = 0x1E
+PROM_READ = 0xA0
+ADC_READ = 0x00
+CONVERT_D1 = 0x40
+CONVERT_D2 = 0x50
+PROM_WORDS = 7
+RELOAD_S = 0.01
+
+OSRS = ("256", "512", "1024", "2048", "4096", "8192")
+CONVERSION_S = (0.00064, 0.00128, 0.00256, 0.0051, 0.0102, 0.0205)
+"""2.5 us per sample of oversampling, as the vendor's own library waits; the longest conversion is 2.2 us per sample."""
+
+C1_LOWEST, C1_BORDER, C1_HIGHEST = 26_000, 37_000, 49_000
+"""C1 tells the models apart where the product number does not: fielded 30BA parts carry zero there."""
+
+LIMITS_Pa = {"30BA": (0.0, 3.1e6), "02BA": (1_000.0, 250_000.0)}
+"""What the part can measure at all; 30 bar and 2 bar and a margin for the weather."""
+LIMITS_C = (-40.0, 85.0)
+LARGEST_STEP_C = 2.0
+REPEATS = 10
+"""The noise is tens of counts, so this many equal conversions in a row are a device that has hung."""
+HUNG_AFTER = 50
+BELIEVE_AFTER = 3
+"""A leap this often confirmed was real, however large."""
+
+FRESH_kgpm3, SEA_kgpm3 = 997.0, 1029.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ms5837Knobs:
+    """How the pressure sensor is set up."""
+
+    model: str = choice("auto", ("auto", "30BA", "02BA"), "which part it is; auto: by its calibration")
+    oversampling: str = choice("4096", OSRS, "samples per conversion; 4096 lets 50 Hz be reached")
+    period_s: float = knob(0.02, 0.002, 1.0, "time between two readings [s]")
+    temperature_every: int = knob(10, 1, 1000, "the temperature is converted for every n-th reading [-]")
+    largest_step_Pa: float = knob(1_000.0, 100.0, 1e6, "larger steps between two readings are damage [Pa]")
+
+
+DEFAULT_KNOBS = Ms5837Knobs()
+
+
+@dataclass(frozen=True, slots=True)
+class Prom:
+    """The part's own calibration: words C1 to C6, and the model they were read as."""
+
+    model: Model
+    c: tuple[int, int, int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Compensated:
+    """Temperature and pressure in the steps of the datasheet: 0.01 C; 0.1 mbar (30BA) or 0.01 mbar (02BA)."""
+
+    temperature_cC: int
+    pressure_steps: int
+
+
+def crc4(words: Sequence[int]) -> int:
+    """Checksum over seven PROM words, the four bits that hold it left out. DS 30BA page 9."""
+    remainder = 0
+    for word in (words[0] & 0x0FFF, *words[1:PROM_WORDS], 0):
+        for byte in (word >> 8, word & 0xFF):
+            remainder ^= byte
+            for _ in range(8):
+                remainder = (remainder << 1 ^ 0x3000 if remainder & 0x8000 else remainder << 1) & 0xFFFF
+    return remainder >> 12
+
+
+def model_of(c1: int) -> Model | None:
+    """Model by the pressure sensitivity C1; None where no part of either model lies."""
+    if not C1_LOWEST <= c1 <= C1_HIGHEST:
+        return None
+    return "02BA" if c1 > C1_BORDER else "30BA"
+
+
+def compensate(prom: Prom, d1: int, d2: int) -> Compensated:
+    """Second-order compensation in integers that round down. DS 30BA page 7 and 11, DS 02BA page 7 and 9."""
+    c1, c2, c3, c4, c5, c6 = prom.c
+    dt = d2 - (c5 << 8)
+    temperature = 2000 + (dt * c6 >> 23)
+    if prom.model == "30BA":
+        offset, sensitivity, shift = (c2 << 16) + (c4 * dt >> 7), (c1 << 15) + (c3 * dt >> 8), 13
+        ti, offset_i, sensitivity_i = _second_order_30(dt, temperature)
+    else:
+        offset, sensitivity, shift = (c2 << 17) + (c4 * dt >> 6), (c1 << 16) + (c3 * dt >> 7), 15
+        ti, offset_i, sensitivity_i = _second_order_02(dt, temperature)
+    pressure = (d1 * (sensitivity - sensitivity_i) >> 21) - (offset - offset_i) >> shift
+    return Compensated(temperature - ti, pressure)
+
+
+def _second_order_30(dt: int, temperature: int) -> tuple[int, int, int]:
+    warm = temperature - 2000
+    if warm >= 0:
+        return 2 * dt * dt >> 37, warm * warm >> 4, 0
+    offset, sensitivity = 3 * warm * warm >> 1, 5 * warm * warm >> 3
+    if temperature < -1500:
+        cold = temperature + 1500
+        offset, sensitivity = offset + 7 * cold * cold, sensitivity + 4 * cold * cold
+    return 3 * dt * dt >> 33, offset, sensitivity
+
+
+def _second_order_02(dt: int, temperature: int) -> tuple[int, int, int]:
+    warm = temperature - 2000
+    if warm >= 0:
+        return 0, 0, 0
+    return 11 * dt * dt >> 35, 31 * warm * warm >> 3, 63 * warm * warm >> 5
+
+
+def to_reading(prom: Prom, value: Compensated) -> Pressure:
+    """Steps of the datasheet to SI."""
+    step_Pa = 10.0 if prom.model == "30BA" else 1.0
+    return Pressure(value.pressure_steps * step_Pa, value.temperature_cC * 0.01)
+
+
+def depth_m(pressure_Pa: float, surface_Pa: float, density_kgpm3: float = FRESH_kgpm3) -> float:
+    """Depth below the point where the surface pressure was taken (tare), for water of one density."""
+    return (pressure_Pa - surface_Pa) / (density_kgpm3 * GRAVITY_mps2)
+
+
+class Ms5837:
+    """The sensor at an address (0 for 0x76). Between the two conversions of a turn the bus is free for others."""
+
+    def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int = 0) -> None:
+        self._knobs, self._address = knobs, address or ADDRESS
+        osr = OSRS.index(knobs.oversampling)
+        self._command_d1, self._command_d2 = CONVERT_D1 + 2 * osr, CONVERT_D2 + 2 * osr
+        self._wait_s = CONVERSION_S[osr]
+        self._prom: Prom | None = None
+        self._d2 = self._turn = 0
+        self._last: Pressure | None = None
+        self._last_d1 = self._repeats = self._doubted = 0
+
+    @property
+    def period_s(self) -> float:
+        """Time between the starts of two cycles."""
+        return self._knobs.period_s
+
+    def configure(self) -> Program[Identity]:
+        """Reset, read the calibration and check it, tell the model."""
+        yield Write(self._address, bytes([RESET]))
+        yield Pause(RELOAD_S)
+        words = []
+        for index in range(PROM_WORDS):
+            raw = yield WriteRead(self._address, bytes([PROM_READ + 2 * index]), 2)
+            words.append(int.from_bytes(raw, "big"))
+        found, wanted = crc4(words), words[0] >> 12
+        if found != wanted or not any(words):
+            raise DeviceError(
+                f"address {self._address:#04x}: PROM checksum {found:#x}, wanted {wanted:#x} as stored; "
+                "another device, or a disturbed bus"
+            )
+        model, remark = self._model(words[1])
+        self._prom = Prom(model, (words[1], words[2], words[3], words[4], words[5], words[6]))
+        self._last, self._turn, self._repeats, self._doubted = None, 0, 0, 0
+        return Identity(f"MS5837-{model} at {self._address:#04x}, C1 {words[1]}{remark}")
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        """Convert the temperature when it is due, then the pressure; valid in the middle of its conversion."""
+        assert self._prom is not None
+        begin_s = 0.0
+        if self._turn % self._knobs.temperature_every == 0:
+            self._d2 = yield from self._convert(self._command_d2)
+            begin_s = self._wait_s
+        d1 = yield from self._convert(self._command_d1)
+        self._turn += 1
+        if self._repeats >= HUNG_AFTER:
+            raise DeviceError(f"address {self._address:#04x}: gives the same conversion again and again")
+        reading = to_reading(self._prom, compensate(self._prom, d1, self._d2))
+        valid = after(stamp, begin_s + 0.5 * self._wait_s)
+        reason = self._doubt(self._prom, d1, reading)
+        if reason:
+            self._turn = 0  # the temperature may be what is wrong
+            return [Rejected(valid, reason, d1.to_bytes(3, "big") + self._d2.to_bytes(3, "big"))]
+        return [Stamped(valid, reading)]
+
+    def _convert(self, command: int) -> Program[int]:
+        """One conversion. The converter answers 0 when it is read too early, and the conversion is lost."""
+        yield Write(self._address, bytes([command]))
+        yield Pause(self._wait_s)
+        raw = yield WriteRead(self._address, bytes([ADC_READ]), 3)
+        value = int.from_bytes(raw, "big")
+        if value == 0:
+            raise DeviceError(f"address {self._address:#04x}: conversion {command:#04x} gave 0: read early, or lost")
+        return value
+
+    def _model(self, c1: int) -> tuple[Model, str]:
+        """Model wanted by the knob, or told by the calibration; a contradiction is remarked in the identity."""
+        told = model_of(c1)
+        if self._knobs.model == "auto":
+            if told is None:
+                raise DeviceError(
+                    f"address {self._address:#04x}: C1 {c1} fits neither 30BA ({C1_LOWEST} to {C1_BORDER}) nor 02BA "
+                    f"(to {C1_HIGHEST}); set the parameter `model`"
+                )
+            return told, ""
+        model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
+        return model, "" if told == model else f" (its calibration looks like {told or 'neither model'})"
+
+    def _doubt(self, prom: Prom, d1: int, reading: Pressure) -> str:
+        """Say why a reading cannot be true; an empty string when it can."""
+        lowest_Pa, highest_Pa = LIMITS_Pa[prom.model]
+        if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
+            return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{prom.model} measures"
+        if not LIMITS_C[0] <= reading.temperature_C <= LIMITS_C[1]:
+            return f"{reading.temperature_C:.1f} C is outside what an MS5837-{prom.model} measures"
+        self._repeats = self._repeats + 1 if d1 == self._last_d1 else 0
+        self._last_d1 = d1
+        if self._repeats >= REPEATS:
+            return f"{self._repeats + 1} equal conversions"
+        return self._leap(reading)
+
+    def _leap(self, reading: Pressure) -> str:
+        """Compare with the last reading that was believed; a leap that stays was real."""
+        last = self._last
+        if last is not None and self._doubted < BELIEVE_AFTER:
+            step_Pa, step_C = reading.pressure_Pa - last.pressure_Pa, reading.temperature_C - last.temperature_C
+            if abs(step_Pa) > self._knobs.largest_step_Pa or abs(step_C) > LARGEST_STEP_C:
+                self._doubted += 1
+                return f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K: no vehicle moves like that"
+        self._doubted, self._last = 0, reading
+        return ""
+
+
+DRIVER = Driver(Ms5837Knobs, lambda knobs, mount, _vehicle: Ms5837(knobs, mount.address))

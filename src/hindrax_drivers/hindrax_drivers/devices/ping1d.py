@@ -1,0 +1,307 @@
+"""Blue Robotics Ping1D and Ping2 echo sounders.
+
+After the port is opened: wake and ask who is there (again and again, the automatic choice of the line speed fails now
+and then), give the orders one by one, then measure. An order holds when the device, asked back, says the wanted
+value, or has acknowledged it; one that is refused is told and left. A sonar that lost its power may have lost its
+settings, so all of this is done again whenever it falls silent or its ping numbers start anew.
+
+A distance is stamped with the moment of the echo. The sonar speaks after it has listened to the whole scan, so the
+echo is older than the message by the rest of the scan and by the message's time on the wire. When it is polled, the
+answer is moreover up to one ping interval old, which cannot be known from outside. Stamps never go back, also when
+several messages arrive at once.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import DeviceText, Echo, EchoProfile
+from hindrax_drivers.devices import ping_protocol as protocol
+from hindrax_drivers.devices.ping1d_orders import DEFAULT_KNOBS, Order, Ping1dKnobs, orders
+from hindrax_drivers.devices.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
+from hindrax_drivers.devices.vigil import Vigil
+from hindrax_drivers.driver import Driver, in_water
+
+__all__ = ["HELLO", "Order", "Ping1d", "Ping1dKnobs", "orders"]
+
+HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
+HALF_COUNT = 1 << 31
+FARTHEST_mm = 140_000
+
+
+class Ping1d:
+    """Serial device: frames in, Echo (and EchoProfile where asked) out."""
+
+    def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> None:
+        self._knobs = knobs
+        self._frames = FrameSplitter()
+        wanted = f"Ping frames at {knobs.baud} baud"
+        self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
+        self._vigil = Vigil("Ping", wanted, self._stall_s)
+        self._takers: dict[int, Callable[[Frame, Stamp], list[Output]]] = {
+            protocol.DEVICE_INFORMATION: self._take_identity,
+            protocol.ACK: self._take_ack,
+            protocol.NACK: self._take_nack,
+            protocol.TEXT: self._take_text,
+            protocol.DISTANCE_SIMPLE: self._take_simple,
+            protocol.DISTANCE: self._take_echo,
+            protocol.PROFILE: self._take_echo,
+        }
+        self._lost = 0
+        self._profile_wanted = knobs.profile
+        self._round_trip_s: float | None = None
+        self._told_stranger = False
+        self._last_stamp = Stamp(0)
+        self._forget(Stamp(0))
+
+    def _forget(self, stamp: Stamp) -> None:
+        self._running = self._known = self._acked = False
+        self._orders: deque[Order] = deque()
+        self._tries = 0
+        self._asked = stamp
+        self._waiting = False
+        self._last_ping = -1
+        self._fresh = stamp
+        self._told_gap = Stamp(-1 << 62)
+
+    @property
+    def baud(self) -> int:
+        """Line speed."""
+        return self._knobs.baud
+
+    @property
+    def ready(self) -> bool:
+        """Whether a Ping sonar has answered and been through all orders."""
+        return self._running and self._vigil.condition == "well"
+
+    @property
+    def lost_pings(self) -> int:
+        """Pings whose number was skipped in a continuous stream."""
+        return self._lost
+
+    @property
+    def round_trip_s(self) -> float | None:
+        """Time from the last question to its answer; None before the first."""
+        return self._round_trip_s
+
+    def request_profile(self) -> list[Output]:
+        """Ask that the next echo come with its profile; give the result to the port."""
+        self._profile_wanted = True
+        streaming = self._running and self._knobs.continuous
+        return [] if streaming else [Send(protocol.request(protocol.PROFILE))]
+
+    def start(self, stamp: Stamp) -> list[Output]:
+        """Wake the sonar and ask who is there."""
+        self._frames.clear()
+        self._vigil.restart(stamp)
+        self._last_stamp = Stamp(0)
+        return self._hello(stamp)
+
+    def _hello(self, stamp: Stamp) -> list[Output]:
+        self._forget(stamp)
+        return self._ask(Send(HELLO, wake=True), stamp)
+
+    def _ask(self, question: Send, stamp: Stamp) -> list[Output]:
+        self._asked = stamp
+        self._waiting = True
+        return [question]
+
+    def _answered(self, stamp: Stamp) -> None:
+        if self._waiting:
+            self._round_trip_s = seconds_between(self._asked, stamp)
+            self._waiting = False
+
+    def feed(self, data: bytes, stamp: Stamp) -> list[Output]:
+        """Decode what has arrived; what is refused comes back as Rejected, in the order of the bytes."""
+        self._vigil.heard = stamp
+        outputs: list[Output] = []
+        for piece in self._frames.feed(data):
+            if isinstance(piece, Refused):
+                outputs.append(Rejected(stamp, f"frame: {piece.reason}", piece.data))
+            else:
+                outputs += self._take(piece, stamp)
+        return outputs
+
+    def _take(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        self._vigil.understood = stamp
+        taker = self._takers.get(frame.id)
+        outputs = taker(frame, stamp) if taker is not None else []
+        if self._orders and frame.id == self._orders[0].proof:
+            outputs += self._prove(frame, stamp)
+        return outputs
+
+    def _take_identity(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        kind, revision, major, minor, patch, _ = frame.payload
+        self._answered(stamp)
+        if self._known:
+            return []
+        if kind != protocol.PING1D_TYPE:
+            if self._told_stranger:
+                return []
+            self._told_stranger = True
+            wanted = f"wanted {protocol.PING1D_TYPE} (Ping1D, Ping2); check which device is on this port"
+            return [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
+        self._known = True
+        self._told_stranger = False
+        self._orders = deque(orders(self._knobs))
+        identity = Identity(f"Blue Robotics Ping sonar, revision {revision}, firmware {major}.{minor}.{patch}")
+        return [identity, *self._give_order(stamp)]
+
+    def _give_order(self, stamp: Stamp) -> list[Output]:
+        """Give the order in front for the first time; without one, measuring begins."""
+        self._tries = 1
+        self._acked = False
+        self._found: int | None = None
+        if not self._orders:
+            self._running = True
+            self._fresh = stamp
+            self._waiting = False
+            return []
+        return self._ask(Send(self._orders[0].frames), stamp)
+
+    def _next_order(self, stamp: Stamp) -> list[Output]:
+        self._orders.popleft()
+        return self._give_order(stamp)
+
+    def _take_ack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        if not self._orders or protocol.about(frame) != self._orders[0].message:
+            return []
+        self._acked = True
+        return [] if self._orders[0].proof else self._next_order(stamp)
+
+    def _take_nack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        reason = frame.payload[2:].decode("ascii", "replace").strip("\0 ") or "no reason given"
+        if self._orders and protocol.about(frame) == self._orders[0].message:
+            name = self._orders[0].name
+            return [Trouble(stamp, f"Ping: {name} refused ({reason})"), *self._next_order(stamp)]
+        return [Trouble(stamp, f"Ping: message {protocol.about(frame)} refused ({reason})")]
+
+    def _prove(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        """The device says what is set: as ordered, or the order is given again when the answer's time is over."""
+        if not self._orders[0].holds(frame):
+            self._acked = False
+            self._found = int.from_bytes(frame.payload, "little")
+            return []
+        self._answered(stamp)
+        return self._next_order(stamp)
+
+    def _take_text(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        text = frame.payload.decode("ascii", "replace").strip("\0\r\n ")
+        return [Stamped(stamp, DeviceText(text))] if text else []
+
+    def _take_simple(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        if not self._running:
+            return []
+        distance_mm, percent = protocol.simple(frame)
+        refused = self._refusal(distance_mm, percent)
+        if refused:
+            return [Rejected(stamp, f"distance: {refused}", frame.payload)]
+        self._fresh = stamp
+        at = self._moment(stamp, self._age_s(frame, distance_mm))
+        return [Stamped(at, Echo(distance_mm * 0.001, percent * 0.01))]
+
+    def _take_echo(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        if not self._running:
+            return []
+        if not self._knobs.continuous:
+            self._answered(stamp)
+        message = protocol.echo(frame)
+        if message is None:
+            return [Rejected(stamp, "profile: count", frame.payload)]
+        outputs = self._number(message, stamp)
+        if outputs is None:
+            return []
+        if not self._running:
+            # A sonar that has restarted reckons with settings of its own until it is set up again.
+            return outputs
+        refused = self._refusal(message.distance_mm, message.confidence, message)
+        if refused:
+            return [*outputs, Rejected(stamp, f"distance: {refused}", frame.payload)]
+        reach_mm = message.start_mm + message.length_mm
+        at = self._moment(stamp, self._age_s(frame, 2 * reach_mm - message.distance_mm))
+        return [*outputs, *(Stamped(at, reading) for reading in self._readings(message))]
+
+    def _readings(self, message: EchoMessage) -> list[Echo | EchoProfile]:
+        range_m, confidence = message.distance_mm * 0.001, message.confidence * 0.01
+        echo = Echo(range_m, confidence, message.ping_number)
+        if not self._profile_wanted or not message.strength:
+            return [echo]
+        self._profile_wanted = self._knobs.profile
+        scan = (message.start_mm * 0.001, message.length_mm * 0.001)
+        return [echo, EchoProfile(range_m, confidence, message.ping_number, *scan, message.gain, message.strength)]
+
+    def _refusal(self, distance_mm: int, percent: int, message: EchoMessage | None = None) -> str:
+        """Why a distance is not believed, or an empty text."""
+        if percent > 100 or not 0 < distance_mm <= FARTHEST_mm:
+            return "range"
+        if message is not None and not distance_mm <= message.start_mm + message.length_mm <= FARTHEST_mm:
+            return "range"
+        return "confidence" if percent * 0.01 < self._knobs.min_confidence else ""
+
+    def _age_s(self, frame: Frame, path_mm: int) -> float:
+        """Age of an echo when the last byte of its message is there; `path_mm`: sound's way after the echo."""
+        on_wire_s = frame.size * 10.0 / self._knobs.baud
+        return on_wire_s + path_mm * 0.001 / self._knobs.speed_of_sound_mps + self._knobs.latency_s
+
+    def _moment(self, arrival: Stamp, age_s: float) -> Stamp:
+        """Time of an echo, never before the one before, unless the host's clock was set back."""
+        at = after(arrival, -age_s)
+        self._last_stamp = at if self._last_stamp > arrival else max(at, self._last_stamp)
+        return self._last_stamp
+
+    def _number(self, message: EchoMessage, stamp: Stamp) -> list[Output] | None:
+        """Look at the ping number: None for one seen before; a new start and a gap are told."""
+        ahead = (message.ping_number - self._last_ping) & 0xFFFFFFFF if self._last_ping >= 0 else 1
+        if ahead == 0:
+            return None
+        before, self._last_ping = self._last_ping, message.ping_number
+        self._fresh = stamp
+        if ahead >= HALF_COUNT:
+            sentence = f"Ping: the sonar has restarted (ping {before}, then {message.ping_number}); setting it up again"
+            return [Trouble(stamp, sentence), *self._hello(stamp)]
+        if ahead == 1 or not self._knobs.continuous:
+            return []
+        self._lost += ahead - 1
+        if seconds_between(self._told_gap, stamp) < 10.0:
+            return []
+        self._told_gap = stamp
+        return [Trouble(stamp, f"Ping: {ahead - 1} pings lost before number {message.ping_number}")]
+
+    def tick(self, stamp: Stamp) -> list[Output]:
+        """Notice silence and foreign talk (both are answered by a new start); repeat orders; poll."""
+        outputs: list[Output] = [*self._vigil.tick(stamp)]
+        waited_s = seconds_between(self._asked, stamp)
+        if (self._running or self._orders) and self._vigil.condition != "well":
+            return [*outputs, *self._hello(stamp)]
+        if self._running and seconds_between(self._fresh, stamp) > self._stall_s:
+            sentence = f"Ping: no new ping for {self._stall_s:g} s although it answers; setting it up again"
+            return [*outputs, Trouble(stamp, sentence), *self._hello(stamp)]
+        if self._orders:
+            return [*outputs, *(self._repeat_order(stamp) if waited_s >= self._knobs.answer_s else [])]
+        if not self._known:
+            return [*outputs, *(self._hello(stamp) if waited_s >= self._knobs.answer_s else [])]
+        return [*outputs, *self._poll(stamp, waited_s)]
+
+    def _repeat_order(self, stamp: Stamp) -> list[Output]:
+        order = self._orders[0]
+        if self._acked and order.proof != protocol.PROFILE:
+            return self._next_order(stamp)
+        if self._tries >= self._knobs.tries:
+            found = "no answer" if self._found is None else self._found
+            wanted = int.from_bytes(order.payload, "little")
+            sentence = f"{order.name} after {self._tries} tries: found {found}, wanted {wanted}; check the firmware"
+            return [Trouble(stamp, f"Ping: {sentence}"), *self._next_order(stamp)]
+        self._tries += 1
+        return self._ask(Send(order.frames), stamp)
+
+    def _poll(self, stamp: Stamp, waited_s: float) -> list[Output]:
+        if self._knobs.continuous or waited_s < (self._knobs.answer_s if self._waiting else self._knobs.interval_s):
+            return []
+        message = protocol.PROFILE if self._profile_wanted else protocol.DISTANCE
+        return self._ask(Send(protocol.request(message)), stamp)
+
+
+DRIVER = Driver(Ping1dKnobs, lambda knobs, _mount, vehicle: Ping1d(in_water(knobs, vehicle)))

@@ -1,0 +1,202 @@
+"""The Ping protocol of Blue Robotics: frames out of a byte stream and back, and the messages of a Ping1D or Ping2.
+
+Source: github.com/bluerobotics/ping-protocol, docs/index.md (frame, checksum), src/definitions/common.json and
+ping1d.json (messages). A frame, little endian: `BR`, payload length u16, message id u16, source u8, destination u8,
+payload, checksum u16: the sum of all bytes before it.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import TypeAlias
+
+MARK = b"BR"
+HEADER = struct.Struct("<2sHHBB")
+CHECKSUM = struct.Struct("<H")
+
+ACK, NACK, TEXT, DEVICE_INFORMATION, PROTOCOL_VERSION, GENERAL_REQUEST = 1, 2, 3, 4, 5, 6
+SET_RANGE, SET_SPEED_OF_SOUND, SET_MODE_AUTO, SET_INTERVAL, SET_GAIN, SET_PING_ENABLE = range(1001, 1007)
+SPEED_OF_SOUND, RANGE, MODE_AUTO, INTERVAL, GAIN = range(1203, 1208)
+DISTANCE_SIMPLE, DISTANCE, PING_ENABLE, PROFILE = 1211, 1212, 1215, 1300
+CONTINUOUS_START, CONTINUOUS_STOP = 1400, 1401
+PING1D_TYPE = 1
+
+_ECHO = struct.Struct("<IHHIIII")
+_SIMPLE = struct.Struct("<IB")
+
+LONGEST_TEXT = 256
+LONGEST_PROFILE = 1024
+_LENGTHS = {
+    ACK: (2, 2),
+    NACK: (2, 2 + LONGEST_TEXT),
+    TEXT: (0, LONGEST_TEXT),
+    DEVICE_INFORMATION: (6, 6),
+    PROTOCOL_VERSION: (4, 4),
+    1200: (6, 6),
+    1201: (1, 1),
+    1202: (2, 2),
+    SPEED_OF_SOUND: (4, 4),
+    RANGE: (8, 8),
+    MODE_AUTO: (1, 1),
+    INTERVAL: (2, 2),
+    GAIN: (4, 4),
+    1208: (2, 2),
+    1210: (10, 10),
+    DISTANCE_SIMPLE: (5, 5),
+    DISTANCE: (24, 24),
+    1213: (2, 2),
+    1214: (2, 2),
+    PING_ENABLE: (1, 1),
+    PROFILE: (26, 26 + LONGEST_PROFILE),
+}
+"""Shortest and longest payload of each message a Ping1D sends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame whose checksum holds and whose payload has a length that its message can have."""
+
+    id: int
+    payload: bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes it took on the wire."""
+        return len(self.payload) + HEADER.size + CHECKSUM.size
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Bytes that are no frame."""
+
+    reason: str
+    data: bytes
+
+
+_BITE = 4096
+"""Bytes looked at in one go, so that a flood of false marks stays cheap."""
+
+Piece: TypeAlias = Frame | Refused
+
+
+@dataclass(frozen=True, slots=True)
+class EchoMessage:
+    """What 1212 and 1300 say; `strength` is empty for 1212. Lengths in mm as sent, confidence in percent."""
+
+    distance_mm: int
+    confidence: int
+    transmit_us: int
+    ping_number: int
+    start_mm: int
+    length_mm: int
+    gain: int
+    strength: bytes
+
+
+def encode(message: int, payload: bytes = b"") -> bytes:
+    """Frame from the host: source and destination stay zero, as the protocol says they are not implemented."""
+    body = HEADER.pack(MARK, len(payload), message, 0, 0) + payload
+    return body + CHECKSUM.pack(sum(body) & 0xFFFF)
+
+
+def request(message: int) -> bytes:
+    """Ask for a message with a general_request."""
+    return encode(GENERAL_REQUEST, struct.pack("<H", message))
+
+
+def about(frame: Frame) -> int:
+    """Message id that an ack or a nack speaks of."""
+    return int.from_bytes(frame.payload[:2], "little")
+
+
+def echo(frame: Frame) -> EchoMessage | None:
+    """Content of a distance or profile; None when a profile's count does not fit its length."""
+    strength = frame.payload[26:]
+    if frame.id == PROFILE and int.from_bytes(frame.payload[24:26], "little") != len(strength):
+        return None
+    distance, confidence, transmit, number, start, length, gain = _ECHO.unpack_from(frame.payload)
+    return EchoMessage(distance, confidence, transmit, number, start, length, gain, strength)
+
+
+def simple(frame: Frame) -> tuple[int, int]:
+    """Distance [mm] and confidence [%] of a distance_simple."""
+    distance, confidence = _SIMPLE.unpack(frame.payload)
+    return distance, confidence
+
+
+class FrameSplitter:
+    """Finds frames in a byte stream, the same ones however the stream is chunked.
+
+    A frame that turns out to be none costs its first two bytes; the search goes on inside it, so neither a false mark
+    nor a corrupt length can swallow the frames behind. Lengths are checked against the message's own limits before
+    any waiting. Bytes between frames come back as Refused, 64 at a time at most.
+    """
+
+    def __init__(self) -> None:
+        self._bytes = b""
+        self._junk = b""
+        self._excused = 0
+
+    def clear(self) -> None:
+        """Forget unfinished business, as after a reconnection."""
+        self._bytes = self._junk = b""
+        self._excused = 0
+
+    def feed(self, data: bytes) -> list[Piece]:
+        """Frames and refusals that these bytes have completed, in the order of the stream."""
+        pieces: list[Piece] = []
+        for begin in range(0, len(data), _BITE):
+            self._bytes += data[begin : begin + _BITE]
+            while self._find(pieces):
+                pass
+        return pieces
+
+    def _find(self, pieces: list[Piece]) -> bool:
+        """Go to the next mark and judge what it begins; False when more bytes are needed."""
+        start = self._bytes.find(MARK)
+        if start < 0:
+            # The last byte may be the first half of a mark.
+            start = len(self._bytes) - self._bytes.endswith(MARK[:1])
+        self._skip(start, pieces)
+        return len(self._bytes) >= HEADER.size and self._frame(pieces)
+
+    def _frame(self, pieces: list[Piece]) -> bool:
+        """Judge what begins with a mark and a whole header; False when more bytes are needed."""
+        _, length, message, _, _ = HEADER.unpack_from(self._bytes)
+        shortest, longest = _LENGTHS.get(message, (1, 0))
+        if not shortest <= length <= longest:
+            self._refuse("length" if message in _LENGTHS else "unknown", HEADER.size, pieces)
+            return True
+        end = HEADER.size + length
+        if len(self._bytes) < end + CHECKSUM.size:
+            return False
+        if sum(self._bytes[:end]) & 0xFFFF != int.from_bytes(self._bytes[end : end + 2], "little"):
+            self._refuse("checksum", end + CHECKSUM.size, pieces)
+            return True
+        self._flush(pieces)
+        pieces.append(Frame(message, self._bytes[HEADER.size : end]))
+        self._bytes = self._bytes[end + CHECKSUM.size :]
+        self._excused = max(0, self._excused - end - CHECKSUM.size)
+        return True
+
+    def _refuse(self, reason: str, size: int, pieces: list[Piece]) -> None:
+        """Tell a false frame as a whole, then go on behind its mark; what of it is junk is not told again."""
+        self._flush(pieces)
+        pieces.append(Refused(reason, self._bytes[:size]))
+        self._bytes = self._bytes[len(MARK) :]
+        self._excused = max(self._excused, size) - len(MARK)
+
+    def _skip(self, count: int, pieces: list[Piece]) -> None:
+        excused = min(count, self._excused)
+        self._excused -= excused
+        self._junk += self._bytes[excused:count]
+        self._bytes = self._bytes[count:]
+        while len(self._junk) >= 64:
+            pieces.append(Refused("garbage", self._junk[:64]))
+            self._junk = self._junk[64:]
+
+    def _flush(self, pieces: list[Piece]) -> None:
+        if self._junk:
+            pieces.append(Refused("garbage", self._junk))
+            self._junk = b""

@@ -1,0 +1,232 @@
+"""STM32F407 thruster controller over MAVLink 2, as the output to the speed controllers (see `firmware/`).
+
+The controller keeps its own failsafe: it boots disarmed at neutral, arms only after seconds of neutral, and goes
+neutral when overrides stay away for 300 ms. This end says what it wants often enough, and listens to what is really
+put out. An autopilot that speaks the same messages does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import AppliedPulses, Battery, DeviceText
+from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.devices.mavlink import (
+    ARM_DISARM,
+    UNKNOWN,
+    BatteryStatus,
+    ChannelsOverride,
+    CommandAck,
+    CommandLong,
+    Decoder,
+    Frame,
+    Heartbeat,
+    Message,
+    ServoOutput,
+    StatusText,
+    encode,
+)
+from hindrax_drivers.devices.vigil import Vigil
+
+ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
+SEVERITY_WARNING = 4
+CHANNELS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Stm32Knobs:
+    """Rhythm and patience on the line to the controller."""
+
+    baud: int = knob(115200, 9600, 4_000_000, "line speed [Bd]")
+    heartbeat_s: float = knob(1.0, 0.1, 5.0, "time between our heartbeats [s]")
+    override_s: float = knob(0.02, 0.005, 0.1, "time between two overrides [s]")
+    hold_s: float = knob(0.2, 0.05, 0.3, "time for which a wish is repeated without being renewed [s]")
+    lost_s: float = knob(2.5, 0.5, 10.0, "silence after which the controller counts as lost [s]")
+    answer_s: float = knob(0.2, 0.02, 2.0, "wait for the answer to a command [s]")
+    attempts: int = knob(3, 1, 20, "times a command is sent before it counts as unanswered [-]")
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """A command that waits for its answer."""
+
+    arm: bool
+    at: Stamp
+    attempt: int
+
+
+class Stm32:
+    """The serial line to one controller. `channels` in the order of the pulses, thrusters then lights."""
+
+    def __init__(self, channels: Sequence[int], knobs: Stm32Knobs | None = None) -> None:
+        """ValueError for channels that collide or that an override does not have."""
+        if len(set(channels)) != len(channels) or not all(0 <= one < CHANNELS for one in channels) or not channels:
+            raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to {CHANNELS - 1}")
+        self._channels = tuple(channels)
+        self._knobs = Stm32Knobs() if knobs is None else knobs
+        self._vigil = Vigil("stm32", f"MAVLink 2 at {self._knobs.baud} Bd", self._knobs.lost_s)
+        self._sequence = 0
+        self._asked: _Asked | None = None
+        self._wanted: tuple[int, ...] = ()
+        self._forget()
+
+    @property
+    def baud(self) -> int:
+        """Line speed."""
+        return self._knobs.baud
+
+    @property
+    def ready(self) -> bool:
+        """Whether the controller's heartbeat is there."""
+        return self._identity != "" and self._vigil.condition == "well"
+
+    @property
+    def identity(self) -> str:
+        """Who answers; empty as long as nobody does."""
+        return self._identity
+
+    @property
+    def asking(self) -> bool:
+        """Whether a command waits for its answer."""
+        return self._asked is not None
+
+    @property
+    def armed(self) -> bool:
+        """Whether the controller says that it is armed."""
+        return self._armed
+
+    @property
+    def refusal(self) -> str:
+        """Why the controller did not obey the last command; empty when it did, or has not answered yet."""
+        return self._refusal
+
+    def start(self, stamp: Stamp) -> Iterable[Output]:
+        """Begin with a heartbeat; nothing is known of the other end."""
+        self._forget()
+        self._vigil.restart(stamp)
+        self._beat_at = stamp
+        return [self._heartbeat()]
+
+    def override(self, pulses_us: Sequence[float], stamp: Stamp) -> Send:
+        """Say what is wanted [us], now; `tick` repeats it for a short while."""
+        channels = [UNKNOWN] * 8 + [0] * (CHANNELS - 8)
+        for channel, pulse in zip(self._channels, pulses_us, strict=True):
+            channels[channel] = round(pulse)
+        self._wanted = tuple(channels)
+        self._wished_at = self._sent_at = stamp
+        return self._send(ChannelsOverride(self._wanted))
+
+    def arm(self, stamp: Stamp) -> Send:
+        """Ask the controller to arm; the answer shows in `armed` and `refusal`."""
+        return self._ask(_Asked(arm=True, at=stamp, attempt=1))
+
+    def disarm(self, stamp: Stamp) -> Send:
+        """Ask the controller to disarm."""
+        return self._ask(_Asked(arm=False, at=stamp, attempt=1))
+
+    def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
+        """Bytes have arrived."""
+        self._vigil.heard = stamp
+        outputs: list[Output] = []
+        for event in self._decoder.feed(data, stamp):
+            if isinstance(event, Rejected):
+                outputs.append(event)
+            else:
+                self._vigil.understood = stamp
+                outputs += self._take(event, stamp)
+        return outputs
+
+    def tick(self, stamp: Stamp) -> Iterable[Output]:
+        """Heartbeat, repetition, patience."""
+        outputs: list[Output] = list(self._vigil.tick(stamp))
+        if seconds_between(self._beat_at, stamp) >= self._knobs.heartbeat_s:
+            self._beat_at = stamp
+            outputs.append(self._heartbeat())
+        due = seconds_between(self._sent_at, stamp) >= self._knobs.override_s
+        if self._wanted and due and seconds_between(self._wished_at, stamp) < self._knobs.hold_s:
+            self._sent_at = stamp
+            outputs.append(self._send(ChannelsOverride(self._wanted)))
+        return outputs + self._chase(stamp)
+
+    def _forget(self) -> None:
+        self._decoder = Decoder()
+        self._identity, self._refusal, self._complaint, self._armed = "", "", "", False
+        self._asked, self._wanted = None, ()
+        self._wished_at = self._sent_at = self._beat_at = Stamp(0)
+
+    def _take(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        message = frame.message
+        if isinstance(message, Heartbeat):
+            return self._beat(frame, message, stamp)
+        if isinstance(message, ServoOutput):
+            pulses = tuple(float(message.pulses_us[channel]) for channel in self._channels)
+            return [Stamped(stamp, AppliedPulses(pulses))]
+        if isinstance(message, CommandAck):
+            return self._answered(message, stamp)
+        if isinstance(message, BatteryStatus):
+            current = float("nan") if message.current_A is None else message.current_A
+            return [Stamped(stamp, Battery(message.voltage_V, current))]
+        if isinstance(message, StatusText):
+            return [self._said(message, stamp)]
+        return [Rejected(stamp, f"{type(message).__name__} from the controller")]
+
+    def _beat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
+        outputs: list[Output] = []
+        identity = f"MAVLink system {frame.system} component {frame.component}, type {beat.type}"
+        if identity != self._identity:
+            self._identity = identity
+            outputs.append(Identity(identity))
+        if self._armed and not beat.armed and self._asked is None:
+            outputs.append(Trouble(stamp, "stm32: has disarmed itself; see what it said before, then arm again"))
+        self._armed = beat.armed
+        return outputs
+
+    def _said(self, message: StatusText, stamp: Stamp) -> Output:
+        if message.severity <= SEVERITY_WARNING:
+            self._complaint = message.text
+            return Trouble(stamp, f"stm32: {message.text}")
+        return Stamped(stamp, DeviceText(message.text))
+
+    def _answered(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
+        if answer.command != ARM_DISARM or self._asked is None:
+            return []
+        asked, self._asked = self._asked, None
+        if answer.result == 0:
+            self._armed, self._refusal = asked.arm, ""
+            return []
+        self._refusal = self._complaint or f"answered with result {answer.result}"
+        wish = "arm" if asked.arm else "disarm"
+        return [Trouble(stamp, f"stm32: does not {wish}: {self._refusal}")]
+
+    def _chase(self, stamp: Stamp) -> list[Output]:
+        """Repeat a command that was not answered, and give up in the end."""
+        asked = self._asked
+        if asked is None or seconds_between(asked.at, stamp) < self._knobs.answer_s:
+            return []
+        if asked.attempt < self._knobs.attempts:
+            return [self._ask(_Asked(asked.arm, stamp, asked.attempt + 1))]
+        self._asked = None
+        self._refusal = f"no answer to {asked.attempt} requests"
+        return [Trouble(stamp, f"stm32: {self._refusal}; check line and firmware")]
+
+    def _ask(self, asked: _Asked) -> Send:
+        self._asked, self._refusal, self._complaint = asked, "", ""
+        return self._send(CommandLong(ARM_DISARM, 1.0 if asked.arm else 0.0, asked.attempt - 1))
+
+    def _heartbeat(self) -> Send:
+        return self._send(Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))
+
+    def _send(self, message: Message) -> Send:
+        data = encode(message, self._sequence)
+        self._sequence = (self._sequence + 1) & 0xFF
+        return Send(data)
+
+
+def stm32_of(vehicle: Vehicle, knobs: Stm32Knobs | None = None) -> Stm32:
+    """Controller of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
+    thrusters = [thruster.channel for thruster in vehicle.thrusters]
+    return Stm32([*thrusters, *vehicle.output.light_channels], knobs)

@@ -1,0 +1,1 @@
+"""The ROS side of the drivers: the only place here that knows rclpy and messages."""

@@ -1,0 +1,228 @@
+"""The dead man of the thruster output: a PCA9685 goes on with its last pulses for ever, so somebody has to stop it.
+
+Starts the node `thrusters` as its child, without ROS and next to idle itself. When the child dies of whatever cause, or
+stops beating, neutral is written at once and then ten times a second, until a new child has the output in hand. When
+this process dies, the child sees its pipe close, goes neutral and ends. Both in a hurry: the two lie in different
+sessions, so that no signal to a group reaches both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from types import FrameType
+
+from hindrax_core.bus import DeviceError, run
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_drivers.buses.bus import RegisterBus, open_bus
+from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
+from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.nodes.thrusters import ARGUMENTS, NODE_WORD
+
+REPEAT_S = 0.09
+SILENT_S = 0.3
+HUNG_S = 3.0
+FAREWELL_S = 4.0
+BACK_OFF_S = (0.0, 0.5, 1.0, 2.0, 4.0)
+WELL_AFTER_S = 10.0
+"""A child that lived this long was well: the next one is started at once."""
+
+
+class Neutral:
+    """Puts neutral on the wire by itself. An STM32 does that on its own: then there is nothing to do but wait."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._port = settings.port
+        self._chip: Pca9685 | None = None if settings.vehicle.output.device == "stm32" else pca9685_of(settings.vehicle)
+        self._bus: RegisterBus | None = None
+        self._trouble = ""
+
+    def now(self) -> Stamp:
+        """Time of the bus; without one, of the system."""
+        return Stamp(time.time_ns()) if self._bus is None else self._bus.now()
+
+    def write(self) -> None:
+        """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""
+        if self._chip is None:
+            return
+        try:
+            if self._bus is None:
+                self._bus = open_bus(self._port, "thrusters dead man")
+            run(self._chip.hold(), self._bus.transfer, self._pause)
+            self._trouble = ""
+        except DeviceError as error:
+            if str(error) != self._trouble:
+                say(f"cannot write neutral: {error}")
+            self._trouble = str(error)
+
+    def wait(self, until: Stamp, readable: int) -> None:
+        """Sleep until then, until bytes have come, or until `wake`."""
+        if self._bus is None:
+            select.select([readable], (), (), min(1.0, max(0.0, seconds_between(self.now(), until))))
+        else:
+            self._bus.sleep_until(until, readable)
+
+    def wake(self) -> None:
+        """End the sleep, from a signal."""
+        if self._bus is not None:
+            self._bus.wake()
+
+    def close(self) -> None:
+        """Close the bus."""
+        if self._bus is not None:
+            self._bus.close()
+
+    def _pause(self, seconds: float) -> None:
+        assert self._bus is not None
+        end = after(self._bus.now(), seconds)
+        while self._bus.now() < end:
+            self._bus.sleep_until(end)
+
+
+@dataclass(slots=True)
+class Child:
+    """The node's process, the pipe it beats on, the pipe that tells it that we live, and when it was heard."""
+
+    handle: subprocess.Popen[bytes]
+    beats: int
+    life: int
+    born_s: float = field(default_factory=time.monotonic)
+    beaten_at: Stamp | None = None
+    heard_s: float = field(default_factory=time.monotonic)
+
+    @classmethod
+    def start(cls, arguments: Sequence[str]) -> Child:
+        """Start the node in a session of its own."""
+        beats, beat = os.pipe()
+        life_end, life = os.pipe()
+        words = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", NODE_WORD, str(beat), str(life_end)]
+        handle = subprocess.Popen(  # noqa: S603  # our own interpreter and our own module
+            [*words, *arguments], pass_fds=(beat, life_end), start_new_session=True, stdin=subprocess.DEVNULL
+        )
+        os.close(beat)
+        os.close(life_end)
+        os.set_blocking(beats, False)
+        return cls(handle, beats, life)
+
+    def listen(self, now: Stamp) -> bool:
+        """Take the beats that have come; False when the child has closed its end, which means that it is dead."""
+        try:
+            data = os.read(self.beats, 4096)
+        except BlockingIOError:
+            return True
+        if data:
+            self.beaten_at, self.heard_s = now, time.monotonic()
+        return bool(data)
+
+    def silent_from(self, now: Stamp) -> Stamp:
+        """Time from which it does not have the output in hand: now, if it has never beaten or the clock went back."""
+        return now if self.beaten_at is None or now < self.beaten_at else after(self.beaten_at, SILENT_S)
+
+    def hung(self, now: Stamp) -> bool:
+        """Whether it has beaten once and then not for long, by both clocks: that of a mock may stand still."""
+        heard = self.beaten_at is not None and seconds_between(self.beaten_at, now) > HUNG_S
+        return heard and time.monotonic() - self.heard_s > HUNG_S
+
+    def reap(self) -> int:
+        """Wait for the end; returns the exit code."""
+        os.close(self.beats)
+        os.close(self.life)
+        return self.handle.wait()
+
+
+class DeadMan:
+    """Watches over one child after the other until asked to stop."""
+
+    def __init__(self, settings: Settings, arguments: Sequence[str]) -> None:
+        self._neutral, self._arguments = Neutral(settings), arguments
+        self._asked_s: float | None = None
+        signal.signal(signal.SIGINT, self._ask)
+        signal.signal(signal.SIGTERM, self._ask)
+
+    def run(self) -> int:
+        """Neutral, child, neutral, until the end; returns the exit code of the process."""
+        failures = 0
+        self._neutral.write()
+        while True:
+            child = Child.start(self._arguments)
+            code = self._watch(child)
+            self._neutral.write()
+            if self._asked_s is not None or code in (0, UsageError.exit_code):
+                break
+            failures = 0 if time.monotonic() - child.born_s > WELL_AFTER_S else failures + 1
+            wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
+            say(f"the node ended with {code}; neutral is on the wire, it is started again in {wait_s:g} s")
+            if not self._rest(wait_s):
+                break
+        self._neutral.write()
+        self._neutral.close()
+        return 0 if self._asked_s is not None else code
+
+    def _watch(self, child: Child) -> int:
+        """Return the exit code of the child when it has ended; neutral in its place whenever it is silent."""
+        sent = False
+        while child.listen(self._neutral.now()):
+            if self._asked_s is not None and not sent:
+                child.handle.send_signal(signal.SIGTERM)
+                sent = True
+            if child.hung(self._neutral.now()) or self._is_late():
+                child.handle.kill()
+            now = self._neutral.now()
+            look_at = child.silent_from(now)
+            if look_at <= now:
+                self._neutral.write()
+                look_at = after(now, REPEAT_S)
+            self._neutral.wait(look_at, child.beats)
+        self._neutral.write()
+        return child.reap()
+
+    def _is_late(self) -> bool:
+        """Whether the child has not ended in the time that it was given for it."""
+        return self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
+
+    def _rest(self, seconds: float) -> bool:
+        """Repeat neutral for a while; False when asked to stop."""
+        never, closed = os.pipe()
+        end_s = time.monotonic() + seconds
+        while self._asked_s is None and time.monotonic() < end_s:
+            self._neutral.write()
+            self._neutral.wait(after(self._neutral.now(), REPEAT_S), never)
+        os.close(never)
+        os.close(closed)
+        return self._asked_s is None
+
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        if self._asked_s is None:
+            self._asked_s = time.monotonic()
+        self._neutral.wake()
+
+
+def say(text: str) -> None:
+    """Tell the operator, in the log of the process."""
+    with contextlib.suppress(OSError):  # nobody may be left to read it
+        sys.stderr.write(f"thrusters: {text}\n")
+        sys.stderr.flush()
+
+
+def main() -> int:
+    """Run by the words that `thrusters` was started with."""
+    arguments = json.loads(os.environ[ARGUMENTS])
+    try:
+        settings = read_settings(arguments)
+    except HindraxError as error:
+        say(str(error))
+        return error.exit_code
+    return DeadMan(settings, arguments).run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,49 @@
+"""The DVL's detail as marine_acoustic_msgs/Dvl as well, where that package is installed: field for field.
+
+Definition of the message: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from hindrax_core.topics import SENSOR, Topic
+from hindrax_ros.graph import publisher
+from hindrax_ros.optional import optional_class
+
+TYPE = "marine_acoustic_msgs/msg/Dvl"
+ALIKE = (
+    *("header", "velocity_mode", "dvl_type", "velocity", "velocity_covar", "altitude", "course_gnd", "speed_gnd"),
+    *("num_good_beams", "sound_speed", "beam_ranges_valid", "beam_velocities_valid"),
+)
+OF_BEAMS = {
+    "beam_unit_vec": "unit_vec",
+    "range": "range",
+    "range_covar": "range_covar",
+    "beam_quality": "quality",
+    "beam_velocity": "velocity",
+    "beam_velocity_covar": "velocity_covar",
+}
+"""Array of theirs, field of our beam."""
+
+
+def fill(theirs: Any, ours: Any) -> Any:
+    """Fill a marine_acoustic_msgs/Dvl from a hindrax_msgs/Dvl and return it."""
+    for name in ALIKE:
+        setattr(theirs, name, getattr(ours, name))
+    for name, field in OF_BEAMS.items():
+        setattr(theirs, name, [getattr(beam, field) for beam in ours.beams])
+    return theirs
+
+
+def outlet(node: Node) -> Callable[[Any], None]:
+    """Return what takes every hindrax_msgs/Dvl: publishes it as `NODE/dvl`, or does nothing without the package."""
+    kind = optional_class(TYPE)
+    if kind is None:
+        return lambda _: None
+    copy = Topic(f"{node.get_name()}/dvl", TYPE, SENSOR, 0.0, recorded=False, meaning="detail as marine_acoustic_msgs")
+    out = publisher(node, copy, held=False)
+    return lambda ours: out.publish(fill(kind(), ours))

@@ -1,0 +1,70 @@
+"""Where the output is, read from the arguments of the process without ROS: the dead man must know it at once.
+
+Follows ROS 2: `--params-file FILE` with blocks per node (wildcards `*` and `**`), and `-p NAME:=VALUE`; what comes
+later wins.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+
+NODE = "/hindrax/thrusters"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Vehicle, port of its output, and the clock of a serial port ("system" or "mock:SOCKET")."""
+
+    vehicle: Vehicle
+    port: str
+    clock: str = "system"
+
+
+def read_settings(arguments: Sequence[str]) -> Settings:
+    """Read the vehicle file and where its output is; UsageError says what is missing."""
+    found: dict[str, Any] = {}
+    for values in _parameters(arguments):
+        found |= values
+    file = str(found.get("vehicle", ""))
+    if not file:
+        raise UsageError("thrusters: no vehicle file; give one with --ros-args -p vehicle:=FILE")
+    vehicle = load_vehicle(file)
+    return Settings(vehicle, str(found.get("port") or vehicle.output.port), str(found.get("clock") or "system"))
+
+
+def _parameters(arguments: Sequence[str]) -> Iterator[Mapping[str, Any]]:
+    """Parameters of this node, source by source."""
+    for word, value in pairwise(arguments):
+        if word == "--params-file":
+            yield from _of_file(value)
+        elif word in ("-p", "--param"):
+            name, assigned, text = value.partition(":=")
+            if assigned:
+                yield {name.rpartition(":")[2]: yaml.safe_load(text)}
+
+
+def _of_file(path: str) -> Iterator[Mapping[str, Any]]:
+    try:
+        blocks = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise UsageError(f"parameter file {path}: cannot be read ({' '.join(str(error).split())})") from error
+    for node, block in blocks.items() if isinstance(blocks, Mapping) else ():
+        values = block.get("ros__parameters") if isinstance(block, Mapping) else None
+        if isinstance(values, Mapping) and _names(str(node)):
+            yield values
+
+
+def _names(pattern: str) -> bool:
+    """Whether the name of a block means this node; `**` stands for any path, `*` for any word."""
+    words = re.escape("/" + pattern.lstrip("/")).replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
+    return re.fullmatch(words.replace("/.*/", "/(?:.*/)?"), NODE) is not None

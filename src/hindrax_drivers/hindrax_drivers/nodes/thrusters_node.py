@@ -1,0 +1,187 @@
+"""The lifecycle node `thrusters`: commands and arm requests in, applied pulses out. It runs under `deadman`.
+
+The output is served by a thread from the start, with neutral first. Commands are judged on that thread, on the clock of
+the output, whatever the lifecycle says; the lifecycle shows whether the output is there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import threading
+from collections.abc import Iterable, Sequence
+from concurrent.futures import TimeoutError as NoAnswerError
+from typing import Any
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from sensor_msgs.msg import BatteryState
+
+from hindrax_core.device import Output
+from hindrax_core.events import Rejected, Stamp, Stamped
+from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_drivers.arming import Command, Guard, GuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.buses.output_host import Applied
+from hindrax_drivers.buses.output_thread import OutputThread
+from hindrax_drivers.buses.outputs import ThrusterOutput, open_output
+from hindrax_drivers.nodes.device_node import DeviceNode
+from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_msgs.msg import ThrusterState
+from hindrax_msgs.srv import Arm
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.frames import RECEIVED, SENT
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.parameters import knobs, text
+from hindrax_ros.process import spin
+
+NAME = "thrusters"
+ANSWER_S = 2.0
+PR_SET_PDEATHSIG = 1
+
+
+class ThrustersNode(DeviceNode):
+    """One output behind one guard. `beat` tells the dead man that this process lives and has the output in hand."""
+
+    def __init__(self, settings: Settings, beat: int) -> None:
+        super().__init__(NAME, settings.vehicle)
+        self._settings, self._beat_to = settings, beat
+        for name, value, meaning in (
+            ("vehicle", "", "vehicle file [-]"),
+            ("port", settings.port, "port of the output, or mock:SOCKET [-]"),
+            ("clock", settings.clock, "clock of a serial port: system, or mock:SOCKET [-]"),
+        ):
+            text(self, name, value, meaning)
+        guard = Guard(
+            len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, GuardKnobs)
+        )
+        self._phase: Phase | None = None
+        self._state = publisher(self, THRUSTER_STATE)
+        self._battery = publisher(self, BATTERY) if settings.vehicle.output.device == "stm32" else None
+        self._thread = OutputThread(self._open, guard, self, self._beat)
+        self.ready = lambda: self._thread.ready
+        self.now = lambda: self._thread.now
+        self.stop = self._thread.stop
+        self.lead = subscription(self, THRUSTER_COMMAND, self._on_command)
+        subscription(self, LIGHTS, lambda message: self._thread.light(tuple(message.data)))
+        self.create_service(Arm, "thrusters/arm", self._on_arm)
+        self._thread.start()
+
+    def abandon(self, reason: str) -> None:
+        """Leave neutral behind now, because nobody watches over this process any more."""
+        self._thread.drop(reason)
+        self._thread.stop()
+
+    def applied(self, applied: Applied) -> None:
+        """Publish what is on the wire."""
+        if applied.phase is not self._phase:
+            self._announce(applied)
+        if applied.phase is Phase.FAULTED:
+            self.health.identity = ""
+        else:
+            self.health.reading(applied.stamp)
+        message = ThrusterState(
+            armed=applied.phase is Phase.ARMED,
+            state=str(applied.phase),
+            reason=applied.reason,
+            pulses=applied.pulses_us,
+            sequence=applied.sequence,
+            output=self._settings.vehicle.output.device,
+        )
+        message.header.stamp = stamp_to_msg(applied.stamp)
+        self._state.publish(message)
+
+    def rest(self) -> None:
+        """Send what was said."""
+        self.outbox.flush()
+
+    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+        """Count a command that was not obeyed."""
+        if not self.health.rejects[refusal.reason]:
+            self.get_logger().warning(f"command refused: {refusal.text}")
+        self.health.reject(Rejected(stamp, refusal.reason))
+
+    def found(self, identity: str) -> None:
+        """Show who makes the pulses."""
+        self.health.identity = f"{identity} on {self._settings.port}"
+        self.get_logger().info(f"found {self.health.identity}")
+
+    def deliver(self, outputs: Iterable[Output]) -> None:
+        """Publish what the output says beside its pulses, which `applied` tells."""
+        for output in outputs:
+            reading = output.reading if isinstance(output, Stamped) else None
+            if isinstance(reading, Battery) and isinstance(output, Stamped) and self._battery is not None:
+                self._battery.publish(_battery(output.stamp, reading))
+            elif not isinstance(reading, AppliedPulses):
+                super().deliver([output])
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Disarm."""
+        self._thread.drop("the node was deactivated")
+        return super().on_deactivate(state)
+
+    def _announce(self, applied: Applied) -> None:
+        self._phase = applied.phase
+        words = f"{applied.phase}: {applied.reason}" if applied.reason else str(applied.phase)
+        self.health.note = words
+        self.get_logger().info(words)
+
+    def _on_command(self, message: Any) -> None:
+        stamp = stamp_from_msg(message.header.stamp)
+        self._thread.command(Command(tuple(message.pulses), tuple(message.lights), stamp, message.sequence))
+
+    def _on_arm(self, request: Any, response: Any) -> Any:
+        asked = Request(stamp_from_msg(request.stamp), request.sequence)
+        future = self._thread.arm(asked) if request.arm else self._thread.disarm(asked)
+        try:
+            answer = future.result(ANSWER_S)
+        except NoAnswerError:
+            response.accepted, response.reason = False, "the output does not answer; see /diagnostics"
+            return response
+        response.accepted, response.reason = answer.accepted, answer.reason
+        self.get_logger().info(f"{'arm' if request.arm else 'disarm'}: {answer.reason or 'accepted'}")
+        return response
+
+    def _open(self) -> ThrusterOutput:
+        settings = self._settings
+        return open_output(settings.vehicle, settings.port, settings.clock, self._tap, NAME)
+
+    def _tap(self, stamp: Stamp, sent: bool, data: bytes) -> None:
+        self.tap.add(stamp, SENT if sent else RECEIVED, data)
+
+    def _beat(self) -> None:
+        with contextlib.suppress(BlockingIOError, BrokenPipeError):  # nobody reads; `watch_parent` knows more
+            os.write(self._beat_to, b"!")
+
+
+def _battery(stamp: Stamp, battery: Battery) -> BatteryState:
+    message = BatteryState(voltage=battery.voltage_V, current=-battery.current_A, present=True)
+    message.header.stamp = stamp_to_msg(stamp)
+    return message
+
+
+def watch_parent(life: int, node: ThrustersNode) -> None:
+    """Go neutral and end when the dead man dies: its end of the pipe closes whatever it died of."""
+
+    def wait() -> None:
+        os.read(life, 1)
+        node.abandon("the dead man has died")
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=wait, name="parent", daemon=True).start()
+
+
+def main(arguments: Sequence[str], beat: int, life: int) -> int:
+    """Run the node until a signal, or until the dead man dies; `beat` and `life` are pipes to and from it."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    os.set_blocking(beat, False)
+    settings = read_settings(arguments)
+
+    def make() -> Sequence[Node]:
+        node = ThrustersNode(settings, beat)
+        watch_parent(life, node)
+        return [node]
+
+    return spin(make, ["thrusters", *arguments])

@@ -1,0 +1,200 @@
+"""From a device's own clock to ROS time: a minimum-delay filter with bounded drift.
+
+A sample arrives later than it was taken, by a delay that is never negative and changes from sample to sample
+(scheduling, batching, a busy wire). The device's ticks do not suffer from that, but their rate is off by some ppm. So
+the time of a sample is read from the straight line under the points (ticks, arrival): its slope is that of the
+lower convex hull over the last minute, its height that of the least delayed sample of the last 24 s
+(Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, TypeAlias
+
+from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.knobs import knob
+
+BreakKind: TypeAlias = Literal["reset", "wrap", "jump", "host step"]
+Point: TypeAlias = tuple[float, float]
+"""Device time and delay against the nominal clock, both in ns from the last (re)start."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimebaseKnobs:
+    """How far a device's clock is trusted."""
+
+    drift_ppm: float = knob(200.0, 0.0, 50_000.0, "largest believed error of the device's clock rate [ppm]")
+    latency_s: float = knob(0.0, 0.0, 1.0, "delay that every sample has, such as its time on the wire [s]")
+    jump_s: float = knob(0.25, 0.001, 60.0, "step of the device's clock that is taken for a jump [s]")
+    block_s: float = knob(2.0, 0.05, 60.0, "span of which the least delayed sample is kept [s]")
+    slope_blocks: int = knob(32, 2, 1000, "blocks that fix the rate [-]")
+    height_blocks: int = knob(12, 1, 1000, "newest blocks that fix the offset [-]")
+
+
+DEFAULT_KNOBS = TimebaseKnobs()
+
+
+@dataclass(frozen=True, slots=True)
+class Break:
+    """The device's clock (or the host's) did not simply go on.
+
+    `reset`: it fell back; `jump`: it leapt, `shift_s` ahead of what was expected; `host step`: arrivals went back in
+    time. After these three the map starts anew. `wrap`: the counter passed its modulus and the map goes on.
+    """
+
+    kind: BreakKind
+    shift_s: float
+    ticks: int
+    arrival: Stamp
+
+
+def _ignore(_: Break) -> None:
+    pass
+
+
+class Timebase:
+    """Maps device ticks to ROS time; one per device clock.
+
+    `tick_s` is the nominal length of a tick. `modulus`, where given, is the count at which the device starts again
+    at zero. `told` is called with each Break, from inside `map`, before it returns.
+    """
+
+    def __init__(
+        self,
+        tick_s: float,
+        knobs: TimebaseKnobs = DEFAULT_KNOBS,
+        *,
+        modulus: int | None = None,
+        told: Callable[[Break], None] = _ignore,
+    ) -> None:
+        self._tick_ns = tick_s * NS_PER_S
+        self._modulus = modulus
+        self._told = told
+        self._steepest = knobs.drift_ppm * 1e-6
+        self._latency_ns = round(knobs.latency_s * NS_PER_S)
+        self._jump_ns = knobs.jump_s * NS_PER_S
+        self._block_ns = knobs.block_s * NS_PER_S
+        self._height_blocks = knobs.height_blocks
+        self._lowest: deque[Point] = deque(maxlen=knobs.slope_blocks)
+        self._slope = 0.0
+        self._running = False
+        self._wrapped = self._ticks = self._ticks_0 = 0
+        self._last = self._arrival = self._arrival_0 = Stamp(0)
+        self._height = self._least = self._block_length = self._block_end = 0.0
+        self._least_point: Point = (0.0, 0.0)
+        self._late_since: Stamp | None = None
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much longer than nominal the device's ticks are found to be."""
+        return self._slope * 1e6
+
+    def restart(self) -> None:
+        """Forget offset and order, as after a reconnection; the rate found is kept."""
+        self._running = False
+
+    def map(self, ticks: int, arrival: Stamp) -> Stamp:
+        """Time at which a sample with this tick count was taken.
+
+        Never later than `arrival` and, between breaks, never earlier than the stamp before.
+        """
+        ticks += self._wrapped
+        if not self._running or ticks < self._ticks or arrival < self._arrival:
+            ticks = self._order(ticks, arrival)
+        self._ticks = ticks
+        self._arrival = arrival
+        x = (ticks - self._ticks_0) * self._tick_ns
+        y = arrival - self._arrival_0 - x
+        late = y - self._height - self._slope * x
+        if late < self._least:
+            self._least = late
+            self._least_point = (x, y)
+            if late < 0.0:
+                if late < -self._jump_ns and self._lowest:
+                    self._break("jump", -late / NS_PER_S, ticks, arrival)
+                    return self.map(ticks - self._wrapped, arrival)
+                self._height += late
+                self._least = late = 0.0
+        if x >= self._block_end or late > self._jump_ns:
+            late = self._review(x, late, ticks, arrival)
+        self._last = Stamp(max(self._last, arrival - int(late) - self._latency_ns))
+        return self._last
+
+    def _order(self, ticks: int, arrival: Stamp) -> int:
+        """Count that goes on from the last one, after a start, a wrap or a step back of either clock."""
+        if not self._running:
+            self._begin(ticks, arrival)
+        elif arrival < self._arrival:
+            self._break("host step", (self._arrival - arrival) / NS_PER_S, ticks, arrival)
+        elif self._modulus is not None and 2 * (ticks + self._modulus - self._ticks) < self._modulus:
+            self._wrapped += self._modulus
+            ticks += self._modulus
+            self._told(Break("wrap", 0.0, ticks, arrival))
+        else:
+            ticks -= self._wrapped
+            self._wrapped = 0
+            self._break("reset", (ticks - self._ticks) * self._tick_ns / NS_PER_S, ticks, arrival)
+        return ticks
+
+    def _begin(self, ticks: int, arrival: Stamp) -> None:
+        self._running = True
+        self._ticks_0 = self._ticks = ticks
+        self._arrival_0 = self._arrival = arrival
+        self._height = 0.0
+        self._lowest.clear()
+        self._late_since = None
+        self._last = Stamp(min(self._last, arrival - self._latency_ns))
+        self._open_block(0.0, self._block_ns / 8.0)
+
+    def _open_block(self, x: float, length_ns: float) -> None:
+        """Short blocks first, so that a rate far off is found before it has done harm."""
+        self._block_length = min(length_ns, self._block_ns)
+        self._block_end = x + self._block_length
+        self._least = float("inf")
+        self._least_point = (x, 0.0)
+
+    def _break(self, kind: BreakKind, shift_s: float, ticks: int, arrival: Stamp) -> None:
+        self._told(Break(kind, shift_s, ticks, arrival))
+        self._begin(ticks, arrival)
+
+    def _review(self, x: float, late: float, ticks: int, arrival: Stamp) -> float:
+        """Late beyond belief for a second: the device's clock lost that time. End of a block: fit the line."""
+        if late <= self._jump_ns:
+            self._late_since = None
+        elif self._late_since is None:
+            self._late_since = arrival
+        elif arrival - self._late_since > NS_PER_S:
+            self._break("jump", -late / NS_PER_S, ticks, arrival)
+            return 0.0
+        if x < self._block_end:
+            return late
+        y = late + self._height + self._slope * x
+        self._lowest.append(self._least_point)
+        self._slope = max(-self._steepest, min(self._steepest, _slope_under(self._lowest)))
+        newest = list(self._lowest)[-self._height_blocks :]
+        self._height = min(height - self._slope * at for at, height in (*newest, (x, y)))
+        self._open_block(x, 2.0 * self._block_length)
+        return y - self._height - self._slope * x
+
+
+def _slope_under(points: Sequence[Point]) -> float:
+    """Slope of the edge of the lower convex hull below the mean abscissa; 0 for a single point."""
+    hull: list[Point] = []
+    for point in points:
+        while len(hull) > 1 and _turn(hull[-2], hull[-1], point) <= 0.0:
+            hull.pop()
+        hull.append(point)
+    middle = sum(x for x, _ in points) / len(points)
+    for (x1, y1), (x2, y2) in pairwise(hull):
+        if x2 >= middle and x2 > x1:
+            return (y2 - y1) / (x2 - x1)
+    return 0.0
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Positive where a, b, c turn left, as a lower hull does."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

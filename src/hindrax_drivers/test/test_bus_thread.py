@@ -1,0 +1,129 @@
+"""The host of a schedule: delivers, serves requests at once, stops clean, and does not hide our own mistakes."""
+
+import os
+import queue
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from hindrax_core.bus import DeviceError, Pause, Program, Read, Transaction, Write
+from hindrax_core.device import Identity
+from hindrax_core.events import Rejected, Stamp, Stamped
+from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.schedule import BusSchedule
+from hindrax_drivers.buses.thread import BusThread, Deliver
+
+
+class SystemWire(SystemClock):
+    """A bus in system time whose devices answer with zeros."""
+
+    closed = False
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        return b"" if isinstance(transaction, Write) else bytes(transaction.count)
+
+    def close(self) -> None:
+        self.closed = True
+        super().close()
+
+
+class Meter:
+    period_s = 0.002
+
+    def configure(self) -> Program[Identity]:
+        yield Write(1, b"\x00")
+        return Identity("meter")
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        yield Pause(0.001)
+        yield Read(1, 2)
+        return [Stamped(stamp, Battery(1.0))]
+
+
+Heard = queue.SimpleQueue[tuple[str, object]]
+
+
+def into(heard: Heard) -> Deliver:
+    def deliver(name: str, outputs: Sequence[object]) -> None:
+        for output in outputs:
+            heard.put((name, output))
+
+    return deliver
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return queue.SimpleQueue()
+
+
+@pytest.fixture
+def host(heard: Heard) -> Iterator[BusThread]:
+    one = BusThread(SystemWire(), BusSchedule(), into(heard))
+    one.start()
+    yield one
+    one.stop()
+
+
+def one_read() -> Program[bytes]:
+    return (yield Read(1, 3))
+
+
+def test_outputs_are_delivered_in_order(heard: Heard) -> None:
+    schedule = BusSchedule()
+    schedule.add("meter", Meter())
+    host = BusThread(SystemWire(), schedule, into(heard))
+    host.start()
+    assert heard.get(timeout=5) == ("meter", Identity("meter"))
+    stamps = [heard.get(timeout=5)[1] for _ in range(3)]
+    assert all(isinstance(one, Stamped) for one in stamps)
+    host.stop()
+
+
+def test_a_request_is_served_while_the_bus_sleeps(host: BusThread) -> None:
+    assert host.request("once", one_read()).result(5) == b"\0\0\0"
+
+
+def test_the_schedule_can_be_changed_from_another_thread(heard: Heard) -> None:
+    schedule = BusSchedule()
+    host = BusThread(SystemWire(), schedule, into(heard))
+    host.start()
+    host.call(lambda: schedule.add("meter", Meter()))
+    assert heard.get(timeout=5) == ("meter", Identity("meter"))
+    host.stop()
+
+
+def test_stopping_closes_the_bus_and_fails_what_is_open() -> None:
+    def endless() -> Program[None]:
+        while True:
+            yield Pause(0.001)
+
+    bus = SystemWire()
+    host = BusThread(bus, BusSchedule(), lambda *_: None)
+    host.start()
+    future = host.request("endless", endless())
+    started = threading.Event()
+    host.call(started.set)
+    assert started.wait(5)
+    host.stop()
+    assert bus.closed
+    assert future.cancelled() or isinstance(future.exception(0), DeviceError)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_mistake_of_our_own_interrupts_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    killed: queue.SimpleQueue[tuple[int, int]] = queue.SimpleQueue()
+    monkeypatch.setattr(os, "kill", lambda pid, number: killed.put((pid, number)))
+
+    def wrong() -> Program[None]:
+        yield Pause(0.0)
+        raise ZeroDivisionError
+
+    host = BusThread(SystemWire(), BusSchedule(), lambda *_: None)
+    host.start()
+    host.request("wrong", wrong())
+    assert killed.get(timeout=5) == (os.getpid(), signal.SIGINT)
+    host.stop()
+    assert isinstance(host.failure, ZeroDivisionError)

@@ -1,0 +1,263 @@
+"""The DVL-75 as a device: gates, time, supervision, settings. Sentences from outside are in test/golden/dvl75."""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+
+import pytest
+
+from hindrax_core.device import Identity, Send, Trouble
+from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.knobs import build
+from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo
+from hindrax_drivers.devices.dvl75 import ENABLE_DELTAS, Dvl75, Dvl75Knobs, setup_commands
+
+
+def sentence(body: str) -> bytes:
+    return b"$%s*%02X\r\n" % (body.encode(), functools.reduce(operator.xor, body.encode()))
+
+
+def delta(tu: int, dtu: int = 50_000, moved: str = "0.010,0.000,-0.005", confidence: int = 100) -> bytes:
+    return sentence(f"DVPDL,{tu},{dtu},0.000000,0.000000,0.000000,{moved},{confidence}")
+
+
+def started(knobs: Dvl75Knobs | None = None) -> Dvl75:
+    driver = Dvl75(knobs or Dvl75Knobs())
+    driver.start(Stamp(0))
+    return driver
+
+
+def readings(outputs, kind: type = object) -> list:
+    return [one.reading for one in outputs if isinstance(one, Stamped) and isinstance(one.reading, kind)]
+
+
+def reasons(outputs) -> list[str]:
+    return [one.reason for one in outputs if isinstance(one, Rejected)]
+
+
+def troubles(outputs) -> list[str]:
+    return [one.text for one in outputs if isinstance(one, Trouble)]
+
+
+def test_a_velocity_is_stamped_with_the_middle_of_its_interval():
+    driver = started(Dvl75Knobs(latency_s=0.006))
+    (stamped,) = (one for one in driver.feed(delta(10**6, 100_000), stamp_from_s(5.0)) if isinstance(one, Stamped))
+    assert stamped.stamp == stamp_from_s(5.0 - 0.006 - 0.05)
+    assert stamped.reading.velocity_mps == pytest.approx((0.1, 0.0, -0.05))
+
+
+def test_stamps_follow_the_device_clock_and_not_the_arrivals():
+    driver = started()
+    stamps = []
+    for index, late in enumerate((0, 3, 11, 1, 7, 0, 14)):
+        arrival = Stamp((index * 50 + late) * 1_000_000 + NS_PER_S)
+        stamps += [one.stamp for one in driver.feed(delta(10**6 + index * 50_000), arrival) if isinstance(one, Stamped)]
+    assert [stamp - stamps[0] for stamp in stamps] == [index * 50_000_000 for index in range(7)]
+
+
+@pytest.mark.parametrize(("span_us", "sigma"), [(50_000, 5.7735e-3), (200_000, 1.4434e-3)])
+def test_sigma_holds_the_rounding_to_a_millimetre(span_us, sigma):
+    (bare,) = readings(started(Dvl75Knobs(sigma_floor_mps=0.0)).feed(delta(10**6, span_us), Stamp(0)))
+    (real,) = readings(started(Dvl75Knobs(sigma_floor_mps=0.01)).feed(delta(10**6, span_us), Stamp(0)))
+    assert bare.sigma_mps == pytest.approx(sigma, rel=1e-3)
+    assert real.sigma_mps == pytest.approx(math.hypot(sigma, 0.01), rel=1e-3)
+
+
+@pytest.mark.parametrize(("confidence", "valid"), [(0, False), (49, False), (50, True), (100, True)])
+def test_there_is_no_velocity_below_the_confidence_gate(confidence, valid):
+    (found,) = readings(started().feed(delta(10**6, moved="0.000,0.000,0.000", confidence=confidence), Stamp(0)))
+    assert found.valid is valid
+    assert found.confidence == pytest.approx(confidence / 100)
+
+
+def test_axis_signs_turn_the_vector():
+    knobs = Dvl75Knobs(axis_sign=(1.0, -1.0, -1.0))
+    (found,) = readings(started(knobs).feed(delta(10**6, moved="0.001,0.002,0.003"), Stamp(0)))
+    assert found.velocity_mps == pytest.approx((0.02, -0.04, -0.06))
+
+
+def test_a_sign_that_is_none_is_refused():
+    with pytest.raises(UsageError, match="axis_sign: found"):
+        build(Dvl75Knobs, {"axis_sign": [1.0, 0.5, 1.0]}, "dvl75")
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (delta(10**6, moved="9.999,0.000,0.000"), "DVPDL: range"),
+        (delta(10**6, moved="0.000,0.000,-0.251"), "DVPDL: range"),
+        (delta(10**6, 0), "DVPDL: range"),
+        (delta(10**6, 19_999), "DVPDL: range"),
+        (delta(10**6, 1_000_001), "DVPDL: range"),
+        (delta(2**63), "DVPDL: range"),
+        (delta(10**6, confidence=101), "DVPDL: range"),
+        (delta(-1), "DVPDL: range"),
+        (delta(10**6, moved="nan,0.000,0.000"), "DVPDL: number"),
+        (delta(10**6, moved="1e-3,0.000,0.000"), "DVPDL: number"),
+        (delta(10**6, moved=",0.000,0.000"), "DVPDL: number"),
+        (delta(10**6, moved="0.000,0.000"), "DVPDL: fields"),
+        (delta(10**6)[:-8] + b"\r\n", "DVPDL: no checksum"),
+        (sentence("GPGGA,1,2"), "sentence: unknown"),
+        (b"0.001,0.002,100*79\n", "line: cut"),
+        (b"12,34,5\n", "line: text"),
+        (b"\x00\xfe\x80ab\n", "line: text"),
+        (b"\xff" * 5000 + b"\n", "line: length"),
+        (b"$" + b"1" * 5000 + b"\n", "sentence: length"),
+        (sentence("DVEXT,T,X"), "DVEXT: fields"),
+        (sentence("DVKFA,15"), "DVKFA: fields"),
+        (b"IMU:1,2,3\r\n", "line: fields"),
+    ],
+)
+def test_what_is_no_data_is_refused_with_the_reason(line, reason):
+    driver = started()
+    outputs = driver.feed(line, Stamp(0))
+    assert reasons(outputs)[0] == reason
+    assert not readings(outputs)
+    assert len(readings(driver.feed(delta(10**6), Stamp(0)), BottomVelocity)) == 1
+
+
+def test_a_sentence_that_lost_its_line_end_is_not_lost():
+    outputs = started().feed(delta(10**6).rstrip() + delta(10**6 + 50_000), Stamp(0))
+    assert len(readings(outputs, BottomVelocity)) == 2
+
+
+def test_a_repeated_sentence_is_no_new_measurement():
+    driver = started()
+    driver.feed(delta(10**6), Stamp(0))
+    outputs = driver.feed(delta(10**6), Stamp(50_000_000))
+    assert reasons(outputs) == ["DVPDL: repeated"]
+    assert not readings(outputs)
+
+
+def test_intervals_do_not_overlap():
+    driver = started()
+    driver.feed(delta(10**6), Stamp(0))
+    assert reasons(driver.feed(delta(10**6 + 50_000, 70_000), Stamp(50_000_000))) == ["DVPDL: overlap"]
+    assert len(readings(driver.feed(delta(10**6 + 100_000), Stamp(100_000_000)))) == 1
+
+
+def test_the_same_extended_data_twice_are_a_device_that_hangs():
+    line = sentence("DVEXT,F,X,3333,1.0,2.0,3.0,-7,0,0,0,0,0,0,0.1,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,")
+    outputs = started().feed(line + line, Stamp(0))
+    assert len(readings(outputs, BottomTrack)) == 1
+    assert reasons(outputs) == ["DVEXT: repeated"]
+
+
+def test_a_restart_of_the_device_is_told_and_measuring_goes_on():
+    driver = started()
+    driver.feed(delta(10**9), stamp_from_s(1.0))
+    outputs = driver.feed(delta(400_000), stamp_from_s(3.0))
+    assert len(readings(outputs, BottomVelocity)) == 1
+    assert "has restarted" in troubles(outputs)[0]
+    (stamped,) = (one for one in outputs if isinstance(one, Stamped))
+    assert abs(stamped.stamp - stamp_from_s(3.0)) < 40_000_000
+
+
+def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twice():
+    driver = started()
+    body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
+    outputs = driver.feed(sentence(f"DVPDX,{body},2,1.5,-0.5,1.250") + sentence(f"DVPDL,{body}"), Stamp(0))
+    assert [type(one) for one in readings(outputs)] == [BottomVelocity, Echo]
+    assert readings(outputs, Echo)[0].range_m == 1.25
+    assert [one.text for one in outputs if isinstance(one, Identity)] == ["Cerulean Tracker 650"]
+    assert reasons(outputs) == []
+
+
+def test_text_with_and_without_a_checksum():
+    outputs = started().feed(b"$DVTXT,Lost lock, searching\n" + sentence("DVTXT,Hello") + b"Booting v1.2\n", Stamp(7))
+    assert [one.text for one in readings(outputs, DeviceText)] == ["Lost lock, searching", "Hello", "Booting v1.2"]
+
+
+def test_what_is_recognized_without_a_reading_is_counted():
+    driver = started()
+    retweet = b"IMU:1.0,0.0,0.0,0.0,0.01,0.02,0.03,1.0,2.0,3.0,0.05\r\n"
+    lines = sentence("GPRMC,123519,A") + sentence("DVKFA,15,42,0.05,1,2") + sentence("DVKFA,0x0000000F,43,0.1")
+    assert readings(driver.feed(lines + retweet, Stamp(0))) == []
+    assert driver.counts == {"GPRMC": 1, "DVKFA": 2, "IMU": 1}
+
+
+def test_no_attitude_is_believed_beyond_a_turn():
+    zeros = "0,0.0,0.00,0.0,0.0,0.0,0.0,0.05,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,"
+    assert readings(started().feed(sentence(f"DVEXT,F,X,3333,1.0,2.0,359.9,{zeros}"), Stamp(0)), BottomTrack)
+    assert reasons(started().feed(sentence(f"DVEXT,F,X,3333,181.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: range"]
+    assert reasons(started().feed(sentence(f"DVEXT,T,X,3333,1.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: range"]
+    assert reasons(started().feed(sentence(f"DVEXT,Q,X,3333,1.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: flag"]
+
+
+def run(driver: Dvl75, seconds: float, line=None, start_s: float = 0.0) -> list:
+    """Tick at 10 Hz; `line(index)` gives the bytes before each tick."""
+    outputs: list = []
+    for index in range(round(seconds * 10)):
+        stamp = stamp_from_s(start_s + index * 0.1)
+        outputs += driver.feed(line(index), stamp) if line else []
+        outputs += driver.tick(stamp)
+    return outputs
+
+
+def test_silence_is_told_once_per_episode():
+    driver = started()
+    outputs = run(driver, 10.0)
+    assert ["no byte for 1 s" in one for one in troubles(outputs)] == [True, False]
+    assert [one.data for one in outputs if isinstance(one, Send)] == [ENABLE_DELTAS] * 3
+    assert not driver.ready
+    assert troubles(run(driver, 10.0, lambda i: delta(10**6 + i * 100_000), 10.0)) == []
+    assert driver.ready
+    assert "no byte for 1 s" in troubles(run(driver, 5.0, None, 20.0))[0]
+    assert not driver.ready
+
+
+def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger():
+    driver = started()
+    outputs = run(driver, 20.0, lambda _: b"\x80\x13\x00\xff\n")
+    assert ["check line speed and device" in one for one in troubles(outputs)] == [True]
+    assert not [one for one in outputs if isinstance(one, Send)]
+    assert not driver.ready
+
+
+def test_deltas_are_asked_for_a_few_times_and_then_given_up():
+    driver = started(Dvl75Knobs(enable_tries=3))
+    outputs = run(driver, 30.0, lambda _: sentence("DVKFA,15,1,0.05"))
+    assert [one.data for one in outputs if isinstance(one, Send)] == [ENABLE_DELTAS] * 3
+    assert ["no $DVPDL after 3 requests" in one for one in troubles(outputs)] == [True]
+    assert not driver.ready
+    run(driver, 1.0, lambda i: delta(10**6 + i * 100_000), 30.0)
+    assert driver.ready
+
+
+def test_deltas_that_come_are_not_asked_for():
+    outputs = run(started(), 30.0, lambda i: delta(10**6 + i * 100_000))
+    assert not [one for one in outputs if isinstance(one, Send)]
+
+
+def test_start_asks_for_the_configuration_and_sets_nothing():
+    assert Dvl75().start(Stamp(0)) == [Send(b"\nCONFIGURATION\n")]
+
+
+CURRENT = {"DVPDL messages": "OFF", "DVEXT messages": "on", "Speed of sound": "1484", "Velocity adjustment": "1.000"}
+
+
+def test_only_settings_that_differ_are_sent():
+    assert setup_commands(CURRENT, Dvl75Knobs()) == (b"SEND-DVPDL ON\n",)
+    assert setup_commands(CURRENT, Dvl75Knobs(speed_of_sound_mps=1500.0))[1:] == (b"SET-SPEED-OF-SOUND 1500.0\n",)
+    assert setup_commands({**CURRENT, "DVPDL messages": "ON"}, Dvl75Knobs()) == ()
+
+
+def test_all_settings_are_sent_on_request_and_to_a_device_that_did_not_report():
+    wanted = (
+        b"SEND-DVPDL ON\n",
+        b"SEND-DVEXT ON\n",
+        b"SET-SPEED-OF-SOUND 1484.0\n",
+        b"SET-VELOCITY-ADJUSTMENT 1.000\n",
+    )
+    assert setup_commands(CURRENT, Dvl75Knobs(), always=True) == wanted
+    assert setup_commands({}, Dvl75Knobs()) == wanted
+
+
+def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy():
+    driver = started(Dvl75Knobs(speed_of_sound_mps=1500.0))
+    outputs = driver.feed(sentence("DVNVM,Model=DVL-75,Speed of sound=1484.0,Firmware=Jan 1 2022,"), Stamp(0))
+    assert troubles(outputs) == ["DVL speed of sound: found 1484.0, wanted 1500.0; run hindrax dvl setup"]
+    assert outputs[0] == Identity("Cerulean DVL-75, firmware Jan 1 2022")

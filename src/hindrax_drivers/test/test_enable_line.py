@@ -1,0 +1,103 @@
+"""The line that enables the outputs, on a fake libgpiod 2."""
+
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hindrax_core.bus import DeviceError
+from hindrax_drivers.buses import enable_line
+from hindrax_drivers.buses.enable_line import open_enable_line
+
+LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
+
+
+class FakeGpiod(ModuleType):
+    """Levels of lines as the chip puts them out: low is 0."""
+
+    def __init__(self) -> None:
+        super().__init__("gpiod")
+        self.levels: dict[tuple[str, int], int] = {}
+        self.line = SimpleNamespace(
+            Direction=SimpleNamespace(OUTPUT="output"), Value=SimpleNamespace(ACTIVE=1, INACTIVE=0)
+        )
+        self.LineSettings = SimpleNamespace
+        self.busy = False
+
+    def Chip(self, path: str) -> Any:
+        name = Path(path).name
+        info = SimpleNamespace(label=LABELS[name], name=name)
+
+        class Opened:
+            def __enter__(self) -> Any:
+                return SimpleNamespace(get_info=lambda: info)
+
+            def __exit__(self, *_: object) -> None:
+                pass
+
+        return Opened()
+
+    def request_lines(self, path: str, *, consumer: str, config: dict[int, Any]) -> Any:
+        assert consumer
+        if self.busy:
+            raise OSError(16, "Device or resource busy")
+        ((line, settings),) = config.items()
+        assert settings.active_low
+        assert settings.direction == "output"
+        key = (Path(path).name, line)
+        self.levels[key] = 1 - settings.output_value
+        return SimpleNamespace(
+            set_value=lambda number, value: self.levels.__setitem__((key[0], number), 1 - value),
+            release=lambda: self.levels.pop(key),
+        )
+
+
+@pytest.fixture
+def gpiod(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeGpiod:
+    for name in LABELS:
+        (tmp_path / name).touch()
+    fake = FakeGpiod()
+    monkeypatch.setitem(sys.modules, "gpiod", fake)
+    monkeypatch.setattr(enable_line, "DEVICES", tmp_path)
+    return fake
+
+
+def test_the_outputs_are_off_until_they_are_enabled_and_low_enables(gpiod: FakeGpiod) -> None:
+    line = open_enable_line("pinctrl-bcm2711:26")
+    assert gpiod.levels == {("gpiochip0", 26): 1}
+    line.set(enabled=True)
+    assert gpiod.levels == {("gpiochip0", 26): 0}
+    line.set(enabled=False)
+    assert gpiod.levels == {("gpiochip0", 26): 1}
+    line.close()
+    assert gpiod.levels == {}
+
+
+def test_no_name_is_no_line() -> None:
+    line = open_enable_line("")
+    line.set(enabled=True)
+    line.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [("26", "wanted CHIP:LINE"), ("chip:x", "wanted CHIP:LINE"), ("nochip:26", "found the chips pinctrl-bcm2711")],
+)
+@pytest.mark.usefixtures("gpiod")
+def test_wrong_names_are_refused(name: str, sentence: str) -> None:
+    with pytest.raises(DeviceError, match=sentence):
+        open_enable_line(name)
+
+
+def test_a_line_in_use_is_told_with_the_remedy(gpiod: FakeGpiod) -> None:
+    gpiod.busy = True
+    with pytest.raises(DeviceError, match=r"busy.*gpioinfo"):
+        open_enable_line("pinctrl-bcm2711:26")
+
+
+def test_a_missing_library_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gpiod", None)
+    with pytest.raises(DeviceError, match="pip install"):
+        open_enable_line("pinctrl-bcm2711:26")

@@ -1,0 +1,270 @@
+"""The inertial sensor's driver where it must doubt: fill levels, repeats, saturation, leaps, a lost magnetometer."""
+
+import struct
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+
+from hindrax_core.bus import DeviceError, Operation, Pause, Program, Transaction, Write, WriteRead
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s
+from hindrax_core.knobs import build
+from hindrax_core.readings import DeviceText, Inertial, Reading
+from hindrax_core.testing import rehearse
+from hindrax_drivers.devices.ak09916 import REPEATS as MAG_REPEATS
+from hindrax_drivers.devices.ak09916 import SET_UP_EVERY_S, Ak09916
+from hindrax_drivers.devices.icm20948 import CROOKED, NO_DATA_S, Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948_samples import HUNG_AFTER, REPEATS
+from hindrax_drivers.gyro_bias import GyroBiasKnobs
+from hindrax_drivers.imu_calibration import Correction
+
+START = stamp_from_s(10.0)
+LEVEL = (0, 0, 8192, 0, 0, 0)
+Outputs = Sequence[Stamped[Reading] | Rejected]
+
+
+class Chip:
+    """Answers what the driver asks: identity, temperature, and a FIFO filled by the test."""
+
+    def __init__(self) -> None:
+        self.fifo = b""
+        self.count: int | None = None
+        self.resets = 0
+        self.registers: dict[int, int] = {}
+        self._wobble = 0
+
+    def fill(self, *samples: tuple[int, ...]) -> None:
+        self.fifo += b"".join(struct.pack(">6h", *sample) for sample in samples)
+
+    def still(self, count: int) -> None:
+        """Samples at rest, with a little noise so that none is equal to the one before."""
+        for _ in range(count):
+            self._wobble ^= 1
+            self.fill((self._wobble, 0, 8192, 0, 0, 0))
+
+    def transfer(self, operation: Transaction) -> bytes:
+        assert isinstance(operation, Write | WriteRead)
+        register = operation.data[0]
+        if isinstance(operation, Write):
+            if register == 0x68 and operation.data[1]:
+                self.resets += 1
+                self.fifo = b""
+            self.registers[register] = operation.data[-1]
+            return b""
+        if register == 0x72:
+            data, self.fifo = self.fifo[: operation.count], self.fifo[operation.count :]
+            return data
+        special = {0x00: b"\xea", 0x06: b"\x01", 0x39: b"\0\0"}
+        if register == 0x70:
+            return (len(self.fifo) if self.count is None else self.count).to_bytes(2, "big")
+        return special.get(register) or bytes([self.registers[register]])
+
+
+def play(program: Program[Outputs], chip: Chip) -> Outputs:
+    answer: bytes | None = None
+    try:
+        while True:
+            operation: Operation = next(program) if answer is None else program.send(answer)
+            answer = b"" if isinstance(operation, Pause) else chip.transfer(operation)
+    except StopIteration as stop:
+        outputs: Outputs = stop.value
+        return outputs
+
+
+@pytest.fixture
+def chip() -> Chip:
+    return Chip()
+
+
+@pytest.fixture
+def sensor(chip: Chip) -> Icm20948:
+    one = Icm20948(Icm20948Knobs(magnetometer=False, startup_bias=False))
+    play(one.configure(), chip)  # type: ignore[arg-type]
+    chip.still(4)
+    assert len(play(one.cycle(START), chip)) == 4
+    return one
+
+
+def cycle(sensor: Icm20948, chip: Chip, turn: int) -> Outputs:
+    return play(sensor.cycle(after(START, 0.02 * turn)), chip)
+
+
+def reasons(outputs: Outputs) -> list[str]:
+    return [one.reason for one in outputs if isinstance(one, Rejected)]
+
+
+def test_samples_are_stamped_by_their_clock_not_by_the_wake_up(sensor: Icm20948, chip: Chip) -> None:
+    stamps = []
+    for turn, late_s in enumerate([0.0, 0.003, 0.0, 0.015, 0.001, 0.0], start=1):
+        chip.still(5)
+        outputs = play(sensor.cycle(after(START, 5 / 225.0 * turn + late_s)), chip)
+        stamps += [one.stamp for one in outputs]
+    steps = [(b - a) / 1e9 for a, b in pairwise(stamps)]
+    assert steps == pytest.approx([1 / 225.0] * len(steps), abs=1e-5)
+
+
+def test_a_host_clock_that_is_set_back_takes_the_stamps_with_it(sensor: Icm20948, chip: Chip) -> None:
+    for turn in range(1, 20):
+        chip.still(5)
+        cycle(sensor, chip, turn)
+    earlier = stamp_from_s(1.0)
+    for turn in range(20):
+        chip.still(5)
+        now = after(earlier, 5 / 225.0 * turn)
+        stamps = [one.stamp for one in play(sensor.cycle(now), chip)]
+        assert all(now - 40_000_000 < stamp <= now for stamp in stamps)
+    silent = after(earlier, -0.5)
+    assert list(play(sensor.cycle(silent), chip)) == []
+    with pytest.raises(DeviceError, match="no sample"):
+        play(sensor.cycle(after(silent, 0.3)), chip)
+
+
+def test_an_overflow_is_told_and_emptied_and_the_next_samples_come(sensor: Icm20948, chip: Chip) -> None:
+    chip.still(43)
+    assert reasons(cycle(sensor, chip, 1)) == ["FIFO overflow: 516 bytes waiting, samples are lost"]
+    assert chip.fifo == b""
+    chip.still(4)
+    assert len(cycle(sensor, chip, 2)) == 4
+
+
+def test_a_half_written_sample_is_waited_for(sensor: Icm20948, chip: Chip) -> None:
+    chip.still(3)
+    whole, chip.fifo = chip.fifo, chip.fifo[:-5]
+    assert list(cycle(sensor, chip, 1)) == []
+    chip.fifo = whole
+    assert len(cycle(sensor, chip, 2)) == 3
+
+
+def test_a_fifo_out_of_step_is_emptied(sensor: Icm20948, chip: Chip) -> None:
+    chip.still(3)
+    chip.fifo = chip.fifo[:-5]
+    before = chip.resets
+    heard = [reasons(cycle(sensor, chip, turn)) for turn in range(1, CROOKED + 1)]
+    assert [len(one) for one in heard] == [0] * (CROOKED - 1) + [1]
+    assert "out of step" in heard[-1][0]
+    assert chip.resets == before + 1
+
+
+def test_a_count_that_time_cannot_have_brought_is_not_read(sensor: Icm20948, chip: Chip) -> None:
+    chip.still(5)
+    chip.count = 12 * 20
+    assert "more than 0.020 s can have brought" in reasons(cycle(sensor, chip, 1))[0]
+
+
+def test_a_sensor_that_gives_nothing_is_configured_anew(sensor: Icm20948, chip: Chip) -> None:
+    turns = int(NO_DATA_S / 0.02)
+    for turn in range(1, turns + 1):
+        assert list(cycle(sensor, chip, turn)) == []
+    with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
+        cycle(sensor, chip, turns + 2)
+
+
+def test_equal_samples_are_refused_and_a_hung_sensor_is_configured_anew(sensor: Icm20948, chip: Chip) -> None:
+    chip.fill(*[(7, 7, 8192, 7, 7, 7)] * 5)
+    outputs = cycle(sensor, chip, 1)
+    assert [isinstance(one, Rejected) for one in outputs] == [False] * (1 + REPEATS) + [True] * (4 - REPEATS)
+    for turn in range(2, 1 + HUNG_AFTER // 4):
+        chip.fill(*[(7, 7, 8192, 7, 7, 7)] * 4)
+        assert all(isinstance(one, Rejected) for one in cycle(sensor, chip, turn))
+    chip.fill(*[(7, 7, 8192, 7, 7, 7)] * 5)
+    with pytest.raises(DeviceError, match="the same sample again and again"):
+        cycle(sensor, chip, 1 + HUNG_AFTER // 4)
+
+
+@pytest.mark.parametrize("raw", [(32767, 0, 8192, 0, 0, 0), (0, 0, 8192, 0, -32768, 0)])
+def test_saturated_samples_are_no_readings(sensor: Icm20948, chip: Chip, raw: tuple[int, ...]) -> None:
+    chip.fill(raw)
+    assert "saturated" in reasons(cycle(sensor, chip, 1))[0]
+
+
+def test_a_single_damaged_sample_is_refused_and_a_real_step_is_believed(sensor: Icm20948, chip: Chip) -> None:
+    chip.fill((0, 0, 0, 0, 0, 0), (1, 0, 8192, 0, 0, 0))
+    outputs = cycle(sensor, chip, 1)
+    assert [isinstance(one, Rejected) for one in outputs] == [True, False]
+    chip.fill(*[(turn, 0, 0, 0, 0, 0) for turn in range(5)])
+    outputs = cycle(sensor, chip, 2)
+    assert [isinstance(one, Rejected) for one in outputs] == [True] * 3 + [False] * 2
+
+
+def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
+    calibration = {"accel_offset_mps2": (0.1, 0.0, 0.0), "accel_scale": (1.0, 1.0, 0.5)}
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False, startup_bias=False), 0, calibration)
+    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    chip.fill(LEVEL)
+    (output,) = play(sensor.cycle(START), chip)
+    assert isinstance(output.reading if isinstance(output, Stamped) else None, Inertial)
+    assert output.reading.specific_force_mps2 == pytest.approx((-0.1, 0.0, 0.5 * 9.80665))  # type: ignore[union-attr]
+
+
+def test_a_calibration_of_the_wrong_length_names_its_key() -> None:
+    with pytest.raises(UsageError, match=r"calibration.mag_matrix: found 3 values, wanted 9"):
+        Icm20948(calibration={"mag_matrix": (1.0, 1.0, 1.0)})
+
+
+def test_the_offset_at_rest_is_found_told_and_removed(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False, bias=GyroBiasKnobs(samples=10)))
+    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    for turn in range(3):
+        chip.fill(*[(index, 0, 8192, 100, -50, 25) for index in range(5)])
+        outputs = cycle(sensor, chip, turn)
+        if turn == 1:
+            assert isinstance(outputs[-1].reading if isinstance(outputs[-1], Stamped) else None, DeviceText)
+    assert isinstance(outputs[0], Stamped)
+    assert outputs[0].reading.rate_radps == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)  # type: ignore[union-attr]
+
+
+def test_a_period_that_overfills_the_fifo_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"imu: period_s: found 0.2, wanted at most 0.114 at 225 Hz"):
+        build(Icm20948Knobs, {"period_s": 0.2}, "imu")
+
+
+def test_burst_mode_reads_the_newest_sample_when_there_is_one() -> None:
+    sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False, startup_bias=False))
+    assert sensor.period_s == pytest.approx(1 / 225)
+    ready = (WriteRead(0x68, b"\x1a", 1), b"\x01")
+    none = (WriteRead(0x68, b"\x1a", 1), b"\x00")
+    newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", *LEVEL))
+    assert list(rehearse(sensor.cycle(START), [none])) == []
+    (output,) = rehearse(sensor.cycle(START), [ready, newest])
+    assert START - 6_000_000 < output.stamp < START
+
+
+SET_UP: list[tuple[Operation, bytes | DeviceError]] = [
+    (Write(0x0C, b"\x32\x01"), b""),
+    (Pause(0.001), b""),
+    (WriteRead(0x0C, b"\x00", 2), b"\x48\x09"),
+    (Write(0x0C, b"\x31\x08"), b""),
+]
+BLOCK = WriteRead(0x0C, b"\x10", 9)
+NACK = DeviceError("no acknowledge")
+
+
+def test_a_magnetometer_that_fails_does_not_take_the_rest_with_it_and_comes_back() -> None:
+    mag = Ak09916(Correction())
+    assert rehearse(mag.configure(), [(SET_UP[0][0], NACK)]) == "no AK09916 (no acknowledge)"
+    (told,) = rehearse(mag.read(START), [(SET_UP[0][0], NACK)])
+    assert told == Rejected(START, "magnetometer: no AK09916 (no acknowledge)")
+    assert list(rehearse(mag.read(after(START, 0.04)), [])) == []
+    assert list(rehearse(mag.read(after(START, SET_UP_EVERY_S)), SET_UP)) == []
+    (reading,) = rehearse(mag.read(after(START, 1.1)), [(BLOCK, b"\x01\x01\0\0\0\0\0\0\0")])
+    assert isinstance(reading, Stamped)
+    (lost,) = rehearse(mag.read(after(START, 1.2)), [(BLOCK, NACK)])
+    assert isinstance(lost, Rejected)
+
+
+def test_a_magnetometer_that_hangs_is_set_up_again() -> None:
+    mag = Ak09916(Correction())
+    rehearse(mag.configure(), SET_UP)
+    same = [(BLOCK, b"\x01\x05\0\x06\0\x07\0\0\0")]
+    outputs = [rehearse(mag.read(after(START, 0.04 * turn)), same)[0] for turn in range(MAG_REPEATS + 1)]
+    assert "equal samples" in outputs[-1].reason  # type: ignore[union-attr]
+    rehearse(mag.configure(), SET_UP)
+    assert list(rehearse(mag.read(START), [(BLOCK, bytes(9))])) == []
+    (silent,) = rehearse(mag.read(Stamp(START + 600_000_000)), [(BLOCK, bytes(9))])
+    assert "no sample for 0.5 s" in silent.reason  # type: ignore[union-attr]
+
+
+def test_another_chip_in_place_of_the_magnetometer_is_named() -> None:
+    mag = Ak09916(Correction())
+    assert "found identity 4800, wanted 4809" in rehearse(mag.configure(), [*SET_UP[:2], (SET_UP[2][0], b"\x48\x00")])

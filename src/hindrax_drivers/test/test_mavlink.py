@@ -1,0 +1,69 @@
+"""The MAVLink decoder: chunking, garbage, damage."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_core.events import Rejected, Stamp
+from hindrax_core.testing import chunks
+from hindrax_drivers.devices.mavlink import CommandAck, Decoder, Frame, Heartbeat, Message, ServoOutput, encode
+
+NOW = Stamp(7)
+MESSAGES = st.sampled_from([Heartbeat(12, 0, 128, 4), CommandAck(400, 1), ServoOutput(9, (1500,) * 16)])
+PIECES = st.lists(st.one_of(st.binary(max_size=80), MESSAGES), max_size=12)
+
+
+def wire(pieces: list[bytes | Message]) -> bytes:
+    return b"".join(piece if isinstance(piece, bytes) else encode(piece, 1) for piece in pieces)
+
+
+def events(data: bytes, sizes: list[int]) -> list[Frame | Rejected]:
+    decoder = Decoder()
+    return [event for piece in chunks(data, sizes) for event in decoder.feed(piece, NOW)]
+
+
+@given(PIECES, st.lists(st.integers(1, 90), min_size=1, max_size=8))
+def test_any_cutting_of_any_stream_gives_the_same_events(pieces: list[bytes | Message], sizes: list[int]) -> None:
+    data = wire(pieces)
+    assert events(data, sizes) == events(data, [len(data)])
+
+
+@given(PIECES)
+def test_every_frame_among_garbage_is_found_and_every_other_byte_is_accounted_for(
+    pieces: list[bytes | Message],
+) -> None:
+    data = wire(pieces) + bytes(100)
+    found = events(data, [len(data)])
+    sent = [piece for piece in pieces if not isinstance(piece, bytes)]
+    assert [event.message for event in found if isinstance(event, Frame)] == sent
+    refused = sum(len(event.data) for event in found if isinstance(event, Rejected))
+    frames = sum(len(encode(message, 1)) for message in sent)
+    assert 0 <= len(data) - refused - frames < 64
+
+
+@given(MESSAGES, st.data())
+def test_a_frame_with_a_flipped_bit_is_never_a_message(message: Message, data: st.DataObject) -> None:
+    good = bytearray(encode(message, 1))
+    bit = data.draw(st.integers(0, len(good) * 8 - 1))
+    good[bit // 8] ^= 1 << bit % 8
+    assert not any(isinstance(event, Frame) for event in events(bytes(good) + bytes(100), [999]))
+
+
+def test_a_frame_after_a_stray_start_byte_and_a_false_length_is_not_lost() -> None:
+    beat = encode(Heartbeat(12, 0, 0, 3), 1)
+    data = b"\xfd\xff" + beat + b"\xfd\x09\x00" + beat + beat
+    assert sum(isinstance(event, Frame) for event in events(data, [1])) == 3
+
+
+def test_refusals_say_why() -> None:
+    beat = encode(Heartbeat(12, 0, 0, 3), 1)
+    unknown = b"\xfd\x01\x00\x00\x00\x01\x01\x1e\x00\x00\x00\x00\x00"
+    long = b"\xfd\x30\x00\x00\x00\x01\x01\x00\x00\x00"
+    damaged = beat[:-1] + bytes([beat[-1] ^ 1])
+    reasons = []
+    for bad in (unknown, long, damaged, b"hello"):
+        first, second = events(bad + beat, [999])
+        assert isinstance(first, Rejected)
+        assert isinstance(second, Frame)
+        assert first.data == bad
+        reasons.append(first.reason)
+    assert reasons == ["unknown message 30", "impossible length for message 0", "checksum", "no start of a frame"]

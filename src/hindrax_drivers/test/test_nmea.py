@@ -1,0 +1,102 @@
+"""Lines, checksums and numbers of NMEA-like streams."""
+
+from __future__ import annotations
+
+import functools
+import operator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_core.testing import chunks
+from hindrax_drivers.devices.nmea import (
+    MAX_LINE,
+    LineSplitter,
+    SentenceError,
+    checksum,
+    integer,
+    number,
+    numbers,
+    split_verified,
+)
+
+
+def split(data: bytes) -> list[bytes]:
+    return LineSplitter().feed(data)
+
+
+@given(st.binary(max_size=MAX_LINE))
+def test_the_checksum_is_the_xor_of_all_bytes(body):
+    assert checksum(body) == functools.reduce(operator.xor, body, 0)
+
+
+@given(
+    st.lists(st.sampled_from([b"$", b"\n", b"\r\n", b"\r", b"a", b"*7F", b"x" * 500, b"\x00"]), max_size=30),
+    st.lists(st.integers(1, 700), min_size=1, max_size=8),
+)
+def test_any_chunking_gives_the_same_pieces(parts, sizes):
+    data = b"".join(parts) + b"\n"
+    splitter = LineSplitter()
+    assert [piece for chunk in chunks(data, sizes) for piece in splitter.feed(chunk)] == split(data)
+
+
+def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar():
+    assert split(b"one\r\ntwo\nhalf$GPX,1*00\n\n\r\n$A$B\nrest") == [
+        b"one",
+        b"two",
+        b"half",
+        b"$GPX,1*00",
+        b"$A",
+        b"$B",
+    ]
+
+
+def test_what_follows_an_endless_line_is_not_swallowed():
+    endless = b"z" * (3 * MAX_LINE)
+    assert split(endless + b"$A\n")[-1] == b"$A"
+    assert all(len(piece) == MAX_LINE for piece in split(endless))
+
+
+def test_clear_forgets_half_a_line():
+    splitter = LineSplitter()
+    splitter.feed(b"$half")
+    splitter.clear()
+    assert splitter.feed(b"$A\n") == [b"$A"]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (b"$A,1*7D", "checksum"),
+        (b"$A,1*5", "no checksum"),
+        (b"$A,1", "no checksum"),
+        (b"$A,1*+5", "no checksum"),
+        (b"$", "no checksum"),
+        (b"", "no checksum"),
+    ],
+)
+def test_refused_sentences(line, reason):
+    with pytest.raises(SentenceError, match=reason):
+        split_verified(line)
+
+
+def test_digits_of_the_checksum_may_be_small():
+    assert split_verified(b"$KJ*01") == [b"KJ"]
+    assert split_verified(b"$Aj*2b") == split_verified(b"$Aj*2B") == [b"Aj"]
+
+
+@pytest.mark.parametrize(
+    "field", [b"", b"nan", b"inf", b"1e5", b"1_0", b" 1", b"1 ", b"--1", b"1.2.3", b"0x1", b"\xb2"]
+)
+def test_only_plain_notation_is_a_number(field):
+    with pytest.raises(SentenceError, match="number"):
+        number(field)
+    with pytest.raises(SentenceError, match="number"):
+        numbers([b"1.0", field])
+    with pytest.raises(SentenceError, match="number"):
+        integer(field)
+
+
+def test_plain_numbers():
+    assert (number(b"-0.5"), numbers([b"1", b"-.5"]), integer(b"-1175")) == (-0.5, [1.0, -0.5], -1175)

@@ -1,0 +1,303 @@
+"""The Ping1D as a device: waking, orders, gates, time, supervision."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from hindrax_core.device import Identity, Send, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import DeviceText, Echo, EchoProfile
+from hindrax_drivers.devices import ping_protocol as protocol
+from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs, orders
+from hindrax_drivers.devices.ping_protocol import encode, request
+
+INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
+START, LENGTH = 100, 4900
+
+
+def distance(number: int, mm: int = 2000, percent: int = 100) -> bytes:
+    return encode(protocol.DISTANCE, struct.pack("<IHHIIII", mm, percent, 50, number, START, LENGTH, 2))
+
+
+def profile(number: int, mm: int = 2000, percent: int = 100, strength: bytes = b"\x01\x02\x03") -> bytes:
+    head = struct.pack("<IHHIIIIH", mm, percent, 50, number, START, LENGTH, 2, len(strength))
+    return encode(protocol.PROFILE, head + strength)
+
+
+def obedient(sent: bytes) -> bytes:
+    """Answers of a device that does as it is told: an ack for an order, the value ordered for a question."""
+    answers, ordered = b"", b""
+    while sent:
+        length, message = struct.unpack_from("<HH", sent, 2)
+        payload, sent = sent[8 : 8 + length], sent[10 + length :]
+        wanted = int.from_bytes(payload, "little")
+        if message != protocol.GENERAL_REQUEST:
+            answers += encode(protocol.ACK, struct.pack("<H", message))
+            ordered = payload
+        elif wanted == protocol.DEVICE_INFORMATION:
+            answers += INFORMATION
+        elif ordered:
+            answers += encode(wanted, ordered)
+        if message == protocol.CONTINUOUS_START:
+            answers += profile(1)
+    return answers
+
+
+def sends(outputs) -> list[Send]:
+    return [one for one in outputs if isinstance(one, Send)]
+
+
+def troubles(outputs) -> list[str]:
+    return [one.text for one in outputs if isinstance(one, Trouble)]
+
+
+def readings(outputs) -> list:
+    return [one.reading for one in outputs if isinstance(one, Stamped)]
+
+
+def set_up(driver: Ping1d, device=obedient) -> list:
+    """Let driver and device talk until neither has anything to say; returns all outputs."""
+    stamp = Stamp(0)
+    outputs = list(driver.start(stamp))
+    waiting = sends(outputs)
+    while waiting:
+        answers = [driver.feed(device(one.data), stamp) for one in waiting]
+        waiting = [send for each in answers for send in sends(each)]
+        outputs += [one for each in answers for one in each]
+    return outputs
+
+
+def ready(**knobs) -> Ping1d:
+    driver = Ping1d(Ping1dKnobs(**knobs))
+    set_up(driver)
+    assert driver.ready
+    return driver
+
+
+def test_start_wakes_the_device_and_asks_who_it_is():
+    assert Ping1d().start(Stamp(0)) == [Send(HELLO, wake=True)]
+    assert request(5) + request(4) == HELLO
+
+
+def test_orders_are_given_one_by_one_and_proved():
+    driver = Ping1d(Ping1dKnobs(mode_auto=True))
+    outputs = set_up(driver)
+    names = ("speed of sound", "mode", "ping interval", "ping enable", "continuous start")
+    assert [one.data for one in sends(outputs)][1:] == [order.frames for order in orders(Ping1dKnobs())]
+    assert tuple(order.name for order in orders(Ping1dKnobs())) == names
+    assert troubles(outputs) == []
+    assert [one.text for one in outputs if isinstance(one, Identity)]
+    assert driver.ready
+    assert driver.round_trip_s == 0.0
+
+
+def test_range_and_gain_are_ordered_by_hand_only():
+    by_hand = Ping1dKnobs(mode_auto=False, range_start_m=0.1, range_length_m=5.0, gain=3)
+    frames = b"".join(order.frames for order in orders(by_hand))
+    assert encode(protocol.SET_RANGE, struct.pack("<II", 100, 5000)) in frames
+    assert encode(protocol.SET_GAIN, b"\x03") in frames
+
+
+def test_a_silent_device_is_woken_again_and_again():
+    driver = Ping1d()
+    driver.start(Stamp(0))
+    outputs = [one for index in range(1, 31) for one in driver.tick(stamp_from_s(index * 0.1))]
+    assert len(sends(outputs)) == 10
+    assert all(one.wake for one in sends(outputs))
+    assert ["no byte" in one for one in troubles(outputs)] == [True]
+    assert not driver.ready
+
+
+def test_a_stranger_is_told_and_never_ordered_about():
+    driver = Ping1d()
+    driver.start(Stamp(0))
+    outputs = driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(0))
+    assert "found device type 2, wanted 1" in troubles(outputs)[0]
+    assert not sends(outputs)
+    assert not readings(driver.feed(distance(1), Stamp(0)))
+    assert driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(1)) == []
+
+
+def test_an_order_without_answer_is_repeated_then_told_then_left():
+    driver = Ping1d(Ping1dKnobs(tries=3, answer_s=0.3))
+    driver.start(Stamp(0))
+    first = sends(driver.feed(INFORMATION, Stamp(0)))
+    outputs = []
+    for index in range(1, 10):
+        driver.feed(encode(protocol.TEXT, b""), stamp_from_s(index * 0.1))
+        outputs += driver.tick(stamp_from_s(index * 0.1))
+    assert sends(outputs)[:2] == first * 2
+    assert troubles(outputs) == [
+        "Ping: speed of sound after 3 tries: found no answer, wanted 1484000; check the firmware"
+    ]
+
+
+def test_a_device_that_only_acknowledges_is_believed():
+    driver = Ping1d(Ping1dKnobs(continuous=False, answer_s=0.3))
+    driver.start(Stamp(0))
+    driver.feed(INFORMATION, Stamp(0))
+    outputs = []
+    for index in range(1, 40):
+        stamp = stamp_from_s(index * 0.1)
+        for order in orders(Ping1dKnobs(continuous=False)):
+            outputs += driver.feed(encode(protocol.ACK, struct.pack("<H", order.message)), stamp)
+        outputs += driver.tick(stamp)
+        if driver.ready:
+            break
+    assert troubles(outputs) == []
+    assert driver.ready
+
+
+def test_a_value_other_than_ordered_is_told():
+    def stubborn(sent: bytes) -> bytes:
+        return obedient(sent).replace(encode(1206, b"\x32\x00"), encode(1206, b"\x64\x00"))
+
+    driver = Ping1d(Ping1dKnobs(tries=2, interval_s=0.05))
+    outputs = set_up(driver, stubborn)
+    for index in range(1, 10):
+        for send in sends(said := driver.tick(stamp_from_s(index * 0.1))):
+            said += driver.feed(stubborn(send.data), stamp_from_s(index * 0.1))
+        outputs += said
+    assert "Ping: ping interval after 2 tries: found 100, wanted 50; check the firmware" in troubles(outputs)
+
+
+def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on():
+    def refusing(sent: bytes) -> bytes:
+        nack = encode(protocol.NACK, struct.pack("<H", protocol.SET_INTERVAL) + b"too fast\0")
+        return nack if sent[4:6] == struct.pack("<H", protocol.SET_INTERVAL) else obedient(sent)
+
+    driver = Ping1d()
+    assert troubles(set_up(driver, refusing)) == ["Ping: ping interval refused (too fast)"]
+    assert driver.ready
+    late = driver.feed(encode(protocol.NACK, struct.pack("<H", 1300)), Stamp(0))
+    assert troubles(late) == ["Ping: message 1300 refused (no reason given)"]
+
+
+def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked():
+    driver = ready()
+    assert [type(one) for one in readings(driver.feed(profile(2), Stamp(0)))] == [Echo]
+    assert driver.request_profile() == []
+    assert [type(one) for one in readings(driver.feed(profile(3), Stamp(0)))] == [Echo, EchoProfile]
+    assert [type(one) for one in readings(driver.feed(profile(4), Stamp(0)))] == [Echo]
+
+
+def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer():
+    driver = ready(continuous=False, interval_s=0.1, answer_s=0.3)
+    asked = []
+    for index in range(1, 101):
+        stamp = stamp_from_s(index * 0.01)
+        for send in sends(driver.tick(stamp)):
+            asked.append((index, send.data))
+            if index < 50:
+                driver.feed(distance(index), stamp)
+    assert [index for index, _ in asked] == [10, 20, 30, 40, 50, 80]
+    assert {data for _, data in asked} == {request(protocol.DISTANCE)}
+    assert driver.request_profile() == [Send(request(protocol.PROFILE))]
+
+
+def test_an_echo_is_stamped_with_the_moment_of_the_reflection():
+    driver = ready(continuous=False, speed_of_sound_mps=1500.0)
+    (stamped,) = driver.feed(distance(7, mm=2000), stamp_from_s(10.0))
+    on_wire = 34 * 10 / 115200
+    rest_of_scan = (2 * 5.0 - 2.0) / 1500.0
+    assert abs(stamped.stamp - stamp_from_s(10.0 - on_wire - rest_of_scan)) <= 1
+    assert stamped.reading == Echo(2.0, 1.0, 7)
+
+
+def test_stamps_never_go_back_when_messages_arrive_at_once():
+    stamps = [
+        one.stamp for one in ready(continuous=False).feed(distance(7, mm=3000) + distance(8, mm=500), Stamp(10**9))
+    ]
+    assert stamps == sorted(stamps)
+    assert len(stamps) == 2
+
+
+def test_a_host_clock_set_back_is_followed():
+    driver = ready(continuous=False)
+    driver.feed(distance(7), stamp_from_s(1000.0))
+    (stamped,) = driver.feed(distance(8), stamp_from_s(500.0))
+    assert stamp_from_s(499.9) < stamped.stamp < stamp_from_s(500.0)
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (distance(2, percent=49), "distance: confidence"),
+        (distance(2, percent=101), "distance: range"),
+        (distance(2, mm=0), "distance: range"),
+        (distance(2, mm=5001), "distance: range"),
+        (distance(2, mm=0xFFFFFFFF), "distance: range"),
+        (encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 140_001, 100)), "distance: range"),
+        (encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1000, 10)), "distance: confidence"),
+        (encode(protocol.PROFILE, struct.pack("<IHHIIIIH", 2000, 100, 50, 2, 0, 5000, 2, 9)), "profile: count"),
+        (distance(2)[:-1] + b"\x00", "frame: checksum"),
+    ],
+)
+def test_what_is_not_believed_is_refused_with_the_reason(frame, reason):
+    outputs = ready(continuous=False).feed(frame, Stamp(0))
+    assert [one.reason for one in outputs if isinstance(one, Rejected)] == [reason]
+    assert not readings(outputs)
+
+
+def test_a_ping_seen_before_is_no_new_measurement():
+    driver = ready()
+    assert len(readings(driver.feed(profile(2) + profile(2), Stamp(0)))) == 1
+
+
+def test_lost_pings_are_counted_and_told_now_and_then():
+    driver = ready()
+    outputs = [*driver.feed(profile(2), Stamp(0)), *driver.feed(profile(6), Stamp(0))]
+    outputs += driver.feed(profile(9), stamp_from_s(1.0))
+    assert driver.lost_pings == 5
+    assert troubles(outputs) == ["Ping: 3 pings lost before number 6"]
+
+
+def test_the_ping_number_may_pass_its_end():
+    driver = ready()
+    driver.feed(profile(0xFFFFFFFF), Stamp(0))
+    lost = driver.lost_pings
+    assert len(readings(driver.feed(profile(0), Stamp(0)))) == 1
+    assert driver.lost_pings == lost
+
+
+def test_a_restarted_sonar_is_set_up_again():
+    driver = ready()
+    driver.feed(profile(500), Stamp(0))
+    outputs = driver.feed(profile(3), Stamp(0))
+    assert "has restarted (ping 500, then 3)" in troubles(outputs)[0]
+    assert sends(outputs) == [Send(HELLO, wake=True)]
+    assert readings(outputs) == []
+    assert not driver.ready
+
+
+def test_silence_while_measuring_is_told_and_answered_by_a_new_start():
+    driver = ready()
+    outputs = [one for index in range(1, 15) for one in driver.tick(stamp_from_s(index * 0.1))]
+    assert ["no byte" in one for one in troubles(outputs)] == [True]
+    assert sends(outputs)[0] == Send(HELLO, wake=True)
+
+
+def test_a_sonar_that_hangs_is_told_and_set_up_again():
+    driver = ready()
+    outputs = []
+    for index in range(1, 15):
+        outputs += [*driver.feed(profile(2), stamp_from_s(index * 0.1)), *driver.tick(stamp_from_s(index * 0.1))]
+    assert len(readings(outputs)) == 1
+    assert troubles(outputs) == ["Ping: no new ping for 1 s although it answers; setting it up again"]
+    assert sends(outputs)[0] == Send(HELLO, wake=True)
+
+
+def test_silence_amid_the_orders_starts_anew_instead_of_telling_each_order():
+    driver = Ping1d(Ping1dKnobs(tries=3))
+    driver.start(Stamp(0))
+    driver.feed(INFORMATION, Stamp(0))
+    outputs = [one for index in range(1, 60) for one in driver.tick(stamp_from_s(index * 0.1))]
+    assert sends(outputs)[-1] == Send(HELLO, wake=True)
+    assert len(troubles(outputs)) <= 2
+
+
+def test_text_of_the_device_is_passed_on():
+    outputs = ready().feed(encode(protocol.TEXT, b"hello\0"), Stamp(5))
+    assert outputs == [Stamped(Stamp(5), DeviceText("hello"))]

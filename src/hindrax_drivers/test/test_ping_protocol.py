@@ -1,0 +1,74 @@
+"""Frames of the Ping protocol. Vectors from outside are in test/golden/ping1d."""
+
+from __future__ import annotations
+
+import struct
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_core.testing import chunks
+from hindrax_drivers.devices import ping_protocol as protocol
+from hindrax_drivers.devices.ping_protocol import Frame, FrameSplitter, Refused, encode
+
+SIMPLE = encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1234, 95))
+PART = st.sampled_from(
+    [SIMPLE, SIMPLE[:9], SIMPLE[:-1] + b"\xff", b"B", b"R", b"BR", b"\x00" * 70, b"BR\x18\x00\xbc\x04"]
+)
+
+
+def split(data: bytes) -> list[protocol.Piece]:
+    return FrameSplitter().feed(data)
+
+
+@given(st.lists(PART, max_size=20), st.lists(st.integers(1, 40), min_size=1, max_size=8))
+def test_any_chunking_gives_the_same_pieces(parts, sizes):
+    data = b"".join(parts)
+    splitter = FrameSplitter()
+    assert [piece for chunk in chunks(data, sizes) for piece in splitter.feed(chunk)] == split(data)
+
+
+@given(st.lists(PART, max_size=20))
+def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told_once_at_most(parts):
+    data = b"".join(parts) + b"\x00" * 1200 + SIMPLE
+    pieces = split(data)
+    assert pieces[-1] == Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
+    frames = sum(one.size for one in pieces if isinstance(one, Frame))
+    junk = sum(len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage")
+    assert frames + junk <= len(data)
+
+
+@given(st.integers(1200, 1400), st.binary(max_size=200))
+def test_what_is_encoded_is_decoded_when_its_length_is_right(message, payload):
+    pieces = split(encode(message, payload))
+    if pieces and isinstance(pieces[0], Frame):
+        assert pieces == [Frame(message, payload)]
+        assert pieces[0].size == len(payload) + 10
+    else:
+        assert pieces[0].reason in ("length", "unknown")
+
+
+def test_a_false_frame_is_told_as_a_whole_and_once():
+    broken = bytearray(SIMPLE)
+    broken[9] ^= 1
+    assert split(bytes(broken) + SIMPLE) == [Refused("checksum", bytes(broken)), *split(SIMPLE)]
+
+
+def test_a_flood_of_false_marks_is_cheap_and_told():
+    pieces = split(b"BR" * 20_000)
+    assert {one.reason for one in pieces} == {"unknown"}
+
+
+def test_a_profile_whose_count_does_not_fit_is_none():
+    head = struct.pack("<IHHIIIIH", 1000, 100, 50, 7, 0, 5000, 2, 5)
+    assert protocol.echo(Frame(protocol.PROFILE, head + b"1234")) is None
+    message = protocol.echo(Frame(protocol.PROFILE, head + b"12345"))
+    assert message is not None
+    assert message.strength == b"12345"
+
+
+def test_clear_forgets_half_a_frame():
+    splitter = FrameSplitter()
+    splitter.feed(b"junk" + SIMPLE[:5])
+    splitter.clear()
+    assert splitter.feed(SIMPLE) == split(SIMPLE)

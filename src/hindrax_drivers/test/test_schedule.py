@@ -1,0 +1,221 @@
+"""The order of traffic on a bus: interleaving at pauses, urgency, back-off, the beat."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from hindrax_core.bus import DeviceError, Pause, Program, Read, Transaction, Write
+from hindrax_core.device import Identity, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.buses.clock import NEVER
+from hindrax_drivers.buses.schedule import BusSchedule
+
+
+class Converter:
+    """Starts a conversion, waits, reads: like a pressure sensor."""
+
+    def __init__(self, address: int, period_s: float, wait_s: float) -> None:
+        self.address, self.period_s, self._wait_s = address, period_s, wait_s
+
+    def configure(self) -> Program[Identity]:
+        yield Write(self.address, b"\x1e")
+        return Identity(f"converter {self.address:#x}")
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        yield Write(self.address, b"\x48")
+        yield Pause(self._wait_s)
+        raw = yield Read(self.address, 1)
+        return [Stamped(stamp, Battery(raw[0]))]
+
+
+class Wire:
+    """Answers with the address; can be told to refuse."""
+
+    def __init__(self) -> None:
+        self.now = Stamp(0)
+        self.seen: list[tuple[float, Transaction]] = []
+        self.broken: set[int] = set()
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        self.seen.append((self.now / 1e9, transaction))
+        if transaction.address in self.broken:
+            raise DeviceError("nobody there")
+        return b"" if isinstance(transaction, Write) else bytes([transaction.address])
+
+
+def run(schedule: BusSchedule, wire: Wire, until_s: float) -> list[tuple[str, object]]:
+    """Drive a schedule in lock-step; flattened outputs."""
+    found: list[tuple[str, object]] = []
+    while (due := schedule.next_due(wire.now)) <= stamp_from_s(until_s):
+        wire.now = max(wire.now, due)
+        for name, outputs in schedule.step(wire.now, wire.transfer):
+            found += [(name, output) for output in outputs]
+    return found
+
+
+def test_a_device_is_configured_and_then_keeps_its_beat() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 0.02, 0.009))
+    outputs = run(schedule, wire, 0.1)
+    assert outputs[0] == ("p", Identity("converter 0x76"))
+    stamps = [output.stamp for _, output in outputs if isinstance(output, Stamped)]
+    assert stamps == [stamp_from_s(0.02 * turn) for turn in range(5)]
+    assert schedule.ready("p")
+
+
+def test_a_conversion_does_not_keep_the_bus_from_others() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("slow", Converter(0x76, 0.02, 0.0185))
+    schedule.add("fast", Converter(0x68, 0.005, 0.0))
+    run(schedule, wire, 0.0199)
+    between = [at for at, done in wire.seen if done.address == 0x68 and 0.0 < at < 0.0185]
+    assert sorted(set(between)) == pytest.approx([0.005, 0.010, 0.015])
+
+
+def test_a_pause_counts_from_the_end_of_the_transfers_before_it() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 1.0, 0.010))
+    schedule.turn(Stamp(0), wire.transfer)  # configured
+    schedule.turn(Stamp(0), wire.transfer)  # conversion begun; the transfer took 3 ms
+    assert schedule.next_due(stamp_from_s(0.003)) == stamp_from_s(0.013)
+
+
+def test_a_beat_that_was_missed_is_left_out_not_made_up_for() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 0.02, 0.0))
+    run(schedule, wire, 0.05)
+    wire.now = stamp_from_s(1.0)
+    late = run(schedule, wire, 1.019)
+    assert len(late) == 1
+
+
+def one_shot(address: int, pause_s: float = 0.0) -> Program[bytes]:
+    yield Write(address, b"!")
+    if pause_s:
+        yield Pause(pause_s)
+    return (yield Read(address, 1))
+
+
+def test_a_request_goes_before_everything_that_is_due() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    for address in (0x10, 0x11, 0x12):
+        schedule.add(hex(address), Converter(address, 0.01, 0.0))
+    wire.now = stamp_from_s(0.5)
+    future = schedule.request("thrusters", one_shot(0x40))
+    schedule.turn(wire.now, wire.transfer)
+    assert future.result(0) == b"\x40"
+    assert wire.seen[0][1] == Write(0x40, b"!")
+
+
+def test_of_two_waiting_requests_of_one_name_the_newer_counts() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    old, new = schedule.request("t", one_shot(0x40)), schedule.request("t", one_shot(0x41))
+    run(schedule, wire, 0.1)
+    assert old.cancelled()
+    assert new.result(0) == b"\x41"
+    assert schedule.next_due(wire.now) == NEVER
+
+
+def test_a_request_that_has_begun_is_not_replaced() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    first = schedule.request("t", one_shot(0x40, 0.1))
+    schedule.step(wire.now, wire.transfer)
+    second = schedule.request("t", one_shot(0x41))
+    run(schedule, wire, 1.0)
+    assert (first.result(0), second.result(0)) == (b"\x40", b"\x41")
+
+
+def test_a_failed_request_brings_its_error_and_a_cancelled_one_touches_nothing() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    wire.broken = {0x40}
+    failing, dropped = schedule.request("a", one_shot(0x40)), schedule.request("b", one_shot(0x41))
+    dropped.cancel()
+    run(schedule, wire, 0.1)
+    assert isinstance(failing.exception(0), DeviceError)
+    assert {done.address for _, done in wire.seen} == {0x40}
+
+
+def test_a_failing_device_backs_off_says_so_and_comes_back() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 0.02, 0.009))
+    run(schedule, wire, 0.11)
+    wire.broken = {0x76}
+    troubles = [output for _, output in run(schedule, wire, 5.0)]
+    assert troubles[0] == Trouble(stamp_from_s(0.12), "p: nobody there; configured anew at once")
+    assert [t.text.rsplit("anew ")[1] for t in troubles if isinstance(t, Trouble)][:7] == [
+        "at once", "in 0.1 s", "in 0.2 s", "in 0.4 s", "in 0.8 s", "in 1 s", "in 1 s",
+    ]  # fmt: skip
+    assert not schedule.ready("p")
+    wire.broken = set()
+    back = run(schedule, wire, 6.1)
+    assert back[0] == ("p", Identity("converter 0x76"))
+    assert schedule.ready("p")
+
+
+def test_a_failure_of_one_device_leaves_the_others_on_their_beat() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("sick", Converter(0x76, 0.02, 0.009))
+    schedule.add("well", Converter(0x68, 0.005, 0.0))
+    wire.broken = {0x76}
+    outputs = run(schedule, wire, 1.0)
+    assert len([1 for name, output in outputs if name == "well" and isinstance(output, Stamped)]) == 201
+
+
+def test_an_answer_of_the_wrong_length_is_refused_whatever_the_adapter() -> None:
+    schedule = BusSchedule()
+    schedule.add("p", Converter(0x76, 0.02, 0.0))
+    outputs = schedule.step(Stamp(0), lambda _: b"")
+    assert "short read, found 0 bytes, wanted 1" in str(outputs)
+
+
+def test_a_clock_that_is_set_back_does_not_stop_the_bus() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    wire.now = stamp_from_s(1000.0)
+    schedule.add("p", Converter(0x76, 0.02, 0.0))
+    run(schedule, wire, 1000.1)
+    wire.now = stamp_from_s(10.0)
+    assert len(run(schedule, wire, 10.1)) in (5, 6)
+
+
+def test_the_tap_sees_every_transaction_with_its_owner() -> None:
+    seen: list[tuple[str, Stamp, Transaction, bytes]] = []
+    schedule, wire = BusSchedule(tap=lambda *one: seen.append(one)), Wire()
+    schedule.add("p", Converter(0x76, 0.02, 0.009))
+    run(schedule, wire, 0.01)
+    assert seen == [
+        ("p", 0, Write(0x76, b"\x1e"), b""),
+        ("p", 0, Write(0x76, b"\x48"), b""),
+        ("p", stamp_from_s(0.009), Read(0x76, 1), b"\x76"),
+    ]
+
+
+def test_closing_cancels_what_waits_and_fails_what_has_begun() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    begun = schedule.request("begun", one_shot(0x40, 9.0))
+    schedule.step(wire.now, wire.transfer)
+    waiting = schedule.request("waiting", one_shot(0x41))
+    schedule.close()
+    assert waiting.cancelled()
+    assert "closed" in str(begun.exception(0))
+
+
+def test_what_cannot_be_scheduled_is_refused_by_name() -> None:
+    schedule = BusSchedule()
+    schedule.add("p", Converter(0x76, 0.02, 0.0))
+    with pytest.raises(ValueError, match="p: is in the schedule already"):
+        schedule.add("p", Converter(0x76, 0.02, 0.0))
+    with pytest.raises(ValueError, match=r"q: found a period of 0.0 s"):
+        schedule.add("q", Converter(0x76, 0.0, 0.0))
+
+
+def test_an_error_of_our_own_is_not_swallowed() -> None:
+    class Broken(Converter):
+        def configure(self) -> Program[Identity]:
+            raise ZeroDivisionError
+            yield
+
+    schedule = BusSchedule()
+    schedule.add("p", Broken(0x76, 1.0, 0.0))
+    with pytest.raises(ZeroDivisionError):
+        schedule.step(Stamp(0), Wire().transfer)

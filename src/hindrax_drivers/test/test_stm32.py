@@ -1,0 +1,178 @@
+"""The STM32 driver: rhythm, answers, patience, and what it makes of what it hears."""
+
+import math
+from collections.abc import Iterable
+
+import pytest
+
+from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import AppliedPulses, Battery, DeviceText
+from hindrax_drivers.devices.mavlink import (
+    BatteryStatus,
+    ChannelsOverride,
+    CommandAck,
+    CommandLong,
+    Decoder,
+    Frame,
+    Heartbeat,
+    Message,
+    ServoOutput,
+    StatusText,
+    encode,
+)
+from hindrax_drivers.devices.stm32 import Stm32
+
+CHANNELS = (*range(8), 8, 9)
+REST = (1500.0,) * 8 + (1100.0,) * 2
+
+
+def at(seconds: float) -> Stamp:
+    return stamp_from_s(100.0 + seconds)
+
+
+def said(outputs: Iterable[Output]) -> list[Message]:
+    """Messages on the wire, decoded."""
+    data = b"".join(output.data for output in outputs if isinstance(output, Send))
+    return [event.message for event in Decoder().feed(data, at(0.0)) if isinstance(event, Frame)]
+
+
+def heard(device: Stm32, message: Message, seconds: float) -> list[Output]:
+    return list(device.feed(encode(message, 0, component=1), at(seconds)))
+
+
+def started() -> Stm32:
+    device = Stm32(CHANNELS)
+    list(device.start(at(0.0)))
+    return device
+
+
+def ready() -> Stm32:
+    device = started()
+    heard(device, Heartbeat(12, 0, 0, 3), 0.0)
+    return device
+
+
+def test_heartbeats_go_out_once_a_second() -> None:
+    device = Stm32(CHANNELS)
+    outputs = list(device.start(at(0.0)))
+    for turn in range(1, 61):
+        outputs += device.tick(at(turn * 0.05))
+    assert said(outputs) == [Heartbeat(18, 8, 0, 4)] * 4
+
+
+def test_identifies_itself_by_its_heartbeat() -> None:
+    device = started()
+    assert not device.ready
+    outputs = heard(device, Heartbeat(12, 0, 0, 3), 0.1)
+    assert outputs == [Identity("MAVLink system 1 component 1, type 12")]
+    assert device.ready
+    assert heard(device, Heartbeat(12, 0, 0, 3), 1.1) == []
+
+
+def test_is_not_ready_without_heartbeats_and_says_so_once() -> None:
+    device = ready()
+    troubles = [output for turn in range(100) for output in device.tick(at(turn * 0.05)) if isinstance(output, Trouble)]
+    assert len(troubles) == 1
+    assert "no byte for 2.5 s" in troubles[0].text
+    assert not device.ready
+
+
+def test_channels_follow_the_vehicle_file() -> None:
+    device = Stm32((3, 0))
+    (message,) = said([device.override((1600.4, 1399.6), at(0.0))])
+    assert isinstance(message, ChannelsOverride)
+    assert message.pulses_us[:8] == (1400, 65535, 65535, 1600) + (65535,) * 4
+
+
+def test_overrides_are_repeated_at_50_hz_but_not_for_long() -> None:
+    device = ready()
+    device.override(REST, at(0.0))
+    spoken = {turn: said(device.tick(at(turn * 0.01))) for turn in range(1, 100)}
+    times = [turn for turn, messages in spoken.items() if any(isinstance(one, ChannelsOverride) for one in messages)]
+    assert times == [2, 4, 6, 8, 10, 12, 14, 16, 18]
+
+
+def test_arming_waits_for_the_answer() -> None:
+    device = ready()
+    assert said([device.arm(at(0.0))]) == [CommandLong(400, 1.0)]
+    assert not device.armed
+    assert heard(device, CommandAck(400, 0), 0.01) == []
+    assert (device.armed, device.refusal) == (True, "")
+    device.disarm(at(1.0))
+    heard(device, CommandAck(400, 0), 1.01)
+    assert not device.armed
+
+
+def test_a_refusal_brings_its_reason() -> None:
+    device = ready()
+    device.arm(at(0.0))
+    heard(device, StatusText(4, "not armed: neutral for 3 of 7000 ms"), 0.01)
+    (trouble,) = heard(device, CommandAck(400, 1), 0.01)
+    assert trouble == Trouble(at(0.01), "stm32: does not arm: not armed: neutral for 3 of 7000 ms")
+    assert (device.armed, device.refusal) == (False, "not armed: neutral for 3 of 7000 ms")
+
+
+def test_a_command_without_answer_is_repeated_then_given_up() -> None:
+    device = ready()
+    device.arm(at(0.0))
+    outputs = [output for turn in range(1, 30) for output in device.tick(at(turn * 0.05))]
+    again = [message for message in said(outputs) if isinstance(message, CommandLong)]
+    assert again == [CommandLong(400, 1.0, 1), CommandLong(400, 1.0, 2)]
+    assert [output.text for output in outputs if isinstance(output, Trouble)] == [
+        "stm32: no answer to 3 requests; check line and firmware"
+    ]
+    assert device.refusal == "no answer to 3 requests"
+
+
+def test_an_answer_to_nobody_changes_nothing() -> None:
+    device = ready()
+    assert heard(device, CommandAck(400, 0), 0.0) == []
+    assert heard(device, CommandAck(176, 0), 0.0) == []
+    assert not device.armed
+
+
+def test_a_controller_that_disarms_by_itself_is_noticed() -> None:
+    device = ready()
+    heard(device, Heartbeat(12, 0, 128, 4), 0.5)
+    assert device.armed
+    (trouble,) = heard(device, Heartbeat(12, 0, 0, 3), 1.5)
+    assert isinstance(trouble, Trouble)
+    assert "has disarmed itself" in trouble.text
+
+
+def test_what_it_hears_becomes_readings() -> None:
+    device = ready()
+    (stamped,) = heard(device, ServoOutput(1, tuple(range(1500, 1516))), 0.2)
+    assert stamped == Stamped(at(0.2), AppliedPulses(tuple(float(pulse) for pulse in range(1500, 1510))))
+    assert heard(device, BatteryStatus(14.8, 3.5), 0.2) == [Stamped(at(0.2), Battery(14.8, 3.5))]
+    (stamped,) = heard(device, BatteryStatus(14.8, None), 0.2)
+    assert isinstance(stamped, Stamped)
+    assert isinstance(stamped.reading, Battery)
+    assert math.isnan(stamped.reading.current_A)
+    assert heard(device, StatusText(6, "boot"), 0.2) == [Stamped(at(0.2), DeviceText("boot"))]
+    assert heard(device, StatusText(3, "hot"), 0.2) == [Trouble(at(0.2), "stm32: hot")]
+
+
+def test_damage_is_refused() -> None:
+    device = ready()
+    damaged = bytearray(encode(ServoOutput(1, (1900,) * 8), 0, component=1))
+    damaged[20] ^= 1
+    (first, *_) = list(device.feed(bytes(damaged) + bytes(64), at(0.1)))
+    assert isinstance(first, Rejected)
+    assert first.reason == "checksum"
+
+
+def test_a_reconnection_begins_anew() -> None:
+    device = ready()
+    heard(device, Heartbeat(12, 0, 128, 4), 0.5)
+    device.override(REST, at(0.5))
+    list(device.start(at(0.6)))
+    assert (device.ready, device.armed) == (False, False)
+    assert said(device.tick(at(0.61))) == []
+
+
+@pytest.mark.parametrize("channels", [(), (1, 1), (16,), (-1,)])
+def test_channels_that_collide_are_refused(channels: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="output channels"):
+        Stm32(channels)

@@ -1,0 +1,61 @@
+"""Parameters of the thrusters process, read without ROS as ROS reads them."""
+
+from pathlib import Path
+
+import pytest
+
+from hindrax_core.errors import UsageError
+from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+
+VEHICLE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
+
+
+def written(folder: Path, text: str) -> list[str]:
+    file = folder / "parameters.yaml"
+    file.write_text(text.replace("VEHICLE", str(VEHICLE)), encoding="utf-8")
+    return ["--ros-args", "--params-file", str(file)]
+
+
+def read(folder: Path, text: str, *more: str) -> Settings:
+    return read_settings([*written(folder, text), *more])
+
+
+FILE = """
+/**: {ros__parameters: {vehicle: VEHICLE, use_sim_time: true}}
+PATTERN: {ros__parameters: {port: "mock:/tmp/i2c", clock: "mock:/tmp/i2c"}}
+/hindrax/dvl75: {ros__parameters: {port: /dev/ttyUSB7}}
+"""
+
+
+@pytest.mark.parametrize("pattern", ["/**/thrusters", "/hindrax/thrusters", "/*/thrusters", "hindrax/thrusters"])
+def test_blocks_of_this_node_count(tmp_path: Path, pattern: str) -> None:
+    settings = read(tmp_path, FILE.replace("PATTERN", pattern))
+    assert (settings.port, settings.clock) == ("mock:/tmp/i2c", "mock:/tmp/i2c")
+    assert settings.vehicle.name == "hindrax"
+
+
+@pytest.mark.parametrize("pattern", ["/**/recorder", "/other/thrusters", "thrusters", "/hindrax/thrusters2"])
+def test_blocks_of_other_nodes_do_not(tmp_path: Path, pattern: str) -> None:
+    settings = read(tmp_path, FILE.replace("PATTERN", pattern))
+    assert (settings.port, settings.clock) == ("/dev/i2c-1", "system")
+
+
+def test_a_word_on_the_command_line_wins(tmp_path: Path) -> None:
+    text = FILE.replace("PATTERN", "/**/thrusters")
+    settings = read(tmp_path, text, "-p", "port:=/dev/i2c-4", "-p", "thrusters:clock:=system")
+    assert (settings.port, settings.clock) == ("/dev/i2c-4", "system")
+
+
+def test_the_vehicle_file_may_be_all_there_is() -> None:
+    assert read_settings(["--ros-args", "-p", f"vehicle:={VEHICLE}"]).port == "/dev/i2c-1"
+
+
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no vehicle file"):
+        read_settings([])
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_settings(["--ros-args", "--params-file", str(tmp_path / "nothing.yaml")])
+    with pytest.raises(UsageError, match="cannot be read"):
+        read(tmp_path, "{")
+    with pytest.raises(UsageError, match="no vehicle file"):
+        read(tmp_path, "[1, 2]")

@@ -1,0 +1,170 @@
+"""The map from a device's clock to ROS time: laws first, then each kind of break."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
+
+START = 1_700_000_000 * NS_PER_S
+MS = 1_000_000
+
+
+def journey(seed: int, drift_ppm: float, period_s: tuple[float, float], count: int, jitter_ms: float):
+    """Samples of a device whose ticks (1 us) are too long by the drift: (ticks, truth, arrival), delays uniform."""
+    dice = random.Random(seed)
+    ticks, truth, arrival = dice.randrange(10**12), START, START
+    for _ in range(count):
+        step = round(dice.uniform(*period_s) * 1e6)
+        ticks += step
+        truth += round(step * 1000 * (1.0 + drift_ppm * 1e-6))
+        arrival = max(arrival, truth + round(dice.uniform(0.0, jitter_ms) * MS))
+        yield ticks, truth, Stamp(arrival)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    drift_ppm=st.floats(-200.0, 200.0),
+    jitter_ms=st.floats(0.0, 20.0),
+    slow=st.floats(0.05, 0.1),
+)
+def test_stamps_are_true_ordered_and_never_in_the_future(seed, drift_ppm, jitter_ms, slow):
+    base = Timebase(1e-6)
+    last = Stamp(0)
+    for index, (ticks, truth, arrival) in enumerate(journey(seed, drift_ppm, (0.05, slow), 1200, jitter_ms)):
+        stamp = base.map(ticks, arrival)
+        assert last <= stamp <= arrival
+        last = stamp
+        if index > 500:
+            assert abs(stamp - truth) <= 2 * MS, f"sample {index}: {(stamp - truth) / MS} ms off"
+
+
+def test_jitter_does_not_show_in_the_distances_of_stamps():
+    base = Timebase(1e-6)
+    stamps = [base.map(t, a) for t, _, a in journey(3, 120.0, (0.05, 0.05), 4000, 20.0)][2000:]
+    steps = [later - earlier for earlier, later in pairwise(stamps)]
+    wrong = [abs(step - 50_006_000) for step in steps]
+    assert sorted(wrong)[int(0.97 * len(wrong))] < 5_000
+    assert base.drift_ppm == pytest.approx(120.0, abs=30.0)
+
+
+def test_a_batch_that_arrives_at_once_is_spread_over_the_time_it_was_taken():
+    base = Timebase(1.0 / 225.0)
+    for batch in range(600):
+        arrival = Stamp(START + round((batch * 10 + 9) * NS_PER_S / 225.0) + 300_000)
+        stamps = [base.map(batch * 10 + i, arrival) for i in range(10)]
+    steps = [later - earlier for earlier, later in pairwise(stamps)]
+    assert all(abs(step - NS_PER_S / 225.0) < 2_000 for step in steps)
+
+
+@pytest.mark.parametrize("drift_ppm", [-30_000.0, 30_000.0])
+def test_a_clock_off_by_percents_is_followed_when_the_knob_allows_it(drift_ppm):
+    base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50_000.0))
+    late = [base.map(t, a) - truth for t, truth, a in journey(5, drift_ppm, (1 / 225, 1 / 225), 9000, 5.0)]
+    assert max(abs(one) for one in late[2500:]) < 2 * MS
+
+
+def test_known_latency_is_taken_off():
+    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.006))
+    assert base.map(1000, Stamp(START)) == START - 6 * MS
+
+
+def test_the_rate_is_never_believed_beyond_its_bound():
+    base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50.0))
+    for ticks, _, arrival in journey(1, 400.0, (0.05, 0.05), 1000, 1.0):
+        base.map(ticks, arrival)
+    assert base.drift_ppm == pytest.approx(50.0)
+
+
+def run_then(ticks: int, arrival: int, modulus: int | None = None) -> tuple[list[Break], Stamp]:
+    """Let 200 samples at 10 Hz from tick 10^6 pass (the last at 20.9e6 ticks, START + 19.9 s), then one more."""
+    told: list[Break] = []
+    base = Timebase(1e-6, told=told.append, modulus=modulus)
+    for index in range(200):
+        base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
+    return told, base.map(ticks, Stamp(arrival))
+
+
+def test_a_plain_successor_breaks_nothing():
+    told, stamp = run_then(21_000_000, START + 20_003 * MS)
+    assert told == []
+    assert stamp == START + 20_000 * MS
+
+
+def test_a_reset_is_told_and_the_map_starts_anew():
+    told, stamp = run_then(50_000, START + 22_000 * MS)
+    assert [(one.kind, one.ticks) for one in told] == [("reset", 50_000)]
+    assert told[0].shift_s == pytest.approx(-20.85)
+    assert stamp == START + 22_000 * MS
+
+
+def test_a_leap_ahead_is_told_and_never_stamped_in_the_future():
+    told, stamp = run_then(81_000_000, START + 20_000 * MS)
+    assert [one.kind for one in told] == ["jump"]
+    assert told[0].shift_s == pytest.approx(60.0, abs=1e-3)
+    assert stamp == START + 20_000 * MS
+
+
+def test_after_a_leap_the_map_goes_on_from_the_new_count():
+    told: list[Break] = []
+    base = Timebase(1e-6, told=told.append)
+    for index in range(400):
+        leap = 5_000_000 if index >= 200 else 0
+        stamp = base.map(index * 100_000 + leap, Stamp(START + index * 100 * MS))
+        assert stamp == START + index * 100 * MS
+    assert len(told) == 1
+
+
+def test_time_the_device_lost_is_found_within_two_seconds():
+    told: list[Break] = []
+    base = Timebase(1e-6, told=told.append)
+    for index in range(400):
+        pause = 30_000 * MS if index >= 200 else 0
+        arrival = Stamp(START + index * 100 * MS + pause)
+        stamp = base.map(index * 100_000, arrival)
+        if index >= 220:
+            assert stamp == arrival
+    assert [one.kind for one in told] == ["jump"]
+    assert told[0].shift_s == pytest.approx(-30.0, abs=1e-3)
+
+
+def test_a_backlog_is_not_taken_for_lost_time():
+    told: list[Break] = []
+    base = Timebase(1e-6, told=told.append)
+    for index in range(400):
+        due = START + index * 100 * MS
+        held = START + 23_000 * MS if 200 <= index <= 230 else due
+        assert base.map(index * 100_000, Stamp(held)) == due
+    assert told == []
+
+
+def test_a_wrap_goes_on_as_if_nothing_were():
+    told: list[Break] = []
+    base = Timebase(1e-3, modulus=1 << 16, told=told.append)
+    for index in range(2000):
+        assert base.map(index * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
+    assert {one.kind for one in told} == {"wrap"}
+    assert len(told) == 199_900 // (1 << 16)
+
+
+def test_a_host_clock_set_back_is_told():
+    told, stamp = run_then(21_000_000, START + 5_000 * MS)
+    assert [one.kind for one in told] == ["host step"]
+    assert stamp == START + 5_000 * MS
+
+
+def test_a_restart_forgets_offset_but_keeps_the_rate():
+    base = Timebase(1e-6)
+    for ticks, _, arrival in journey(2, 150.0, (0.05, 0.05), 1000, 1.0):
+        base.map(ticks, arrival)
+    drift = base.drift_ppm
+    base.restart()
+    assert base.map(7, Stamp(START + 3600 * NS_PER_S)) == START + 3600 * NS_PER_S
+    assert base.drift_ppm == drift

@@ -1,0 +1,1 @@
+"""Hydrodynamic models, estimators, the identification session, bench experiments, exports and reports."""

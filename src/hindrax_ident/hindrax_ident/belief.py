@@ -1,0 +1,58 @@
+"""What is believed before the first sample: wide, from the size of the vehicle, or narrow, from an earlier result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.models import Model, restoring
+
+WIDE = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Values and standard deviations of a model's parameters, (p,) each, in the model's order."""
+
+    values: Array
+    sigmas: Array
+
+    @property
+    def information(self) -> Array:
+        """Inverse covariance: (p, p)."""
+        return np.diag(1.0 / self.sigmas**2)
+
+
+def wide_belief(vehicle: Vehicle, model: Model) -> Belief:
+    """Know nothing but the size: a drag coefficient of 2 give or take 30, a mass of 1.8 bodies give or take 3.
+
+    Made to keep a poor record solvable; the first seconds of any run outweigh it.
+    """
+    length = vehicle.characteristic_length_m
+    turns = model.axis >= 3
+    unit = 0.5 * vehicle.water.density_kgpm3 * length ** (5 if turns else 2)
+    drag = [2.0 * unit, 0.0] * (model.drags // 2)
+    rest = [restoring(vehicle)] if model.restores else []
+    values = [*drag, 0.0, *rest, 1.8 * model.rigid]
+    sigmas = [WIDE * unit] * (len(values) - 1) + [3.0 * model.rigid]
+    if model.restores:
+        sigmas[-2] += abs(values[-2])
+    return Belief(np.array(values), np.array(sigmas))
+
+
+def with_prior(belief: Belief, model: Model, prior: Mapping[str, tuple[float, float]]) -> Belief:
+    """Belief with the parameters that `prior` names replaced: value and standard deviation of each.
+
+    Names are those of the coefficients; `added_mass` stands for the total mass without the body's own.
+    """
+    values, sigmas = belief.values.copy(), belief.sigmas.copy()
+    for index, name in enumerate(model.names):
+        known = prior.get("added_mass" if name == "mass" else name)
+        if known is not None:
+            values[index] = known[0] + (model.rigid if name == "mass" else 0.0)
+            sigmas[index] = known[1]
+    return Belief(values, sigmas)

@@ -1,0 +1,259 @@
+"""From the record of one axis to the results of its motions: refinement, the paper's way beside it, bands, verdict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.belief import Belief
+from hindrax_ident.bounds import bounded
+from hindrax_ident.calibration import (
+    by_tilt,
+    tilt_sigma_rad,
+    with_calibration,
+    with_known_buoyancy,
+    with_velocity_gain,
+)
+from hindrax_ident.faces import Face, face_of
+from hindrax_ident.misfit import CurrentCheck, FormCheck, LagCheck, check_current, check_form, check_lag
+from hindrax_ident.models import HORIZONTAL, Model, Motion, coefficients
+from hindrax_ident.plateaus import BatchFit, Plateaus, measure
+from hindrax_ident.plateaus import fit as fit_plateaus
+from hindrax_ident.quality import (
+    Evidence,
+    Validation,
+    Whiteness,
+    excitation,
+    reasons_against,
+    validation,
+    whiteness,
+)
+from hindrax_ident.record import Record
+from hindrax_ident.refine import Fit, refine
+from hindrax_ident.results import DragBand, MotionResult, Number
+from hindrax_ident.sides import Online
+from hindrax_ident.tuning import Tuning
+
+SPEEDS = 21
+LAG_ROUNDS = 3
+LONGEST_LAG_S = 2.0
+MASS_SHARE = 0.3
+"""Relative standard deviation above which the mass is not reported."""
+METHOD = "output-error"
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """Everything about one axis at the end: for the report, beyond what the results carry."""
+
+    record: Record
+    fit: Fit
+    calibrated: Array
+    lag: LagCheck
+    form: FormCheck
+    current: CurrentCheck
+    plateaus: Plateaus
+    whiteness: Whiteness
+    validation: Validation | None
+    online: Online
+
+
+def conclude(
+    vehicle: Vehicle, model: Model, record: Record, belief: Belief, online: Online, *, tuning: Tuning
+) -> Conclusion:
+    """Refine a record from the best online estimate. ValueError when it holds too few samples.
+
+    `online`: parameters and covariance of each online method, by its name; the last is the start.
+    """
+    start = list(online.values())[-1][0] if online else belief.values
+    record, fit, lag = _with_lag(record, refine(model, record, start, belief), belief)
+    form, current = check_form(fit), check_current(fit)
+    if form.significant:
+        fit = replace(fit, covariance=fit.covariance + np.outer(form.bias, form.bias))
+    if current.significant:
+        fit = replace(
+            fit, covariance=fit.covariance + current.current**2 * np.outer(current.per_unit, current.per_unit)
+        )
+    unseen = by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + lag.covariance(tuning.timing_sigma_s)
+    systematic = by_tilt(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
+    fit = replace(fit, covariance=fit.covariance + unseen)
+    calibrated = with_calibration(vehicle, record, fit) + systematic
+    calibrated = with_velocity_gain(calibrated, fit, tuning.velocity_gain_sigma)
+    return Conclusion(
+        record=record,
+        fit=fit,
+        calibrated=calibrated,
+        lag=lag,
+        form=form,
+        current=current,
+        plateaus=measure(record),
+        whiteness=whiteness(fit),
+        validation=validation(record, fit, belief),
+        online={name: (theta, array(covariance + unseen)) for name, (theta, covariance) in online.items()},
+    )
+
+
+def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, LagCheck]:
+    """Where the residuals contradict the lag of the vehicle file, use theirs, and let its uncertainty be felt."""
+    lag, moved = check_lag(record, fit), False
+    for _ in range(LAG_ROUNDS):
+        longer = min(LONGEST_LAG_S, max(0.0, record.lag_s + lag.missing_s))
+        unsettled = moved and abs(lag.missing_s) > lag.sigma_s
+        if not (lag.significant or unsettled) or longer == record.lag_s:
+            break
+        record, moved = replace(record, lag_s=longer), True
+        # The noise anew: what the wrong lag left over was taken for unknown forces.
+        fit = refine(fit.model, record, fit.theta, belief)
+        lag = check_lag(record, fit)
+    if moved or lag.significant:
+        doubt = lag.per_s * math.hypot(lag.sigma_s, lag.missing_s)
+        fit = replace(fit, covariance=fit.covariance + np.outer(doubt, doubt))
+    return record, fit, lag
+
+
+def result_of(motion: Motion, vehicle: Vehicle, conclusion: Conclusion, tuning: Tuning) -> MotionResult:
+    """Result of one motion of an axis."""
+    fit, model = conclusion.fit, conclusion.fit.model
+    theta, calibrated = fit.theta, conclusion.calibrated
+    if tuning.buoyancy_sigma_N > 0.0 and model.axis == 2:
+        index = model.names.index("b")
+        _, calibrated = with_known_buoyancy(theta, calibrated, index, vehicle.net_buoyancy_N, tuning.buoyancy_sigma_N)
+    face = face_of(model, motion)
+    covariance, widened = fit.covariance[face.square], calibrated[face.square]
+    k = theta[face.rows[:2]]
+    numbers = numbers_of(model, motion, theta, fit.covariance, calibrated)
+    offered = excitation(fit, motion.side)
+    evidence = Evidence(
+        k=k,
+        covariance=covariance[:2, :2] + conclusion.current.covariance(tuning.current_sigma_mps)[face.square][:2, :2],
+        excitation=offered,
+        effective_samples=fit.effective_samples,
+        noise=fit.sigmas[0] if math.isfinite(fit.sigmas[0]) else 0.0,
+        mass_gap=(float(theta[-1]) - model.rigid) / max(1e-12, math.sqrt(widened[face.mass, face.mass])),
+        converged=fit.converged,
+        validation=conclusion.validation,
+        form=conclusion.form,
+        current=tuning.current_sigma_mps if model.axis in HORIZONTAL else 0.0,
+        offset=_least_offset(theta, widened, face) if model.axis in HORIZONTAL else 0.0,
+    )
+    reasons = tuple(reasons_against(evidence))
+    return MotionResult(
+        motion=motion.name,
+        method=METHOD,
+        coefficients=numbers,
+        names=face.names,
+        covariance=covariance,
+        samples=fit.samples,
+        effective_samples=fit.effective_samples,
+        identifiable=not reasons,
+        reasons=reasons,
+        speeds=(offered.low, offered.high),
+        drag=_band(k, covariance[:2, :2], widened[:2, :2], offered.low, offered.high),
+        methods=_methods(motion, conclusion),
+        quality=_quality(conclusion),
+    )
+
+
+def _least_offset(theta: Array, covariance: Array, face: Face) -> float:
+    """Size of b less three standard deviations."""
+    at = face.names.index("b")
+    return max(0.0, abs(float(theta[face.rows[at]])) - 3.0 * math.sqrt(max(0.0, float(covariance[at, at]))))
+
+
+def numbers_of(
+    model: Model, motion: Motion, theta: Array, covariance: Array, calibrated: Array | None = None
+) -> dict[str, Number]:
+    """Coefficients of one motion from the parameters of its axis; a mass that is hardly known is left out."""
+    face = face_of(model, motion)
+    block = covariance[face.square]
+    values = theta[face.rows]
+    values[face.mass] -= model.rigid
+    values = _within(values, block, face)
+    sigmas = _sigmas(block)
+    wide = np.full(len(values), math.nan) if calibrated is None else _sigmas(calibrated[face.square])
+    numbers = {
+        name: Number(value, std, std_calibrated, unit=unit)
+        for name, value, std, std_calibrated, unit in zip(
+            face.names, values.tolist(), sigmas.tolist(), wide.tolist(), face.units, strict=True
+        )
+    }
+    if not 0.0 < numbers["added_mass"].std < MASS_SHARE * float(theta[-1]):
+        del numbers["added_mass"]
+    return numbers
+
+
+def _sigmas(covariance: Array) -> Array:
+    return array(np.sqrt(np.maximum(0.0, np.diag(covariance))))
+
+
+def _within(values: Array, block: Array, face: Face) -> Array:
+    """Respect bounds that are violated by chance only; a clear violation is shown as it is."""
+    if np.any(values < np.array(face.low) - 3.0 * _sigmas(block)):
+        return values
+    return bounded(values, block, face.low, face.high)
+
+
+def _band(k: Array, covariance: Array, widened: Array, low: float, high: float) -> DragBand | None:
+    if not high > low > 0.0:
+        return None
+    speed = np.linspace(low, high, SPEEDS)
+    gradient = np.stack([speed**2, speed], axis=1)
+    spread = [array(np.sqrt(np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)))) for C in (covariance, widened)]
+    return DragBand(array(speed), array(gradient @ k), spread[0], spread[1])
+
+
+def _methods(motion: Motion, conclusion: Conclusion) -> dict[str, dict[str, Number]]:
+    model = conclusion.fit.model
+    out = {name: numbers_of(model, motion, *found) for name, found in conclusion.online.items()}
+    batch = fit_plateaus(conclusion.plateaus.on_side(motion.side))
+    if batch is not None:
+        out["plateaus"] = _batch_numbers(batch, model)
+    return out
+
+
+def _batch_numbers(batch: BatchFit, model: Model) -> dict[str, Number]:
+    known = coefficients(model.axis)
+    sigmas = np.sqrt(np.diag(batch.covariance)).tolist()
+    triples = zip(("k_q", "k_l", "b"), batch.theta.tolist(), sigmas, strict=True)
+    return {name: Number(value, sigma, unit=known[name].unit) for name, value, sigma in triples}
+
+
+def _quality(conclusion: Conclusion) -> dict[str, float]:
+    fit, checked = conclusion.fit, conclusion.validation
+    out = {
+        "residual_std": fit.sigmas[0] if math.isfinite(fit.sigmas[0]) else fit.sigmas[1],
+        "ljung_box": conclusion.whiteness.statistic,
+        "ljung_box_expected": conclusion.whiteness.expected,
+        "largest_inflation": float(fit.inflation.max()),
+        "plateaus": float(len(conclusion.plateaus.v)),
+        "other_form": conclusion.form.share if conclusion.form.significant else 0.0,
+        "lag_s": conclusion.record.lag_s,
+        "lag_missing_s": conclusion.lag.missing_s,
+        "lag_missing_sigma_s": conclusion.lag.sigma_s,
+    }
+    if math.isfinite(conclusion.current.sigma):
+        out |= {"current_mps": conclusion.current.current, "current_sigma_mps": conclusion.current.sigma}
+    if checked is not None:
+        out |= {"held_out_fit": checked.fit, "held_out_excess": checked.excess}
+    return out
+
+
+def unidentified(motion: Motion, reason: str) -> MotionResult:
+    """Result of a motion whose record holds nothing to fit."""
+    return MotionResult(
+        motion=motion.name,
+        method="none",
+        coefficients={},
+        names=(),
+        covariance=np.zeros((0, 0)),
+        samples=0,
+        effective_samples=0.0,
+        identifiable=False,
+        reasons=(reason,),
+        speeds=(0.0, 0.0),
+        drag=None,
+    )

@@ -1,0 +1,188 @@
+"""How accurate the identification is: many runs with a known truth, each compared with the bound of its own record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.bound import bound_of, true_parameters
+from hindrax_ident.calibration import by_tilt, tilt_sigma_rad
+from hindrax_ident.conclude import METHOD, Conclusion
+from hindrax_ident.faces import face_of
+from hindrax_ident.models import MOTIONS
+from hindrax_ident.results import MotionResult, truth_of
+from hindrax_ident.session import Outcome
+from hindrax_ident.tuning import Tuning
+
+SHARES = (0.25, 0.5, 1.0)
+Z95 = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One coefficient of one run by one method: error, reported standard deviation, bound of the record."""
+
+    motion: str
+    coefficient: str
+    method: str
+    error: float
+    std: float
+    bound: float
+    truth: float
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """Drag force of one run at a share of its highest speed: relative error [-]."""
+
+    motion: str
+    share: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run: what was found, and why not everything was (empty: nothing is missing)."""
+
+    seed: int
+    found: tuple[Found, ...]
+    drag: tuple[Drag, ...]
+    trouble: str = ""
+
+
+def trial_of(seed: int, vehicle: Vehicle, outcome: Outcome, trouble: str = "") -> Trial:
+    """Compare the outcome of a run with the truth of the vehicle file."""
+    truth = truth_of(vehicle)
+    found: list[Found] = []
+    drag: list[Drag] = []
+    for result in outcome.results.motions.values():
+        conclusion = outcome.conclusions.get(MOTIONS[result.motion].axis)
+        if conclusion is not None and result.coefficients:
+            found += _found(result, vehicle, conclusion, truth)
+            drag += _drag(result, truth[result.motion])
+    return Trial(seed, tuple(found), tuple(drag), trouble)
+
+
+def _found(
+    result: MotionResult, vehicle: Vehicle, conclusion: Conclusion, truth: dict[str, dict[str, float]]
+) -> list[Found]:
+    fit, motion = conclusion.fit, MOTIONS[result.motion]
+    face = face_of(fit.model, motion)
+    bound = bound_of(fit, true_parameters(fit.model, truth))
+    # Nobody can tell a constant error of the measured angle from an offset of the moment.
+    bound = bound + by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, Tuning()))
+    limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
+    methods = {METHOD: result.coefficients, **result.methods}
+    return [
+        Found(
+            motion=result.motion,
+            coefficient=name,
+            method=method,
+            error=number.value - truth[result.motion][name],
+            std=number.std,
+            bound=limits[name],
+            truth=truth[result.motion][name],
+        )
+        for method, numbers in methods.items()
+        for name, number in numbers.items()
+    ]
+
+
+def _drag(result: MotionResult, truth: Mapping[str, float]) -> list[Drag]:
+    side = -1.0 if MOTIONS[result.motion].side < 0 else 1.0
+    out = []
+    for share in SHARES:
+        v = side * share * result.speeds[1]
+        true = truth["k_q"] * abs(v) * v + truth["k_l"] * v
+        out.append(Drag(result.motion, share, result.drag_force(v)[0] / true - 1.0))
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One coefficient over all runs. `ratio` is the root mean square of error over bound: 1 is the limit."""
+
+    motion: str
+    coefficient: str
+    method: str
+    runs: int
+    truth: float
+    bias: float
+    rmse: float
+    crlb: float
+    ratio: float
+    coverage95: float
+
+
+def tabulate(trials: Sequence[Trial]) -> list[Cell]:
+    """One cell per motion, coefficient and method, in the order of their first appearance."""
+    groups: dict[tuple[str, str, str], list[Found]] = {}
+    for trial in trials:
+        for one in trial.found:
+            groups.setdefault((one.motion, one.coefficient, one.method), []).append(one)
+    return [_cell(group) for group in groups.values()]
+
+
+def _cell(group: list[Found]) -> Cell:
+    errors = np.array([one.error for one in group])
+    bounds = np.array([one.bound for one in group])
+    stds = np.array([one.std for one in group])
+    first = group[0]
+    return Cell(
+        motion=first.motion,
+        coefficient=first.coefficient,
+        method=first.method,
+        runs=len(group),
+        truth=first.truth,
+        bias=float(errors.mean()),
+        rmse=float(np.sqrt(np.mean(errors**2))),
+        crlb=float(np.sqrt(np.mean(bounds**2))),
+        ratio=float(np.sqrt(np.mean((errors / bounds) ** 2))),
+        coverage95=float(np.mean(np.abs(errors) <= Z95 * stds)),
+    )
+
+
+def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Mean relative error of the drag force at shares of the tested speed, and its scatter, per motion."""
+    groups: dict[tuple[str, float], list[float]] = {}
+    for trial in trials:
+        for one in trial.drag:
+            groups.setdefault((one.motion, one.share), []).append(one.error)
+    return [
+        {
+            "motion": motion,
+            "share_of_speed": share,
+            "bias": float(np.mean(errors)),
+            "rmse": float(np.sqrt(np.mean(np.square(errors)))),
+            "runs": len(errors),
+        }
+        for (motion, share), errors in groups.items()
+    ]
+
+
+def summary(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Document of `montecarlo`: cells of the refined result; the other methods and the drag force beside them."""
+    cells = tabulate(trials)
+    others: dict[str, list[dict[str, Any]]] = {}
+    for cell in cells:
+        if cell.method != METHOD:
+            others.setdefault(cell.method, []).append(_plain(cell))
+    return {
+        "runs": len(trials),
+        "cells": [_plain(cell) for cell in cells if cell.method == METHOD],
+        "methods": others,
+        "drag": drag_bias(trials),
+        "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
+    }
+
+
+def _plain(cell: Cell) -> dict[str, Any]:
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in asdict(cell).items()
+    }

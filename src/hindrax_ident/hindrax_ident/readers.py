@@ -1,0 +1,286 @@
+"""Records that no maneuver of ours has made: velocities and forces with their times, and the events they make.
+
+There are no phases in such a record. Each axis is taken by itself, and the whole record is its excitation; pauses part
+it into stretches. What the record cannot tell, the session's verdict says.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import Vec6
+from hindrax_core.state import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.models import motions_of
+from hindrax_ident.tuning import Tuning
+
+SOURCE = "record"
+FEWEST = 20
+"""Samples of velocity below which an axis is not looked at."""
+LEAST_RELATIVE = 1e-6
+
+COLUMNS: dict[str, str] = {
+    "t": "time [s], from any origin",
+    **dict(zip("uvw", ("surge, forward [m/s]", "sway, to starboard [m/s]", "heave, down [m/s]"), strict=True)),
+    **dict(
+        zip("pqr", ("roll rate [rad/s]", "pitch rate [rad/s]", "yaw rate, clockwise from above [rad/s]"), strict=True)
+    ),
+    **dict(zip("XYZ", ("force forward [N]", "force to starboard [N]", "force down [N]"), strict=True)),
+    **dict(zip("KMN", ("moment about x [N m]", "moment about y [N m]", "moment about z [N m]"), strict=True)),
+    "roll": "angle [rad]",
+    "pitch": "angle [rad]",
+    "depth": "below the surface [m]; serves heave where there is no w",
+}
+"""Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
+
+ALIASES = {
+    "time": "t",
+    "time_s": "t",
+    "t_s": "t",
+    "stamp": "t",
+    "depth_m": "depth",
+    "roll_rad": "roll",
+    "pitch_rad": "pitch",
+}
+ALIASES |= {f"{name}_mps": name for name in "uvw"} | {f"{name}_radps": name for name in "pqr"}
+ALIASES |= {f"{name}_N": name for name in "XYZ"} | {f"{name}_Nm": name for name in "KMN"}
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One record: times [s] from its own origin, SNAME axes, SI; NaN where a row says nothing of an axis.
+
+    `velocity` is (n, 6) at `velocity_t` (n,), `wrench` (m, 6) at `wrench_t` (m,) and holds until its next row;
+    `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `origin_s` is what the times count from.
+    """
+
+    source: str
+    velocity_t: Array
+    velocity: Array
+    wrench_t: Array
+    wrench: Array
+    attitude_t: Array
+    attitude: Array
+    origin_s: float = 0.0
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """From the first measurement to the last."""
+        return max(0.0, self._measured[1] - self._measured[0])
+
+    @property
+    def _measured(self) -> tuple[float, float]:
+        known = [t for t in (self.velocity_t, self.attitude_t) if len(t)]
+        return min((float(t[0]) for t in known), default=0.0), max((float(t[-1]) for t in known), default=0.0)
+
+    @property
+    def begin_s(self) -> float:
+        """Time of the first measurement."""
+        return self._measured[0]
+
+    def between(self, start_s: float, end_s: float) -> Recording:
+        """Part of a record; the force in force at its beginning stays known."""
+        v, a = (_inside(t, start_s, end_s) for t in (self.velocity_t, self.attitude_t))
+        first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
+        w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
+        return replace(
+            self,
+            velocity_t=self.velocity_t[v],
+            velocity=self.velocity[v],
+            wrench_t=np.maximum(self.wrench_t[w], start_s),
+            wrench=self.wrench[w],
+            attitude_t=self.attitude_t[a],
+            attitude=self.attitude[a],
+        )
+
+
+def _inside(t: Array, start_s: float, end_s: float) -> slice:
+    return slice(int(np.searchsorted(t, start_s)), int(np.searchsorted(t, end_s, side="right")))
+
+
+# ---- CSV
+
+
+def read_csv(text: str, source: str) -> Recording:
+    """Read a record with named columns (`COLUMNS`); empty cells and "nan" say nothing, so rates may differ.
+
+    HindraxError names line and column, what was found and what was wanted.
+    """
+    header, rows = _rows(text, source)
+    names = [ALIASES.get(name, name) for name in header]
+    _check(names, header, source)
+    places = [index for index, name in enumerate(names) if name in COLUMNS]
+    kept = [names[index] for index in places]
+    where = f"{source}, line {{}}, column {{}}"
+    table = np.array([[_cell(row, i, where.format(line, header[i])) for i in places] for line, row in rows])
+    time = table[:, kept.index("t")]
+    if not np.all(np.isfinite(time)):
+        line = rows[int(np.argmin(np.isfinite(time)))][0]
+        raise HindraxError(f"{source}, line {line}: no time, wanted a number in every line; remove the line")
+    order = np.argsort(time, kind="stable")
+    return _recording(source, {name: table[order, index] for index, name in enumerate(kept)})
+
+
+def _rows(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    numbered = [(n, line) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1)]
+    lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
+    if len(lines) < 2:
+        raise HindraxError(
+            f"{source}: found {len(lines)} lines, wanted a header line with column names and data below it"
+        )
+    separator = max(",;\t", key=lines[0][1].count)
+    try:
+        cells = list(csv.reader([line for _, line in lines], delimiter=separator))
+    except csv.Error as error:
+        raise HindraxError(f"{source}: is not CSV ({error})") from error
+    if len(cells) != len(lines):
+        raise HindraxError(f"{source}: a quotation mark is not closed, wanted one row per line")
+    rows = [(n, [cell.strip() for cell in row]) for (n, _), row in zip(lines, cells, strict=True)]
+    return rows[0][1], rows[1:]
+
+
+def _check(names: list[str], header: list[str], source: str) -> None:
+    twice = [header[i] for i, name in enumerate(names) if name in COLUMNS and names.count(name) > 1]
+    if twice:
+        raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
+    pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
+    usable = [force for speed, force in pairs if speed in names or (speed == "w" and "depth" in names)]
+    if "t" not in names or not usable:
+        raise HindraxError(
+            f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
+            "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N); rename them in the header line"
+        )
+
+
+def _cell(cells: list[str], index: int, where: str) -> float:
+    text = cells[index] if index < len(cells) else ""
+    if not text:
+        return NAN
+    try:
+        value = float(text)
+    except ValueError:
+        raise HindraxError(f"{where}: found {text!r}, wanted a number with a decimal point, or nothing") from None
+    return value if math.isfinite(value) else NAN
+
+
+def _recording(source: str, columns: dict[str, Array]) -> Recording:
+    t = columns["t"]
+    origin = float(t[0])
+    time = array(t - origin)
+    empty = np.full(len(t), NAN)
+    velocity = np.stack([columns.get(name, empty) for name in "uvwpqr"], axis=1)
+    wrench = np.stack([columns.get(name, empty) for name in "XYZKMN"], axis=1)
+    attitude = np.stack([columns.get(name, empty) for name in ("roll", "pitch", "depth")], axis=1)
+    said = "times, velocities and forces are in SI units and SNAME axes (x forward, y starboard, z down), as documented"
+    parts = [_known(time, table) for table in (velocity, wrench, attitude)]
+    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (said,))
+
+
+def _known(time: Array, table: Array) -> tuple[Array, Array]:
+    """Rows that say anything."""
+    rows = np.isfinite(table).any(axis=1)
+    return array(time[rows]), array(table[rows])
+
+
+# ---- what a record offers
+
+
+def objection(recording: Recording, axis: int) -> str:
+    """Why nothing can be learned about an axis, in one sentence; empty where it is worth trying."""
+    speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
+    if len(speeds) < FEWEST:
+        return f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
+    if not len(forces):
+        return f"the record holds no {'moment' if axis >= 3 else 'force'} on {AXES[axis]}"
+    if float(np.ptp(forces)) <= LEAST_RELATIVE * float(np.abs(forces).max()):
+        return f"the thrust on {AXES[axis]} never changes: nothing was excited"
+    if float(np.ptp(speeds)) == 0.0:
+        return f"the velocity of {AXES[axis]} never changes: it was not measured, or the vehicle did not move"
+    return ""
+
+
+def holds(recording: Recording, axis: int) -> bool:
+    """Whether the record says anything of an axis at all: velocity and force that are not zero throughout."""
+    speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
+    return bool(np.any(speeds != 0.0) and np.any(forces != 0.0))
+
+
+def measured(recording: Recording, axis: int) -> bool:
+    """Whether the record has anything to say of an axis, be it that nothing happened there."""
+    return bool(len(_speeds(recording, axis)) and len(_finite(recording.wrench[:, axis])))
+
+
+def _speeds(recording: Recording, axis: int) -> Array:
+    speeds = _finite(recording.velocity[:, axis])
+    return speeds if len(speeds) or axis != 2 else _finite(recording.attitude[:, 2])
+
+
+def _finite(values: Array) -> Array:
+    return array(values[np.isfinite(values)])
+
+
+def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuning:
+    """Knobs that fit the rates of the records: a slow topic is not a pause."""
+    base = tuning or Tuning()
+    slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
+    slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
+    return replace(
+        base, gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)), thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w)
+    )
+
+
+def _period(t: Array) -> float:
+    steps = np.diff(t)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+# ---- as events
+
+
+def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[Stamped[IdentEvent]]:
+    """Events of one axis in the order of time, the record's origin at `begin_s`; the last one ends the motion."""
+    motion = motions_of(axis)[0].name
+    parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
+    forces = recording.wrench[:, axis]
+    parts += [(t, 0, Thrust(_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
+    unknown = _only(axis, NAN, NAN)
+    speeds = _pairs(recording.velocity_t, recording.velocity[:, axis])
+    parts += [(t, 3, Velocity(_only(axis, v, NAN), unknown, SOURCE)) for t, v in speeds]
+    parts += [(t, 2, attitude) for t, attitude in _attitudes(recording, axis)]
+    parts.sort(key=lambda part: part[:2])
+    yield from (Stamped(_at(begin_s + t), event) for t, _, event in parts)
+    yield Stamped(_at(begin_s + parts[-1][0] + 1e-3), Phase("", ""))
+
+
+def _at(t_s: float) -> Stamp:
+    return stamp_from_s(t_s)
+
+
+def _pairs(t: Array, values: Array) -> list[tuple[float, float]]:
+    known = np.isfinite(values)
+    return list(zip(t[known].tolist(), values[known].tolist(), strict=True))
+
+
+def _attitudes(recording: Recording, axis: int) -> Iterator[tuple[float, Attitude]]:
+    measured = bool(np.isfinite(recording.velocity[:, axis]).any())
+    for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
+        if axis == 2 and not measured and math.isfinite(depth):
+            yield t, Attitude((NAN, NAN, NAN), depth)
+        elif axis != 2 and (math.isfinite(roll) or math.isfinite(pitch)):
+            yield t, Attitude((roll, pitch, NAN))
+
+
+def _only(axis: int, value: float, rest: float) -> Vec6:
+    six = [rest] * 6
+    six[axis] = value
+    return (six[0], six[1], six[2], six[3], six[4], six[5])

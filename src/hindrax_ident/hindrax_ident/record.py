@@ -1,0 +1,121 @@
+"""What a run leaves of one axis: velocities, positions, thrust and the stretches of time in which the model holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_ident.arrays import Array
+from hindrax_ident.lag import LaggedThrust
+
+EMPTY: Array = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Samples of one quantity: times (n,) [s] rising, values (n,)."""
+
+    t: Array
+    y: Array
+
+    def between(self, start_s: float, end_s: float) -> Series:
+        """Return the samples of a closed span of time."""
+        inside = slice(*np.searchsorted(self.t, [start_s, end_s + 1e-9]))
+        return Series(self.t[inside], self.y[inside])
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def series(points: list[tuple[float, float]]) -> Series:
+    """Sort points by time and keep the last that was said of each time."""
+    if not points:
+        return Series(EMPTY, EMPTY)
+    table = np.array(sorted(points, key=lambda point: point[0]))
+    last = np.concatenate([np.diff(table[:, 0]) > 0.0, [True]])
+    return Series(table[last, 0], table[last, 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A span of time in which one motion was flown and every sample may be used."""
+
+    start_s: float
+    end_s: float
+    motion: str = ""
+    phase: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One axis of one run, times in seconds from the run's first event.
+
+    `thrust` is what the thrusters were told, `known` the hydrostatic force (both hold until their next sample);
+    `position` is the depth [m] in heave, the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the
+    squares of what each thruster gives on the axis [N^2, N^2 m^2]: it holds like thrust; empty where nobody knows it.
+    """
+
+    velocity: Series
+    thrust: Series
+    stretches: tuple[Stretch, ...]
+    known: Series = Series(EMPTY, EMPTY)
+    position: Series = Series(EMPTY, EMPTY)
+    effort: Series = Series(EMPTY, EMPTY)
+    lag_s: float = 0.0
+    plateaus: tuple[Stretch, ...] = ()
+
+    def impulse(self, at_s: Array) -> Array:
+        """Integral of thrust after its lag and of the known force, up to each time: (n,) [N s, N m s]."""
+        total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s)
+        if len(self.known):
+            total = total + LaggedThrust(self.known.t, self.known.y, 0.0).impulse(at_s)
+        return total
+
+    def force(self, at_s: Array) -> Array:
+        """Thrust after its lag and known force: (n,) [N, N m]."""
+        total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).force(at_s)
+        if len(self.known):
+            total = total + LaggedThrust(self.known.t, self.known.y, 0.0).force(at_s)
+        return total
+
+    def efforts(self, at_s: Array) -> Array:
+        """Integral of the effort (without one: of the squared thrust) after the lag: (n,) [N^2 s, N^2 m^2 s]."""
+        known = self.effort if len(self.effort) else Series(self.thrust.t, self.thrust.y**2)
+        return LaggedThrust(known.t, known.y, self.lag_s).impulse(at_s)
+
+    def within(self, stretches: tuple[Stretch, ...]) -> Record:
+        """Return the same record with other stretches."""
+        return replace(self, stretches=stretches)
+
+
+def pooled(records: tuple[Record, ...]) -> Record:
+    """Several runs as one record: each shifted behind the one before, with a gap that no stretch spans."""
+    if len(records) == 1:
+        return records[0]
+    shifts, end = [], 0.0
+    for record in records:
+        shifts.append(end - float(record.thrust.t[0]))
+        end += float(record.thrust.t[-1] - record.thrust.t[0]) + 1000.0
+    pairs = list(zip(records, shifts, strict=True))
+    return Record(
+        velocity=_joined([(record.velocity, shift) for record, shift in pairs]),
+        thrust=_joined([(record.thrust, shift) for record, shift in pairs]),
+        stretches=_shifted([(record.stretches, shift) for record, shift in pairs]),
+        known=_joined([(record.known, shift) for record, shift in pairs]),
+        position=_joined([(record.position, shift) for record, shift in pairs]),
+        effort=_joined([(record.effort, shift) for record, shift in pairs]),
+        lag_s=records[0].lag_s,
+        plateaus=_shifted([(record.plateaus, shift) for record, shift in pairs]),
+    )
+
+
+def _joined(parts: list[tuple[Series, float]]) -> Series:
+    times = np.concatenate([part.t + shift for part, shift in parts])
+    return Series(times, np.concatenate([part.y for part, _ in parts]))
+
+
+def _shifted(parts: list[tuple[tuple[Stretch, ...], float]]) -> tuple[Stretch, ...]:
+    return tuple(
+        replace(one, start_s=one.start_s + shift, end_s=one.end_s + shift) for many, shift in parts for one in many
+    )

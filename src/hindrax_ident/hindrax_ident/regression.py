@@ -1,0 +1,193 @@
+"""A regression in which nothing is differentiated: every signal of the model passes the same low-pass filter.
+
+With the filter F: f' = -rate f + x, applied to both sides of M v' = tau - columns(v) . theta, the filtered acceleration
+needs no derivative: (v')_F = v + z with z' = -rate (v + z). It is exact for a rate that changes with time. So
+
+    v + z = (1/M) tau_F - (theta_i / M) column_i,F + noise
+
+is linear in 1/M and theta/M, holds at every velocity sample, whenever it comes, and its noise is that of the velocity
+itself, white when the rate is the slope of the drag over the mass (Young 2011, Recursive Estimation and Time-Series
+Analysis, chapter 8, calls that the optimal prefilter). Thrust is piecewise constant behind a first-order lag and
+filtered in closed form; velocity is linear between samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array
+from hindrax_ident.models import Model
+
+SETTLED = 0.05
+"""Share of the filters' start that may be left when samples are used: three time constants."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
+
+    `speed` is the filtered velocity; `settled` says whether the start of the filters has been forgotten.
+    """
+
+    x: tuple[float, ...]
+    y: float
+    speed: float
+    settled: bool
+
+
+class FilteredRegression:
+    """The filters of one axis, fed in the order of time (seconds from any origin)."""
+
+    __slots__ = (
+        "_force", "_force_f", "_known", "_lag_s", "_lagged", "_position", "_split", "_start", "_sums", "_t_thrust",
+        "_t_velocity", "_terms", "_told_s", "_undo", "_z", "model", "noise_variance", "rate",
+    )  # fmt: skip
+
+    def __init__(self, model: Model, lag_s: float, rate: float) -> None:
+        """`rate` is the pole of the filters [1/s]; it may be changed at any time, as may `noise_variance`."""
+        self.model, self.rate, self.noise_variance = model, rate, 0.0
+        self._lag_s, self._split = lag_s, model.split
+        self._force = self._lagged = self._known = 0.0
+        self._position: tuple[float, float] | None = None
+        self._t_thrust = self._told_s = math.nan
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the past of the velocity: after a gap, or before the first sample."""
+        self._t_velocity = math.nan
+        self._z, self._force_f, self._start = 0.0, 0.0, 1.0
+        self._terms = (0.0,) * (len(self.model.names) - 1)
+        self._sums = [0.0] * len(self._terms)
+        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+
+    def forget_last(self) -> None:
+        """Take the last velocity out again: it was an outlier, and would stay in the filters for seconds."""
+        self._t_velocity, self._z, self._terms, self._sums, self._start = self._undo
+
+    @property
+    def velocity_time_s(self) -> float:
+        """Time of the last velocity sample; NaN before the first."""
+        return self._t_velocity
+
+    @property
+    def thrust_time_s(self) -> float:
+        """Time at which the last thrust was told; NaN before the first."""
+        return self._told_s
+
+    def thrust(self, t_s: float, force: float) -> None:
+        """From this time on the thrusters are told to give this force (before their lag) [N, N m]."""
+        if math.isnan(self._t_thrust):
+            self._lagged = force
+            self._t_thrust = t_s
+        self._advance_thrust(t_s)
+        self._force, self._told_s = force, t_s
+
+    def known(self, t_s: float, force: float) -> None:
+        """From this time on this known force acts besides the thrust, without lag [N, N m]."""
+        self._advance_thrust(t_s)
+        self._known = force
+
+    def position(self, t_s: float, angle_rad: float) -> None:
+        """Angle measured at this time, for the restoring moment."""
+        self._position = (t_s, angle_rad)
+
+    def velocity(self, t_s: float, v: float) -> Sample | None:
+        """One velocity measured at this time; None for the first after a restart, which only sets the start."""
+        terms = self._terms_at(t_s, v)
+        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+        if math.isnan(self._t_velocity):
+            self._t_velocity, self._z, self._terms = t_s, -v, terms
+            self._advance_thrust(t_s)
+            self._force_f = 0.0
+            return None
+        self._advance_thrust(t_s)
+        before, self._t_velocity = self._t_velocity, t_s
+        self._advance_velocity(t_s - before, v, terms)
+        ahead = self._sums[1] + (self._sums[3] if self._split else 0.0)
+        x = (*(-total for total in self._sums), self._force_f)
+        return Sample(x, v + self._z, ahead * self.rate, self._start < SETTLED)
+
+    def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
+        # Squaring adds the noise's own variance to the square, which is taken off again.
+        square = v * v - self.noise_variance
+        square = square if v > 0.0 else -square
+        drag: tuple[float, ...] = (square, v)
+        if self._split:
+            drag = (square, v, 0.0, 0.0) if v > 0.0 else (0.0, 0.0, square, v)
+        return (*drag, 1.0, *self._restoring_at(t_s, v))
+
+    def _restoring_at(self, t_s: float, v: float) -> tuple[float, ...]:
+        if not self.model.restores:
+            return ()
+        if self._position is None:
+            return (0.0,)
+        since, angle = self._position
+        return (math.sin(angle + v * (t_s - since)),)
+
+    def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> None:
+        """Filters over one interval, exact for inputs that are linear in it."""
+        rate = self.rate
+        lost = -math.expm1(-rate * step)
+        keep, constant = 1.0 - lost, lost / rate
+        ramp = (step - constant) / (rate * step)
+        first = constant - ramp
+        old = self._z_input
+        self._z = keep * self._z - rate * (first * old + ramp * v)
+        self._sums = [
+            keep * total + first * was + ramp * now
+            for total, was, now in zip(self._sums, self._terms, terms, strict=True)
+        ]
+        self._start *= keep
+        self._terms = terms
+
+    @property
+    def _z_input(self) -> float:
+        return self._terms[1] + (self._terms[3] if self._split else 0.0)
+
+    def _advance_thrust(self, t_s: float) -> None:
+        """Lag and filter in cascade, exact for a command that is constant since the last call."""
+        step = t_s - self._t_thrust
+        if not step > 0.0:
+            return
+        rate, lag_s = self.rate, self._lag_s
+        kept = math.exp(-rate * step)
+        gap = self._lagged - self._force
+        total = (self._force + self._known) * (1.0 - kept) / rate
+        if lag_s > 0.0:
+            decay = math.exp(-step / lag_s)
+            total += gap * _two_poles(rate, 1.0 / lag_s, step, kept, decay)
+            self._lagged = self._force + gap * decay
+        else:
+            self._lagged = self._force
+        self._force_f = kept * self._force_f + total
+        self._t_thrust = t_s
+
+
+def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
+    """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h; the poles may coincide."""
+    apart = a - b
+    return (at_b - at_a) / apart if abs(apart) * step > 1e-6 else step * at_a
+
+
+def physical(scaled_values: Sequence[float], covariance: Array) -> tuple[Array, Array]:
+    """Parameters (theta, M) and their covariance from those of the regression (theta / M, 1 / M): (p,), (p, p)."""
+    q = np.asarray(scaled_values, float)
+    mass = 1.0 / q[-1]
+    theta = np.append(q[:-1] * mass, mass)
+    jacobian = np.eye(len(q)) * mass
+    jacobian[:, -1] = -theta * mass
+    return theta, jacobian @ covariance @ jacobian.T
+
+
+def scaled(theta: Sequence[float], covariance: Array) -> tuple[Array, Array]:
+    """Inverse of `physical`."""
+    physical_values = np.asarray(theta, float)
+    w = 1.0 / physical_values[-1]
+    q = np.append(physical_values[:-1] * w, w)
+    jacobian = np.eye(len(q)) * w
+    jacobian[:, -1] = -q * w
+    return q, jacobian @ covariance @ jacobian.T

@@ -1,0 +1,10 @@
+"""The report of a run and the comparison of many: one self-contained page for phone, desk and paper, light and dark."""
+
+from __future__ import annotations
+
+from hindrax_ident.report.comparison import comparison_page
+from hindrax_ident.report.figures import Trace
+from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.run_page import RunReport, run_page
+
+__all__ = ["PUBLISHED", "RunReport", "Trace", "comparison_page", "run_page"]

@@ -1,0 +1,51 @@
+"""Score tests: what an impulse that the record does not know of would do to a result, and whether it is there.
+
+All of it from the linearization about the fit: nothing is fitted again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.problem import linearize
+from hindrax_ident.refine import Fit
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Unknown impulses, m of them.
+
+    `shifts` (p, m): error of the parameters per unit of each; `values` (m,) as the residuals have them, with their
+    covariance (m, m).
+    """
+
+    shifts: Array
+    values: Array
+    covariance: Array
+
+    @property
+    def distance(self) -> float:
+        """Squared distance of the values from zero in units of their covariance: chi-squared with m degrees."""
+        return float(self.values @ np.linalg.solve(self.covariance, self.values))
+
+
+def score(fit: Fit, impulses: Array) -> Score:
+    """Test impulses over each step of the fit's grid: (n, m) [N s, N m s per unit]."""
+    p, m = len(fit.theta), impulses.shape[1]
+    linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses)
+    if linear is None:
+        return Score(np.zeros((p, m)), np.zeros(m), np.eye(m))
+    information = linear.information
+    shifts = array(np.linalg.lstsq(information[:p, :p], information[:p, p:], rcond=None)[0])
+    rest = information[p:, p:] - information[p:, :p] @ shifts
+    inverse = np.linalg.pinv(rest, rcond=1e-12, hermitian=True)
+    return Score(shifts, array(inverse @ linear.gradient[p:]), array(inverse * _noise(fit) + 1e-30 * np.eye(m)))
+
+
+def _noise(fit: Fit) -> float:
+    """Size and color of the noise, for which the covariance of the parameters serves as the yardstick."""
+    plain = np.linalg.inv(fit.linear.information)
+    return float(np.median(np.diag(fit.covariance) / np.diag(plain)))

@@ -1,0 +1,45 @@
+"""Estimates within bounds: the most likely ones, not just clipped."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from hindrax_ident.bounds import bounded
+
+FREE = ([-np.inf] * 3, [np.inf] * 3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_one_violated_bound_gives_the_constrained_optimum(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((3, 3))
+    C, mean = A @ A.T + 0.1 * np.eye(3), rng.standard_normal(3)
+    low = [mean[0] + 0.5, -np.inf, -np.inf]
+    W = np.linalg.inv(C)
+    best = minimize(
+        lambda x: (x - mean) @ W @ (x - mean),
+        mean + 1.0,
+        jac=lambda x: 2.0 * W @ (x - mean),
+        bounds=[(low[0], None), (None, None), (None, None)],
+        options={"ftol": 1e-14, "gtol": 1e-10},
+    )
+    assert bounded(mean, C, low, FREE[1]) == pytest.approx(best.x, abs=1e-4)
+
+
+def test_within_bounds_nothing_changes():
+    values = np.array([1.0, 2.0, 3.0])
+    assert bounded(values, np.eye(3), [0.0] * 3, [5.0] * 3) is not None
+    assert bounded(values, np.eye(3), [0.0] * 3, [5.0] * 3).tolist() == values.tolist()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_result_is_always_within(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((4, 4))
+    out = bounded(rng.standard_normal(4) * 3.0, A @ A.T + 0.01 * np.eye(4), [-1.0] * 4, [1.0] * 4)
+    assert np.all(out >= -1.0)
+    assert np.all(out <= 1.0)

@@ -1,0 +1,150 @@
+"""What the calibration of the thrusters does to a result, against fits to wrongly scaled thrust."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hindrax_core.vehicle import Branch
+from hindrax_ident.belief import wide_belief
+from hindrax_ident.calibration import (
+    branch_covariance,
+    by_tilt,
+    modes,
+    with_calibration,
+    with_known_buoyancy,
+    with_velocity_gain,
+)
+from hindrax_ident.misfit import check_form, check_lag
+from hindrax_ident.models import Model, model_of
+from hindrax_ident.record import Record, Series, Stretch
+from hindrax_ident.refine import refine
+from hindrax_ident.synthetic import back_and_forth, fly
+
+SURGE = np.array([66.48, 1.25, 0.0, 27.3])
+PLAN = back_and_forth((4.0, 8.0, 13.0), 8.0, 64.0)
+
+
+def record_of(model, theta, lag_s=0.15, sigma=0.005):
+    flight = fly(model, theta, PLAN, 0.15)
+    rng = np.random.default_rng(6)
+    t, v = flight.grid.times_s[::10], flight.path.v[::10]
+    measured = Series(t, v + sigma * rng.standard_normal(len(t)))
+    thrust = Series(flight.times_s, flight.commands)
+    return Record(measured, thrust, (Stretch(0.0, 63.9),), lag_s=lag_s)
+
+
+def fitted(vehicle, record, axis=0):
+    model = model_of(vehicle, axis)
+    belief = wide_belief(vehicle, model)
+    return refine(model, record, belief.values, belief)
+
+
+@pytest.fixture(scope="module")
+def surge(vehicle):
+    record = record_of(Model(0, 15.22), SURGE)
+    return record, fitted(vehicle, record)
+
+
+def test_a_gain_error_scales_every_coefficient(vehicle, surge):
+    record, fit = surge
+    wide = with_calibration(vehicle, record, fit) - fit.covariance
+    expected = 0.02**2 * np.outer(fit.theta, fit.theta)
+    assert wide == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
+
+
+def test_the_linearization_predicts_a_fit_to_scaled_thrust(vehicle, surge):
+    record, fit = surge
+    scaled = replace(record, thrust=Series(record.thrust.t, 1.02 * record.thrust.y))
+    moved = fitted(vehicle, scaled).theta - fit.theta
+    wide = np.sqrt(np.diag(with_calibration(vehicle, record, fit) - fit.covariance))
+    assert np.abs(moved[[0, 3]]) == pytest.approx(wide[[0, 3]], rel=0.03)
+
+
+def test_standard_deviations_of_a_cubic_are_kept():
+    branch = Branch((927.2, -2.2726, 0.001794, -4.61e-7), 1100.0, 1475.0, (137.82, 0.3212, 2.5e-4, 6.4e-8))
+    C = branch_covariance(branch)
+    assert np.sqrt(np.diag(C)) == pytest.approx(branch.sigma)
+    assert np.all(np.linalg.eigvalsh(C / np.outer(branch.sigma, branch.sigma)) > -1e-9)
+    # Taken alone, 137.8 N on c1 would drown every force; with its correlations the cubic is known to about a newton.
+    x = np.array([1.0, 1300.0, 1300.0**2, 1300.0**3])
+    assert 0.0 < float(np.sqrt(x @ C @ x)) < 3.0
+
+
+def test_branches_with_standard_deviations_add_modes(vehicle, surge):
+    record, fit = surge
+    curve = vehicle.curves["main"]
+    loose = replace(curve.negative, sigma=(137.82, 0.3212, 2.5e-4, 6.4e-8))
+    doubtful = replace(vehicle, curves={"main": replace(curve, negative=loose)})
+    assert len(modes(vehicle, 0)) == 1
+    assert len(modes(doubtful, 0)) == 2
+    assert modes(doubtful, 0)[1].error(np.array([5.0, -5.0])).shape == (2, 4)
+    narrow, wide = (with_calibration(one, record, fit) for one in (vehicle, doubtful))
+    assert wide[0, 0] > narrow[0, 0]
+
+
+def test_a_vehicle_without_thrusters_has_nothing_to_calibrate(vehicle, surge):
+    record, fit = surge
+    bare = replace(vehicle, thrusters=(), curves={})
+    assert with_calibration(bare, record, fit) == pytest.approx(fit.covariance)
+
+
+def test_known_buoyancy_carries_over_to_the_drag():
+    # A common gain error correlates b with everything else; knowing b takes most of it away.
+    theta = np.array([93.5, 5.3, 0.80, 37.7])
+    C = np.diag([0.01, 0.01, 1e-6, 0.01]) + 0.02**2 * np.outer(theta, theta)
+    better, narrow = with_known_buoyancy(theta, C, 2, 0.7845, 0.002)
+    assert better[0] == pytest.approx(93.5 * 0.7845 / 0.80, rel=2e-3)
+    assert np.sqrt(narrow[0, 0]) < 0.3 * np.sqrt(C[0, 0])
+
+
+def test_velocity_gain_goes_with_its_powers(surge):
+    _, fit = surge
+    wide = with_velocity_gain(fit.covariance, fit, 0.01) - fit.covariance
+    share = np.sqrt(np.diag(wide)) / np.abs(fit.theta)
+    assert share[[0, 1, 3]] == pytest.approx([0.02, 0.01, 0.01])
+    assert share[2] == pytest.approx(0.0)
+
+
+def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(vehicle, surge):
+    roll = np.array([1.29, 0.0, 0.0, 3.0008, 0.733])
+    flight = fly(model_of(vehicle, 3), roll, back_and_forth((0.5, 1.0, 1.3), 5.0, 60.0), 0.15)
+    t = flight.grid.times_s[::4]
+    rng = np.random.default_rng(1)
+    record = Record(
+        Series(t, flight.path.v[::4] + 0.003 * rng.standard_normal(len(t))),
+        Series(flight.times_s, flight.commands),
+        (Stretch(0.0, 59.9),),
+        position=Series(t[::25], flight.path.s[::4][::25] + 0.02),
+        lag_s=0.15,
+    )
+    fit = fitted(vehicle, record, 3)
+    b, plain = float(fit.theta[2]), float(np.sqrt(fit.covariance[2, 2]))
+    wide = float(np.hypot(plain, np.sqrt(by_tilt(vehicle, fit, 0.02)[2, 2])))
+    # The restoring moment of 3 N m makes an offset of up to 0.06 N m out of it.
+    assert abs(b) > 5.0 * plain
+    assert abs(b) < 3.0 * wide
+    assert wide < 3.0 * 0.03
+    narrow = np.sqrt(np.diag(by_tilt(vehicle, surge[1], 0.02)))
+    assert narrow == pytest.approx([0.0, 0.0, 0.02 * vehicle.net_buoyancy_N, 0.0], abs=1e-6)
+
+
+def test_the_right_lag_and_form_are_left_alone(surge):
+    record, fit = surge
+    assert not check_lag(record, fit).significant
+    assert not check_form(fit).significant
+
+
+def test_a_wrong_lag_is_measured(vehicle):
+    record = record_of(Model(0, 15.22), SURGE, lag_s=0.10)
+    found = check_lag(record, fitted(vehicle, record))
+    assert found.significant
+    assert found.missing_s == pytest.approx(0.05, abs=0.02)
+
+
+def test_a_lopsided_hull_is_found(vehicle):
+    lopsided = Model(0, 15.22, split=True)
+    theta = np.array([66.48, 1.25, 30.0, 1.25, 0.0, 27.3])
+    found = check_form(fitted(vehicle, record_of(lopsided, theta)))
+    assert found.significant
+    assert found.share > 0.1

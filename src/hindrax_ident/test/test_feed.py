@@ -1,0 +1,61 @@
+"""What the identification is told is told of the center of mass, wherever the sensors sit."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import BottomVelocity, Pressure
+from hindrax_core.rotation import apply, cross, matrix
+from hindrax_core.state import Attitude, Navigation, Velocity
+from hindrax_ident.feed import Feed
+
+CENTER = (0.05, -0.03, 0.02)
+RATES = (0.4, -0.3, 0.6)
+ATTITUDE = (0.35, -0.25, 1.0)
+ORIGIN_MPS = (0.3, -0.1, 0.2)
+DEPTH_M = 0.8
+
+
+@pytest.fixture
+def told(vehicle):
+    """Everything that a rotating, moving vehicle with an offset center of mass says at one instant."""
+    sensors = {name: replace(one, position_m=(0.1, 0.02, 0.15)) for name, one in vehicle.sensors.items()}
+    moved = replace(vehicle, center_of_mass_m=CENTER, sensors=sensors)
+    feed = Feed(moved)
+    at_dvl = tuple(v + w for v, w in zip(ORIGIN_MPS, cross(RATES, (0.1, 0.02, 0.15)), strict=True))
+    sensor_m = DEPTH_M + apply(matrix(ATTITUDE), (0.1, 0.02, 0.15))[2]
+    pressure = vehicle.water.surface_pressure_Pa + sensor_m * vehicle.water.density_kgpm3 * 9.80665
+    state = Navigation(
+        attitude_rad=ATTITUDE,
+        rate_radps=RATES,
+        velocity_mps=ORIGIN_MPS,
+        depth_m=DEPTH_M,
+        altitude_m=1.0,
+        position_m=(0.0, 0.0),
+        dvl_locked=True,
+        ages_s={},
+        velocity_sigma_mps=(0.01, 0.01, 0.01),
+    )
+    readings = (state, BottomVelocity(at_dvl, 0.01, 1.0, 0.05, 0), Pressure(pressure, 20.0))
+    return [event.reading for one in readings for event in feed.step(Stamped(Stamp(0), one))]
+
+
+def test_velocities_are_those_of_the_center_of_mass(told):
+    expected = [v + w for v, w in zip(ORIGIN_MPS, cross(RATES, CENTER), strict=True)]
+    found = {one.source: one.nu for one in told if isinstance(one, Velocity)}
+    assert found["dvl"][:2] == pytest.approx(expected[:2])
+    assert found["navigation"][2] == pytest.approx(expected[2])
+    assert found["navigation"][3:] == RATES
+
+
+def test_depths_are_those_of_the_center_of_mass(told):
+    expected = DEPTH_M + apply(matrix(ATTITUDE), CENTER)[2]
+    depths = [one.depth_m for one in told if isinstance(one, Attitude)]
+    assert depths == pytest.approx([expected, expected], abs=1e-5)
+    assert abs(expected - DEPTH_M) > 0.01
+
+
+def test_a_dvl_without_lock_says_nothing(vehicle):
+    assert Feed(vehicle).step(Stamped(Stamp(0), BottomVelocity(None, math.inf, 0.0, 0.05, 0))) == ()

@@ -1,0 +1,136 @@
+"""Poor excitation, wrong signs, strange records: wide bands or a refusal with its reason."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_core.events import Stamped
+from hindrax_core.state import Thrust, Velocity
+from hindrax_ident.models import model_of
+from hindrax_ident.session import Session
+from hindrax_ident.synthetic import DVL, Plan, Sensors, back_and_forth, events, fly
+
+SURGE = np.array([66.48, 1.25, 0.0, 27.3])
+
+
+def identify(vehicle, said):
+    session = Session(vehicle)
+    for event in said:
+        session.step(event)
+    return session.finish().motions["surge"]
+
+
+def flown(vehicle, plan, seed=1, sensors=DVL, theta=SURGE):
+    flight = fly(model_of(vehicle, 0), theta, plan, 0.15)
+    return list(events(flight, 0, "surge", sensors, np.random.default_rng(seed)))
+
+
+def honest(result):
+    """Either the truth is within the bands, or the result says that it is none."""
+    within = all(
+        abs(result.coefficients[name].value - truth) < 4.0 * result.coefficients[name].std
+        for name, truth in (("k_q", 66.48), ("k_l", 1.25), ("b", 0.0))
+        if name in result.coefficients
+    )
+    return within or not result.identifiable
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parked_vehicle_is_not_identifiable(vehicle, seed):
+    result = identify(vehicle, flown(vehicle, Plan(np.zeros(1), np.zeros(1), 60.0), seed))
+    assert not result.identifiable
+    assert any("hardly moved" in reason or "known to" in reason for reason in result.reasons)
+
+
+@pytest.mark.parametrize("force", [0.6, 3.0, 12.0])
+def test_one_speed_does_not_separate_quadratic_from_linear(vehicle, force):
+    plan = Plan(np.zeros(1), np.array([force]), 60.0)
+    result = identify(vehicle, flown(vehicle, plan))
+    assert not result.identifiable
+    assert honest(result)
+
+
+def test_slow_runs_give_the_force_band_instead(vehicle):
+    result = identify(vehicle, flown(vehicle, back_and_forth((0.1, 0.15), 20.0, 60.0)))
+    assert not result.identifiable
+    assert honest(result)
+    assert result.drag is not None
+    truth = 66.48 * result.drag.speed**2 + 1.25 * result.drag.speed
+    assert np.all(np.abs(result.drag.force - truth) < 4.0 * result.drag.std)
+
+
+def test_the_wrong_sign_of_the_wrench_is_named(vehicle):
+    said = [
+        Stamped(event.stamp, Thrust(tuple(-force for force in event.reading.wrench)))
+        if isinstance(event.reading, Thrust)
+        else event
+        for event in flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
+    ]
+    result = identify(vehicle, said)
+    assert not result.identifiable
+    assert result.reasons
+
+
+def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle):
+    said = flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
+    rng = np.random.default_rng(0)
+    other = {round(k * 0.7, 6): float(rng.uniform(-13.0, 13.0)) for k in range(200)}
+    wrong = []
+    for event in said:
+        if isinstance(event.reading, Thrust):
+            key = max(t for t in other if t <= event.stamp / 1e9 + 1e-9)
+            wrong.append(Stamped(event.stamp, Thrust((other[key], *event.reading.wrench[1:]))))
+        else:
+            wrong.append(event)
+    result = identify(vehicle, wrong)
+    assert not result.identifiable
+
+
+def drifting(said, current_mps):
+    """Velocity over ground in water that moves: the drag is no longer that of the measured velocity."""
+    return [
+        Stamped(
+            event.stamp,
+            Velocity((event.reading.nu[0] + current_mps, *event.reading.nu[1:]), event.reading.sigma, "dvl75"),
+        )
+        if isinstance(event.reading, Velocity)
+        else event
+        for event in said
+    ]
+
+
+@pytest.mark.parametrize("current_mps", [-0.3, -0.05, 0.02, 0.15])
+@pytest.mark.parametrize("levels", [(4.0, 9.0, 13.0), (1.1, 1.4, 1.8), (0.24, 0.26, 0.33)])
+def test_an_unknown_current_is_not_taken_for_drag_with_confidence(vehicle, levels, current_mps):
+    said = drifting(flown(vehicle, back_and_forth(levels, 10.0, 80.0)), current_mps)
+    assert honest(identify(vehicle, said))
+
+
+def test_a_current_is_measured_and_still_water_is_not_suspected(vehicle):
+    said = flown(vehicle, back_and_forth((2.0, 6.0, 13.0), 10.0, 120.0))
+    still, moved = (identify(vehicle, drifting(said, current)) for current in (0.0, 0.02))
+    assert abs(still.quality["current_mps"]) < 3.0 * still.quality["current_sigma_mps"]
+    assert moved.quality["current_mps"] == pytest.approx(0.02, abs=0.01)
+    assert moved.quality["current_mps"] > 3.0 * moved.quality["current_sigma_mps"]
+    assert moved.coefficients["b"].std > 3.0 * still.coefficients["b"].std
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    top=st.floats(0.05, 1.5),
+    span_s=st.floats(5.0, 15.0),
+    rate_Hz=st.sampled_from([5.0, 10.0, 20.0]),
+    sigma=st.sampled_from([0.003, 0.01, 0.03]),
+)
+def test_slow_runs_are_never_confidently_wrong(vehicle, top, span_s, rate_Hz, sigma):
+    sensors, seed = Sensors(velocity_Hz=rate_Hz, velocity_sigma=sigma), round(1e4 * top)
+    plan = back_and_forth((0.6 * top, top), span_s, 60.0)
+    assert honest(identify(vehicle, flown(vehicle, plan, seed, sensors)))
+
+
+def test_a_noisy_velocity_gives_wide_bands(vehicle):
+    noisy = Sensors(velocity_sigma=0.2)
+    result = identify(vehicle, flown(vehicle, back_and_forth((4.0, 13.0), 10.0, 60.0), sensors=noisy))
+    assert honest(result)
+    assert result.coefficients["k_q"].std > 5.0

@@ -1,0 +1,108 @@
+"""Output error: the bound is reached, the bands are honest, and what does not belong shows."""
+
+import numpy as np
+import pytest
+
+from hindrax_ident.belief import wide_belief
+from hindrax_ident.models import Model, model_of
+from hindrax_ident.problem import pose
+from hindrax_ident.record import Record, Series, Stretch
+from hindrax_ident.refine import refine
+from hindrax_ident.synthetic import DVL, back_and_forth, events, fly
+
+SURGE = np.array([66.48, 1.25, 0.0, 27.3])
+PLAN = back_and_forth((3.2, 6.0, 9.5, 13.5), 10.0, 80.0)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(Model(0, 15.22), SURGE, PLAN, 0.15)
+
+
+def record_of(flight, seed, *, velocity=None):
+    said = list(events(flight, 0, "surge", DVL, np.random.default_rng(seed)))
+    pairs = [(one.stamp / 1e9, one.reading.nu[0]) for one in said if hasattr(one.reading, "nu")]
+    t, v = (np.array(part) for part in zip(*pairs, strict=True))
+    v = v if velocity is None else velocity(t, v)
+    return Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 80.0),), lag_s=0.15)
+
+
+def fit(vehicle, record):
+    model = model_of(vehicle, 0)
+    return refine(model, record, np.array([50.0, 5.0, 0.1, 30.0]), wide_belief(vehicle, model))
+
+
+def test_bands_cover_and_the_bound_is_reached(vehicle, flight):
+    fits = [fit(vehicle, record_of(flight, seed)) for seed in range(24)]
+    errors = np.array([one.theta - SURGE for one in fits])
+    sigmas = np.array([np.sqrt(np.diag(one.covariance)) for one in fits])
+    assert np.abs(errors / sigmas).max() < 4.5
+    covered = np.mean(np.abs(errors) < 1.96 * sigmas)
+    assert 0.88 <= covered <= 0.995
+    # The reported sigma is the Cramer-Rao bound for noise of 10 mm/s and rounding to 1 mm in 50 ms.
+    noise = np.hypot(0.01, 0.02 / np.sqrt(12.0))
+    bound = np.sqrt(np.diag(np.linalg.inv(fits[0].linear.information * fits[0].noise.velocity / noise**2)))
+    assert sigmas.mean(axis=0) == pytest.approx(bound, rel=0.1)
+    ratio = np.sqrt(np.mean(errors**2, axis=0)) / bound
+    assert np.all(ratio < 1.5)
+
+
+def test_the_start_does_not_matter(vehicle, flight):
+    model, record = model_of(vehicle, 0), record_of(flight, 3)
+    belief = wide_belief(vehicle, model)
+    near, far = (
+        refine(model, record, np.array(start), belief) for start in ([66.0, 1.0, 0.0, 27.0], [20.0, 20.0, 2.0, 60.0])
+    )
+    sigma = np.sqrt(np.diag(near.covariance))
+    assert np.abs((near.theta - far.theta) / sigma).max() < 1e-2
+
+
+def test_same_record_gives_the_same_bits(vehicle, flight):
+    first, second = (fit(vehicle, record_of(flight, 3)) for _ in range(2))
+    assert first.theta.tobytes() == second.theta.tobytes()
+    assert first.covariance.tobytes() == second.covariance.tobytes()
+
+
+def test_outliers_are_left_out(vehicle, flight):
+    def spoil(_, v):
+        v = v.copy()
+        v[::40] += np.where(np.arange(len(v[::40])) % 2, 0.5, -0.4)
+        return v
+
+    clean, spoiled = fit(vehicle, record_of(flight, 5)), fit(vehicle, record_of(flight, 5, velocity=spoil))
+    sigma = np.sqrt(np.diag(clean.covariance))
+    assert np.abs((spoiled.theta - clean.theta) / sigma).max() < 1.5
+    assert spoiled.samples == len(record_of(flight, 5).velocity) - 40
+
+
+def test_slow_errors_of_the_velocity_widen_the_band(vehicle, flight):
+    def wander(t, v):
+        return v + 0.01 * np.sin(0.7 * t) + 0.008 * np.sin(0.23 * t + 1.0)
+
+    clean, wandering = fit(vehicle, record_of(flight, 5)), fit(vehicle, record_of(flight, 5, velocity=wander))
+    assert np.sqrt(wandering.covariance[0, 0]) > 2.0 * np.sqrt(clean.covariance[0, 0])
+    assert abs(wandering.theta[0] - 66.48) < 3.0 * np.sqrt(wandering.covariance[0, 0])
+
+
+def test_a_drag_of_another_form_widens_the_band(vehicle):
+    # What drags like |v|^2.6 is not k_q |v| v + k_l v: blocks of different speed disagree.
+    model = Model(0, 15.22)
+
+    class Other(Model):
+        def columns(self, v, position):
+            table = super().columns(v, position)
+            table[:, 0] = np.abs(v) ** 1.6 * v * 2.0
+            return table
+
+    flight = fly(Other(0, 15.22), SURGE, PLAN, 0.15)
+    found = fit(vehicle, record_of(flight, 2))
+    assert np.sqrt(found.covariance[0, 0]) > 0.8
+    assert model.names == found.model.names
+
+
+def test_too_few_samples_are_refused(vehicle):
+    short = Record(
+        Series(np.linspace(0.0, 0.2, 5), np.zeros(5)), Series(np.zeros(1), np.zeros(1)), (Stretch(0.0, 1.0),)
+    )
+    with pytest.raises(ValueError, match="enough samples"):
+        pose(model_of(vehicle, 0), short)

@@ -1,0 +1,225 @@
+"""The session: events in, estimates and results out; the same from any order, honest about what it does not know."""
+
+import random
+
+import numpy as np
+import pytest
+
+from hindrax_core.events import Stamped, after, stamp_from_s
+from hindrax_core.state import Phase, Thrust, Velocity
+from hindrax_ident.models import model_of, motions_of
+from hindrax_ident.results import truth_of, with_truth
+from hindrax_ident.session import Session
+from hindrax_ident.synthetic import back_and_forth, events, fly, sensors_of
+from hindrax_ident.tuning import Tuning
+
+LEVELS = {0: (3.2, 6.0, 9.5, 13.5), 1: (4.0, 9.0, 14.0, 20.0), 2: (5.0, 12.0, 20.0, 30.0), 3: (0.5, 0.9, 1.2, 1.4),
+          4: (0.6, 1.0, 1.4, 1.7), 5: (0.6, 1.2, 2.0, 2.8)}  # fmt: skip
+SPANS_S = {0: 10.0, 1: 10.0, 2: 4.0, 3: 5.0, 4: 5.0, 5: 8.0}
+NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+
+
+def theta_of(vehicle, axis):
+    truth, model = truth_of(vehicle), model_of(vehicle, axis)
+    first, last = truth[motions_of(axis)[0].name], truth[motions_of(axis)[-1].name]
+    drag = [first["k_q"], first["k_l"], *([last["k_q"], last["k_l"]] if model.split else [])]
+    rest = [first["k_r"]] if model.restores else []
+    return model, np.array([*drag, first["b"], *rest, model.rigid + first["added_mass"]])
+
+
+def heard(vehicle, axis, seed=1, end_s=80.0, **options):
+    model, theta = theta_of(vehicle, axis)
+    flight = fly(model, theta, back_and_forth(LEVELS[axis], SPANS_S[axis], end_s), 0.15)
+    motion = motions_of(axis)[0].name
+    rng = np.random.default_rng(seed)
+    return list(events(flight, axis, motion, options.pop("sensors", sensors_of(axis)), rng, **options))
+
+
+def run(vehicle, said, tuning=None, prior=None):
+    session = Session(vehicle, tuning, prior)
+    estimates = [estimate for event in said for estimate in session.step(event)]
+    return session, estimates
+
+
+@pytest.fixture(scope="module")
+def surge(vehicle):
+    return heard(vehicle, 0, plateau_s=6.0)
+
+
+@pytest.mark.parametrize("axis", range(6), ids=NAMES)
+def test_truth_lies_within_three_standard_deviations(vehicle, axis):
+    session, _ = run(vehicle, heard(vehicle, axis, plateau_s=3.0))
+    results = with_truth(session.finish(), vehicle)
+    assert set(results.motions) == {motion.name for motion in motions_of(axis)}
+    for result in results.motions.values():
+        assert result.identifiable, result.reasons
+        for name, number in result.coefficients.items():
+            assert abs(number.value - number.truth) < 3.5 * number.std, (name, number)
+            assert number.std_calibrated >= number.std
+        high = result.speeds[1]
+        force, _ = result.drag_force(high)
+        truth = result.coefficients["k_q"].truth * high**2 + result.coefficients["k_l"].truth * high
+        assert force == pytest.approx(truth, rel=0.02)
+
+
+def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle, surge):
+    _, estimates = run(vehicle, surge)
+    samples = sum(isinstance(event.reading, Velocity) for event in surge)
+    assert len(estimates) > samples - 20
+    first, last = estimates[0].reading, estimates[-1].reading
+    assert not first.learning
+    assert first.reason == "first velocity"
+    assert last.learning
+    assert last.reason == ""
+    assert last.names == ("k_q", "k_l", "b", "added_mass")
+    assert last.units == ("N s^2/m^2", "N s/m", "N", "kg")
+    assert 0 < last.effective_samples <= 5.0 * last.samples
+    stamps = [estimate.stamp for estimate in estimates]
+    assert stamps == sorted(stamps)
+    assert all(sigma > 0.0 for sigma in last.sigmas)
+
+
+def test_online_estimate_is_close_to_the_refined_one(vehicle, surge):
+    session, estimates = run(vehicle, surge)
+    refined = session.finish().motions["surge"].coefficients
+    last = estimates[-1].reading
+    for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
+        assert abs(value - refined[name].value) < 5.0 * sigma
+
+
+def test_the_joint_filter_is_an_online_estimator_too(vehicle, surge):
+    session, estimates = run(vehicle, surge, Tuning(estimator="ekf"))
+    truth = truth_of(vehicle)["surge"]
+    last = estimates[-1].reading
+    for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
+        assert abs(value - truth[name]) < 5.0 * sigma
+    assert set(session.finish().motions["surge"].methods) == {"ekf", "plateaus"}
+
+
+def test_same_events_give_the_same_bits(vehicle, surge):
+    first, second = (run(vehicle, surge) for _ in range(2))
+    # Text, because the innovation of a sample that was not learned from is not a number.
+    assert repr(first[1]) == repr(second[1])
+    assert first[0].finish().to_json() == second[0].finish().to_json()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_order_of_arrival_does_not_matter(vehicle, surge, seed):
+    rng = random.Random(seed)
+    mixed = sorted(surge, key=lambda event: event.stamp / 1e9 + rng.uniform(0.0, 0.2))
+    assert mixed != surge
+    assert run(vehicle, mixed)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+
+
+def test_nothing_is_learned_in_other_phases(vehicle, surge):
+    parked = [
+        Stamped(event.stamp, Phase("surge", "settle")) if isinstance(event.reading, Phase) else event for event in surge
+    ]
+    session, estimates = run(vehicle, parked)
+    assert {estimate.reading.reason for estimate in estimates} == {"phase settle"}
+    assert estimates[-1].reading.samples == 0
+    result = session.finish().motions["surge"]
+    assert not result.identifiable
+    assert "samples" in result.reasons[0]
+
+
+def test_without_a_motion_there_is_nothing(vehicle, surge):
+    session, estimates = run(vehicle, [event for event in surge if not isinstance(event.reading, Phase)])
+    assert estimates == []
+    assert session.finish().motions == {}
+
+
+def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle, surge):
+    def kept(event):
+        seconds = event.stamp / 1e9
+        return not (isinstance(event.reading, Velocity) and 30.0 < seconds < 33.0) and not (
+            isinstance(event.reading, Thrust) and 50.0 < seconds < 55.0
+        )
+
+    _, estimates = run(vehicle, [event for event in surge if kept(event)])
+    reasons = {estimate.reading.reason for estimate in estimates}
+    assert any(reason.startswith("no velocity for 3.") for reason in reasons)
+    assert any(reason.startswith("the last thrust is 2.") for reason in reasons)
+    assert "the filters are settling" in reasons
+
+
+def test_an_outlier_is_refused(vehicle, surge):
+    spoiled = list(surge)
+    index = next(k for k, event in enumerate(surge) if isinstance(event.reading, Velocity) and event.stamp > 40e9)
+    nu = (5.0, *surge[index].reading.nu[1:])
+    spoiled[index] = Stamped(surge[index].stamp, Velocity(nu, surge[index].reading.sigma, "dvl75"))
+    session, estimates = run(vehicle, spoiled)
+    assert [estimate.reading.reason for estimate in estimates].count("outlier") == 1
+    clean, _ = run(vehicle, surge)
+    a, b = (one.finish().motions["surge"].coefficients["k_q"] for one in (session, clean))
+    assert a.value == pytest.approx(b.value, abs=0.2 * b.std)
+
+
+def test_values_that_are_not_numbers_do_no_harm(vehicle, surge):
+    nan = float("nan")
+    dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, (nan,) * 6, "dvl75")),
+             Stamped(stamp_from_s(20.006), Thrust((nan,) * 6))]  # fmt: skip
+    dirty.sort(key=lambda event: event.stamp)
+    assert run(vehicle, dirty)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+
+
+def test_an_instrument_wins_over_the_navigator(vehicle, surge):
+    def navigator(event):
+        nu = (event.reading.nu[0] + 0.3, *event.reading.nu[1:])
+        return Stamped(after(event.stamp, 0.001), Velocity(nu, event.reading.sigma, "navigation"))
+
+    doubled = [
+        one
+        for event in surge
+        for one in ([event, navigator(event)] if isinstance(event.reading, Velocity) else [event])
+    ]
+    assert run(vehicle, doubled)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+
+
+def test_a_latency_of_the_stamps_can_be_told(vehicle, surge):
+    late = [
+        Stamped(after(event.stamp, 0.2), event.reading) if isinstance(event.reading, Velocity) else event
+        for event in surge
+    ]
+    late.sort(key=lambda event: event.stamp)
+    told = run(vehicle, late, Tuning(velocity_latency_s=0.2))[0].finish().motions["surge"].coefficients["added_mass"]
+    right = run(vehicle, surge)[0].finish().motions["surge"].coefficients["added_mass"]
+    assert told.value == pytest.approx(right.value, abs=0.5 * right.std)
+
+
+def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
+    model, theta = theta_of(vehicle, 0)
+    flight = fly(model, theta, back_and_forth(LEVELS[0], 8.0, 96.0), 0.30)
+    said = list(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(4)))
+    result = run(vehicle, said)[0].finish().motions["surge"]
+    assert result.quality["lag_s"] == pytest.approx(0.30, abs=0.03)
+    assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
+
+
+def test_a_prior_makes_the_start_warm(vehicle, surge):
+    early = [event for event in surge if event.stamp < stamp_from_s(12.0)]
+    prior = {"surge": {"k_q": (66.0, 2.0), "k_l": (1.0, 1.0), "added_mass": (12.0, 1.0)}}
+    warm, cold = run(vehicle, early, prior=prior)[1][-1].reading, run(vehicle, early)[1][-1].reading
+    assert warm.sigmas[0] < 3.5
+    assert warm.sigmas[0] < cold.sigmas[0]
+    assert abs(warm.values[0] - 66.48) < 6.0
+
+
+def test_plateaus_only_leaves_three_coefficients(vehicle, surge):
+    session, estimates = run(vehicle, surge, Tuning(plateaus_only=True))
+    reasons = {estimate.reading.reason for estimate in estimates if not estimate.reading.learning}
+    assert "phase transient" in reasons
+    result = session.finish().motions["surge"]
+    assert result.coefficients["k_q"].value == pytest.approx(66.48, abs=4.0 * result.coefficients["k_q"].std)
+
+
+def test_heave_in_one_direction_reports_that_direction(vehicle):
+    model, theta = theta_of(vehicle, 2)
+    plan = back_and_forth((6.0, 12.0, 20.0, 30.0), 5.0, 80.0)
+    down = type(plan)(plan.times_s, np.where(plan.forces > 0.0, plan.forces, 2.0), plan.end_s)
+    flight = fly(model, theta, down, 0.15)
+    said = list(events(flight, 2, "heave_down", sensors_of(2), np.random.default_rng(1)))
+    results = run(vehicle, said)[0].finish()
+    assert list(results.motions) == ["heave_down"]
+    number = results.motions["heave_down"].coefficients["k_q"]
+    assert number.value == pytest.approx(93.52, abs=4.0 * number.std)

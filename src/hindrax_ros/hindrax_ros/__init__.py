@@ -1,0 +1,1 @@
+"""What every node shares: messages, qualities, parameters, health, process loop."""

@@ -1,0 +1,369 @@
+"""Between our readings and ROS messages, both ways, in one place: the table of signs.
+
+Inside, everything is SNAME (x forward, y starboard, z down). Outside, bodies and sensors are REP-103 (x forward, y
+left, z up), the world is east, north, up (REP-105).
+
+| quantity | inside | message |
+|---|---|---|
+| vector in a body or DVL frame | (x, y, z) | (x, -y, -z) |
+| roll, pitch, yaw | phi, theta, psi (clockwise from north) | phi, -theta, pi/2 - psi |
+| position | north, east, depth | east, north, -depth |
+| ICM-20948 vectors | axes of the chip | axes of the chip, frame `icm20948_link` (REP-145) |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion as QuaternionMsg
+from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, WrenchStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range, Temperature
+
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec3, Vec6
+from hindrax_core.state import Estimate, Navigation
+from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
+
+UNKNOWN_COVARIANCE = -1.0
+FSD = "base_link_fsd"
+FLU = "base_link"
+
+
+def stamp_to_msg(stamp: int) -> Time:
+    """ROS time message of a stamp."""
+    seconds, nanoseconds = divmod(int(stamp), NS_PER_S)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def stamp_from_msg(time: Time) -> Stamp:
+    """Stamp of a ROS time message."""
+    return Stamp(time.sec * NS_PER_S + time.nanosec)
+
+
+def half_turn(vector: Sequence[float]) -> Vec3:
+    """Turn a vector half way about x: from forward-starboard-down to forward-left-up, and back."""
+    return (vector[0], -vector[1], -vector[2])
+
+
+def _vector(vector: Sequence[float]) -> Vector3:
+    return Vector3(x=float(vector[0]), y=float(vector[1]), z=float(vector[2]))
+
+
+def _plain(vector: Vector3) -> Vec3:
+    return (vector.x, vector.y, vector.z)
+
+
+def _diagonal(variance: float) -> list[float]:
+    return [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance]
+
+
+def inertial_to_msg(stamped: Stamped[Inertial], frame: str, sigma_force: float, sigma_rate: float) -> Imu:
+    """REP-145 `data_raw`: no orientation; sigmas in m/s^2 and rad/s."""
+    message = Imu()
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.orientation_covariance[0] = UNKNOWN_COVARIANCE
+    message.linear_acceleration = _vector(stamped.reading.specific_force_mps2)
+    message.angular_velocity = _vector(stamped.reading.rate_radps)
+    message.linear_acceleration_covariance = _diagonal(sigma_force * sigma_force)
+    message.angular_velocity_covariance = _diagonal(sigma_rate * sigma_rate)
+    return message
+
+
+def inertial_from_msg(message: Imu) -> Stamped[Inertial]:
+    """Undo `inertial_to_msg`; the temperature of the chip does not travel."""
+    reading = Inertial(_plain(message.linear_acceleration), _plain(message.angular_velocity), math.nan)
+    return Stamped(stamp_from_msg(message.header.stamp), reading)
+
+
+def magnetic_to_msg(stamped: Stamped[Magnetic], frame: str, sigma_T: float) -> MagneticField:
+    """Magnetic field in the axes of the inertial sensor."""
+    message = MagneticField(magnetic_field=_vector(stamped.reading.field_T))
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.magnetic_field_covariance = _diagonal(sigma_T * sigma_T)
+    return message
+
+
+def magnetic_from_msg(message: MagneticField) -> Stamped[Magnetic]:
+    """Undo `magnetic_to_msg`."""
+    return Stamped(stamp_from_msg(message.header.stamp), Magnetic(_plain(message.magnetic_field)))
+
+
+def pressure_to_msg(stamped: Stamped[Pressure], frame: str, sigma_Pa: float) -> FluidPressure:
+    """Absolute pressure."""
+    message = FluidPressure(fluid_pressure=stamped.reading.pressure_Pa, variance=sigma_Pa * sigma_Pa)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
+    """Undo `pressure_to_msg`; the temperature travels on its own topic."""
+    return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
+
+
+def temperature_to_msg(stamped: Stamped[Pressure], frame: str) -> Temperature:
+    """Water temperature at the pressure sensor."""
+    message = Temperature(temperature=stamped.reading.temperature_C, variance=0.0)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def echo_to_msg(stamped: Stamped[Echo], frame: str, limits_m: tuple[float, float], view_rad: float) -> Range:
+    """Distance along the beam; the frame's x axis is the beam (sensor_msgs/Range)."""
+    message = Range(
+        radiation_type=Range.ULTRASOUND,
+        field_of_view=view_rad,
+        min_range=limits_m[0],
+        max_range=limits_m[1],
+        range=stamped.reading.range_m,
+    )
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def echo_from_msg(message: Range) -> Stamped[Echo]:
+    """Undo `echo_to_msg`; only confident echoes travel."""
+    return Stamped(stamp_from_msg(message.header.stamp), Echo(float(message.range), 1.0))
+
+
+def velocity_to_msg(stamped: Stamped[BottomVelocity], frame: str) -> TwistWithCovarianceStamped | None:
+    """Velocity over ground in the DVL frame, REP-103; None while there is none. Angular rates are unknown."""
+    velocity = stamped.reading.velocity_mps
+    if velocity is None:
+        return None
+    message = TwistWithCovarianceStamped()
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.twist.twist.linear = _vector(half_turn(velocity))
+    variance = stamped.reading.sigma_mps**2
+    for axis in range(3):
+        message.twist.covariance[7 * axis] = variance
+        message.twist.covariance[7 * (axis + 3)] = UNKNOWN_COVARIANCE
+    return message
+
+
+def velocity_from_msg(message: TwistWithCovarianceStamped) -> Stamped[BottomVelocity]:
+    """Undo `velocity_to_msg`; interval and device time do not travel."""
+    sigma = math.sqrt(max(0.0, message.twist.covariance[0]))
+    velocity = half_turn(_plain(message.twist.twist.linear))
+    return Stamped(stamp_from_msg(message.header.stamp), BottomVelocity(velocity, sigma, 1.0, 0.0, 0))
+
+
+def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMsg:
+    """Orientation of the REP-103 body in east, north, up, from SNAME angles."""
+    x, y, z, w = xyzw_from_sname(roll, pitch, yaw)
+    return QuaternionMsg(x=x, y=y, z=z, w=w)
+
+
+def xyzw_from_sname(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Numbers of `quaternion_from_sname`."""
+    return _xyzw(roll, -pitch, math.pi / 2.0 - yaw)
+
+
+def _xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Quaternion of a z-y-x rotation."""
+    cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
+    cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)
+    cy, sy = math.cos(yaw / 2.0), math.sin(yaw / 2.0)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def sname_from_quaternion(q: QuaternionMsg) -> Vec3:
+    """SNAME roll, pitch, yaw of a REP-103 body in east, north, up."""
+    roll = math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (q.w * q.y - q.z * q.x))))
+    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
+
+
+def wrapped(angle: float) -> float:
+    """Angle within plus or minus pi."""
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+def attitude_to_msg(stamped: Stamped[BottomTrack], frame: str, sigma_rad: float) -> Imu:
+    """Attitude of the DVL's own IMU; rates and accelerations are unknown."""
+    track = stamped.reading
+    message = Imu(orientation=quaternion_from_sname(track.roll_rad, track.pitch_rad, track.heading_rad))
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.orientation_covariance = _diagonal(sigma_rad * sigma_rad)
+    message.angular_velocity_covariance[0] = UNKNOWN_COVARIANCE
+    message.linear_acceleration_covariance[0] = UNKNOWN_COVARIANCE
+    return message
+
+
+def attitude_from_msg(message: Imu, *, locked: bool = True) -> Stamped[BottomTrack]:
+    """Undo `attitude_to_msg`; beams and altitude travel on their own topics."""
+    roll, pitch, heading = sname_from_quaternion(message.orientation)
+    track = BottomTrack(locked, roll, pitch, heading, None, (math.nan, math.nan), (), "", 0)
+    return Stamped(stamp_from_msg(message.header.stamp), track)
+
+
+def dvl_to_msg(stamped: Stamped[BottomVelocity], track: BottomTrack | None, frame: str, sound_mps: float) -> Dvl:
+    """All the DVL says, shaped like marine_acoustic_msgs/Dvl (x forward, y starboard, z along the beam axis).
+
+    One message per velocity, also while there is none (NaN, covariance -1), with the latest beams.
+    """
+    velocity = stamped.reading
+    message = Dvl(velocity_mode=Dvl.DVL_MODE_BOTTOM, dvl_type=Dvl.DVL_TYPE_PISTON, sound_speed=sound_mps)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.confidence, message.interval = velocity.confidence, velocity.interval_s
+    message.device_time = velocity.device_us
+    message.velocity = _vector(velocity.velocity_mps or (math.nan, math.nan, math.nan))
+    message.velocity_covar = [UNKNOWN_COVARIANCE] * 9
+    message.altitude = math.nan
+    if velocity.velocity_mps is not None:
+        u, v, _ = velocity.velocity_mps
+        message.velocity_covar = _diagonal(velocity.sigma_mps**2)
+        message.course_gnd, message.speed_gnd = math.atan2(v, u), math.hypot(u, v)
+    if track is not None:
+        _add_track(message, track)
+    return message
+
+
+def _add_track(message: Dvl, track: BottomTrack) -> None:
+    message.altitude = math.nan if track.altitude_m is None else track.altitude_m
+    message.num_good_beams = sum(beam.locked for beam in track.beams)
+    message.beam_ranges_valid = any(beam.range_m is not None for beam in track.beams)
+    message.beam_velocities_valid = track.locked
+    if len(track.beams) == len(message.beams):
+        message.beams = [_beam(beam.range_m, beam.velocity_mps, beam.gain_dB, beam.locked) for beam in track.beams]
+
+
+def dvl_from_msg(message: Dvl) -> Stamped[BottomVelocity]:
+    """Velocity of `dvl_to_msg`, with its interval; None where there was none."""
+    variance = message.velocity_covar[0]
+    velocity = None if variance < 0.0 else _plain(message.velocity)
+    reading = BottomVelocity(
+        velocity, math.sqrt(max(0.0, variance)), message.confidence, message.interval, int(message.device_time)
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), reading)
+
+
+def _beam(range_m: float | None, velocity_mps: float, gain_dB: float, locked: bool) -> DvlBeam:
+    return DvlBeam(
+        range=math.nan if range_m is None else range_m,
+        range_covar=UNKNOWN_COVARIANCE,
+        velocity=velocity_mps,
+        velocity_covar=UNKNOWN_COVARIANCE,
+        quality=gain_dB,
+        locked=locked,
+    )
+
+
+def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
+    """Pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105)."""
+    state = stamped.reading
+    message = Odometry(child_frame_id=FLU)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), "odom"
+    north, east = state.position_m
+    position = message.pose.pose.position
+    position.x, position.y, position.z = east, north, -state.depth_m
+    message.pose.pose.orientation = quaternion_from_sname(*state.attitude_rad)
+    message.twist.twist.linear = _vector(half_turn(state.velocity_mps))
+    message.twist.twist.angular = _vector(half_turn(state.rate_radps))
+    for axis, sigma in enumerate(state.velocity_sigma_mps):
+        message.twist.covariance[7 * axis] = sigma * sigma
+    return message
+
+
+def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:
+    """Everything the navigator knows, SNAME; undone by `navigation_from_msg`."""
+    state = stamped.reading
+    ages = state.ages_s
+    message = NavigationStatus()
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), FSD
+    message.roll, message.pitch, message.heading = state.attitude_rad
+    message.roll_rate, message.pitch_rate, message.yaw_rate = state.rate_radps
+    message.surge_velocity, message.sway_velocity, message.heave_velocity = state.velocity_mps
+    sigmas = state.velocity_sigma_mps
+    message.surge_velocity_sigma, message.sway_velocity_sigma, message.heave_velocity_sigma = sigmas
+    message.depth, message.altitude = state.depth_m, state.altitude_m
+    message.position_north, message.position_east = state.position_m
+    message.dvl_locked = state.dvl_locked
+    message.depth_age = ages.get("ms5837", math.inf)
+    message.altitude_age = ages.get("ping1d", math.inf)
+    message.heave_velocity_age = min(message.depth_age, message.altitude_age)
+    message.depth_valid = math.isfinite(state.depth_m)
+    message.altitude_valid = math.isfinite(state.altitude_m)
+    message.heave_velocity_valid = math.isfinite(state.velocity_mps[2])
+    message.sources, message.ages = list(ages), list(ages.values())
+    return message
+
+
+def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
+    """Undo `navigation_to_msg`."""
+    state = Navigation(
+        attitude_rad=(message.roll, message.pitch, message.heading),
+        rate_radps=(message.roll_rate, message.pitch_rate, message.yaw_rate),
+        velocity_mps=(message.surge_velocity, message.sway_velocity, message.heave_velocity),
+        depth_m=message.depth,
+        altitude_m=message.altitude,
+        position_m=(message.position_north, message.position_east),
+        dvl_locked=message.dvl_locked,
+        ages_s=dict(zip(message.sources, message.ages, strict=True)),
+        velocity_sigma_mps=(
+            message.surge_velocity_sigma,
+            message.sway_velocity_sigma,
+            message.heave_velocity_sigma,
+        ),
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), state)
+
+
+def wrench_to_msg(stamp: Stamp, wrench: Vec6) -> WrenchStamped:
+    """Wrench in the SNAME body frame."""
+    message = WrenchStamped()
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), FSD
+    message.wrench.force = _vector(wrench[:3])
+    message.wrench.torque = _vector(wrench[3:])
+    return message
+
+
+def wrench_from_msg(message: WrenchStamped) -> Vec6:
+    """Six numbers in whatever frame the header names."""
+    return (*_plain(message.wrench.force), *_plain(message.wrench.torque))
+
+
+def estimate_to_msg(stamped: Stamped[Estimate]) -> ModelEstimate:
+    """Coefficients and covariance of one motion."""
+    estimate = stamped.reading
+    message = ModelEstimate(
+        motion=estimate.motion,
+        names=list(estimate.names),
+        units=list(estimate.units),
+        values=list(estimate.values),
+        covariance=[entry for row in estimate.covariance for entry in row],
+        samples=estimate.samples,
+        effective_samples=estimate.effective_samples,
+        state="learning" if estimate.learning else "holding",
+        reason=estimate.reason,
+        last_innovation=estimate.innovation,
+    )
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), FSD
+    return message
+
+
+def estimate_from_msg(message: ModelEstimate) -> Stamped[Estimate]:
+    """Undo `estimate_to_msg`."""
+    n = len(message.values)
+    flat = list(message.covariance)
+    estimate = Estimate(
+        motion=message.motion,
+        names=tuple(message.names),
+        units=tuple(message.units),
+        values=tuple(message.values),
+        covariance=tuple(tuple(flat[row * n : row * n + n]) for row in range(n)),
+        samples=message.samples,
+        effective_samples=message.effective_samples,
+        learning=message.state == "learning",
+        reason=message.reason,
+        innovation=message.last_innovation,
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), estimate)

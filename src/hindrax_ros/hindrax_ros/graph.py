@@ -1,0 +1,68 @@
+"""Publishers and subscriptions straight from the topics table: a node never spells a topic name or a quality."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from hindrax_core.topics import NAMESPACE, Quality, Topic
+from hindrax_ros.outbox import HeldPublisher
+from hindrax_ros.polled import PolledNode
+
+QUEUE = 200
+"""Messages that may wait for a reader that takes them when its turn comes."""
+
+__all__ = ["NAMESPACE", "message_class", "profile", "publisher", "subscription"]
+
+
+@cache
+def message_class(type_name: str) -> Any:
+    """Class of a message type written as `package/msg/Type`."""
+    package, kind, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def profile(quality: Quality) -> QoSProfile:
+    """Quality of service as rclpy wants it."""
+    made = QoSProfile(
+        depth=quality.depth,
+        reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.latched else DurabilityPolicy.VOLATILE,
+    )
+    if quality.deadline_s:
+        made.deadline = Duration(seconds=quality.deadline_s)
+    if quality.lifespan_s:
+        made.lifespan = Duration(seconds=quality.lifespan_s)
+    return made
+
+
+def publisher(node: Node, topic: Topic, *, held: bool = True) -> Publisher | HeldPublisher:
+    """Make the publisher of one row of the topics table (a plain one: safety does not wait for a lifecycle).
+
+    That of a polled node sends when its outbox is flushed, unless `held` is false. What is not a node but offers
+    `create_publisher`, as a replay does, makes its own.
+    """
+    if not isinstance(node, Node):
+        return node.create_publisher(message_class(topic.type), topic.name, profile(topic.quality))
+    made = Node.create_publisher(node, message_class(topic.type), topic.name, profile(topic.quality))
+    return HeldPublisher(made, node.outbox) if held and isinstance(node, PolledNode) else made
+
+
+def subscription(
+    node: Node, topic: Topic, callback: Callable[[Any], None], *, raw: bool = False, queue: int = QUEUE
+) -> Subscription:
+    """Subscription to one row of the topics table; with `raw` the callback gets the CDR bytes.
+
+    `queue` messages wait for a node that takes them when its turn comes; a command never has company.
+    """
+    quality = topic.quality if topic.quality.depth == 1 else replace(topic.quality, depth=queue)
+    return node.create_subscription(message_class(topic.type), topic.name, callback, profile(quality), raw=raw)

@@ -1,0 +1,64 @@
+"""ROS parameters out of knob dataclasses: declared once, described with unit and range, read back checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from hindrax_core.knobs import Knob, build, knob_of
+
+T = TypeVar("T")
+
+
+def text(node: Node, name: str, default: str, meaning: str) -> str:
+    """Declare one text parameter, fixed at start, and return its value."""
+    descriptor = ParameterDescriptor(description=meaning, read_only=True)
+    return str(node.declare_parameter(name, default, descriptor).value)
+
+
+def knobs(node: Node, cls: type[T]) -> T:
+    """Declare every knob of a dataclass as a parameter of the node and make a checked instance of their values.
+
+    Knobs of a nested dataclass are declared as `field.knob`.
+    """
+    return build(cls, _declared(node, cls(), ""), node.get_name())
+
+
+def _declared(node: Node, defaults: Any, prefix: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for declared in fields(defaults):
+        default = getattr(defaults, declared.name)
+        name = prefix + declared.name
+        if is_dataclass(default):
+            found[declared.name] = _declared(node, default, name + ".")
+            continue
+        value = node.declare_parameter(name, _plain(default), _descriptor(knob_of(declared), default))
+        found[declared.name] = _restored(value.value)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _restored(value: Any) -> Any:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [float(one) if isinstance(one, float) else one for one in value]
+    return value
+
+
+def _descriptor(knob: Knob, default: Any) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=knob.meaning, read_only=True)
+    if knob.choices:
+        descriptor.additional_constraints = "one of " + ", ".join(knob.choices)
+    bounded = math.isfinite(knob.low) and math.isfinite(knob.high)
+    if bounded and isinstance(default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=knob.low, to_value=knob.high)]
+    if bounded and isinstance(default, int) and not isinstance(default, bool):
+        descriptor.integer_range = [IntegerRange(from_value=int(knob.low), to_value=int(knob.high), step=1)]
+    return descriptor

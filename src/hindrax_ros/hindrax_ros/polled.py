@@ -1,0 +1,123 @@
+"""Nodes that empty their subscriptions when their turn comes, instead of being woken by every single message.
+
+Waking a Python process costs far more than reading a message does. Most of what travels here comes in bursts (a FIFO
+of inertial samples, all outputs of one control cycle), and no reader has anything to do before the burst is complete.
+So a process sleeps until its leading topic says that there is something new, or for a while, and then takes all that
+waits. Services, actions and timers stay with the executor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
+
+from hindrax_core.topics import NAMESPACE
+from hindrax_ros.outbox import Outbox
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+    from rclpy.executors import Executor
+
+TURN_S = 0.05
+"""Longest wait between two turns of a process [wall time]."""
+
+
+class PolledNode(Node):
+    """A node whose subscriptions are not served by the executor but by `drain`.
+
+    Without `ros_time` it reads no /clock: for nodes that have their time from the messages or from their wire.
+    """
+
+    lead: Subscription | None = None
+    """The subscription whose messages begin a turn; without one the process turns every `TURN_S`."""
+    settle_s = 0.0
+    """Time in which the rest of a burst follows the first message of the lead [wall time]."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        outbox: Outbox | None = None,
+        ros_time: bool = True,
+        parameter_overrides: Sequence[Parameter] = (),
+        **options: Any,
+    ) -> None:
+        self.outbox = Outbox() if outbox is None else outbox
+        overrides = [*parameter_overrides]
+        if not ros_time:
+            overrides.append(Parameter("use_sim_time", Parameter.Type.BOOL, False))  # as rclpy has it
+        super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
+
+    def every(self, seconds: float, act: Callable[[], None]) -> None:
+        """Call `act` again and again, in wall time."""
+        self.create_timer(seconds, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Nothing: so an executor waits for none of them."""
+        return iter(())
+
+    def drain(self) -> None:
+        """Give every message that waits to its callback, topic by topic in the order of subscription."""
+        for one in list(super().subscriptions):
+            take, kind, raw = one.handle.take_message, one.msg_type, one.raw
+            while (found := take(kind, raw)) is not None:
+                one.callback(found[0])
+
+
+def events_executor(context: Context | None = None) -> Executor:
+    """Make the executor; it reports crashes of its own, for which it wants the stderr of the process."""
+    with contextlib.redirect_stderr(sys.__stderr__):
+        return EventsExecutor(context=context)
+
+
+class Turns:
+    """The turns of a process: wait for what leads, empty all subscriptions, let the executor do the rest."""
+
+    def __init__(self, nodes: Sequence[Node], executor: Executor) -> None:
+        self._polled = [node for node in nodes if isinstance(node, PolledNode)]
+        self._executor = executor
+        leads = [node.lead for node in self._polled if node.lead is not None]
+        self._leads = [lead.handle for lead in leads]
+        self._settle_s = max((node.settle_s for node in self._polled), default=0.0)
+        self._set: Any = None
+        if leads:
+            self._set = rclpy_implementation.WaitSet(len(leads), 0, 0, 0, 0, 0, nodes[0].context.handle)
+        self._served = 0.0
+
+    def turn(self) -> None:
+        """Take one turn."""
+        if self._set is None:
+            self._executor.spin_once(timeout_sec=TURN_S)
+        else:
+            self._wait()
+            now = time.monotonic()
+            if now - self._served >= TURN_S:
+                self._served = now
+                self._executor.spin_once(timeout_sec=0.0)
+        for node in self._polled:
+            node.drain()
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what the nodes have published."""
+        for node in self._polled:
+            node.outbox.flush()
+
+    def _wait(self) -> None:
+        self._set.clear_entities()
+        for lead in self._leads:
+            self._set.add_subscription(lead)
+        self._set.wait(int(TURN_S * 1e9))
+        if self._settle_s > 0.0:
+            time.sleep(self._settle_s)

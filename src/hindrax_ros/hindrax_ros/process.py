@@ -1,0 +1,60 @@
+"""The loop of every process: one events executor, nodes, a clean end on SIGINT and SIGTERM.
+
+The multi-threaded executor of rclpy starves timers (rclpy issue 1452) and `EventsExecutor.spin` does not return on
+signals, so the loop takes turns itself (see `polled`).
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from types import FrameType
+
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from hindrax_ros.polled import PolledNode, Turns, events_executor
+
+
+class Stop:
+    """Set by the first SIGINT or SIGTERM."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        signal.signal(signal.SIGINT, self._ask)
+        signal.signal(signal.SIGTERM, self._ask)
+
+    def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        self.asked = True
+
+
+def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = None) -> int:
+    """Make the nodes, turn them until a signal asks to stop, end each, and return the exit code of the process.
+
+    A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
+    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again.
+    """
+    stop = Stop()
+    rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
+    nodes: Sequence[Node] = ()
+    executor = events_executor()
+    try:
+        nodes = make()
+        for node in nodes:
+            executor.add_node(node)
+        turns = Turns(nodes, executor)
+        while not stop.asked:
+            turns.turn()
+    finally:
+        for node in nodes:
+            getattr(node, "close", lambda: None)()
+        for node in nodes:
+            if isinstance(node, PolledNode):
+                node.outbox.flush()
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

@@ -1,0 +1,131 @@
+"""The table of signs, axis by axis, and the way back."""
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from geometry_msgs.msg import Quaternion
+
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.state import Estimate, Navigation
+from hindrax_ros import convert
+
+STAMP = Stamp(1_234_567_890_123_456_789)
+NAVIGATION = Navigation(
+    attitude_rad=(0.1, -0.2, 2.5),
+    rate_radps=(0.01, 0.02, -0.03),
+    velocity_mps=(0.4, -0.1, 0.05),
+    depth_m=0.9,
+    altitude_m=0.8,
+    position_m=(1.5, -2.5),
+    dvl_locked=True,
+    ages_s={"dvl75": 0.05, "ms5837": 0.01},
+    velocity_sigma_mps=(0.01, 0.02, 0.03),
+)
+
+
+def rotate(q: Quaternion, v):
+    """v' = q v q*, written out independently of the code under test."""
+    w, x, y, z = q.w, q.x, q.y, q.z
+    m = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return tuple(sum(a * b for a, b in zip(row, v, strict=True)) for row in m)
+
+
+def test_stamps_keep_every_nanosecond():
+    assert convert.stamp_from_msg(convert.stamp_to_msg(STAMP)) == STAMP
+
+
+@pytest.mark.parametrize(
+    ("angles", "body_axis", "east_north_up"),
+    [
+        ((0.0, 0.0, 0.0), (1, 0, 0), (0, 1, 0)),  # heading north: the bow points north
+        ((0.0, 0.0, math.pi / 2), (1, 0, 0), (1, 0, 0)),  # heading east
+        ((0.0, 0.0, 0.0), (0, 1, 0), (-1, 0, 0)),  # heading north: port is west
+        ((0.0, math.pi / 6, 0.0), (1, 0, 0), (0, math.cos(math.pi / 6), 0.5)),  # bow up
+        ((math.pi / 6, 0.0, 0.0), (0, 1, 0), (-math.cos(math.pi / 6), 0, 0.5)),  # starboard down: port up
+    ],
+)
+def test_orientation_is_rep_103_in_east_north_up(angles, body_axis, east_north_up):
+    assert rotate(convert.quaternion_from_sname(*angles), body_axis) == pytest.approx(east_north_up, abs=1e-12)
+
+
+def test_orientation_there_and_back():
+    angles = (0.3, -0.4, -2.0)
+    assert convert.sname_from_quaternion(convert.quaternion_from_sname(*angles)) == pytest.approx(angles)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "message"), [((1, 0, 0), (1, 0, 0)), ((0, 1, 0), (0, -1, 0)), ((0, 0, 1), (0, 0, -1))]
+)
+def test_dvl_velocity_axis_by_axis(velocity, message):
+    reading = BottomVelocity(tuple(map(float, velocity)), 0.01, 1.0, 0.05, 7)
+    made = convert.velocity_to_msg(Stamped(STAMP, reading), "dvl75_link")
+    linear = made.twist.twist.linear
+    assert (linear.x, linear.y, linear.z) == message
+    back = convert.velocity_from_msg(made)
+    assert back.reading.velocity_mps == velocity
+    assert back.reading.sigma_mps == pytest.approx(0.01)
+
+
+def test_no_velocity_is_no_message():
+    assert convert.velocity_to_msg(Stamped(STAMP, BottomVelocity(None, 0.01, 0.0, 0.05, 7)), "dvl75_link") is None
+
+
+def test_odometry_is_rep_105():
+    message = convert.odometry_to_msg(Stamped(STAMP, NAVIGATION))
+    position = message.pose.pose.position
+    assert (position.x, position.y, position.z) == (-2.5, 1.5, -0.9)
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y, linear.z) == (0.4, 0.1, -0.05)
+    assert (angular.x, angular.y, angular.z) == (0.01, -0.02, 0.03)
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+
+
+def test_navigation_there_and_back():
+    assert convert.navigation_from_msg(convert.navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
+
+
+def test_sensors_there_and_back():
+    inertial = Stamped(STAMP, Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), 20.0))
+    back = convert.inertial_from_msg(convert.inertial_to_msg(inertial, "icm20948_link", 0.02, 0.001)).reading
+    assert back.specific_force_mps2 == inertial.reading.specific_force_mps2
+    assert back.rate_radps == inertial.reading.rate_radps
+    magnetic = Stamped(STAMP, Magnetic((17e-6, 1e-6, -13e-6)))
+    assert convert.magnetic_from_msg(convert.magnetic_to_msg(magnetic, "f", 3e-7)) == magnetic
+    pressure = Stamped(STAMP, Pressure(110_000.0, 20.0))
+    assert convert.pressure_from_msg(convert.pressure_to_msg(pressure, "f", 20.0)).reading.pressure_Pa == 110_000.0
+    echo = Stamped(STAMP, Echo(0.75, 1.0))
+    assert convert.echo_from_msg(convert.echo_to_msg(echo, "f", (0.3, 100.0), 0.4)).reading.range_m == 0.75
+    track = Stamped(STAMP, BottomTrack(True, 0.1, -0.2, 3.0, 1.0, (0.0, 0.0), (), "3333", 0))
+    made = convert.attitude_from_msg(convert.attitude_to_msg(track, "f", 0.02)).reading
+    assert (made.roll_rad, made.pitch_rad, made.heading_rad) == pytest.approx((0.1, -0.2, 3.0))
+
+
+def test_estimate_there_and_back():
+    estimate = Estimate(
+        "surge", ("k_q", "b"), ("N s^2/m^2", "N"), (66.0, 0.1), ((1.0, 0.2), (0.2, 3.0)), 12, 8.5, True, "", 0.3
+    )
+    assert convert.estimate_from_msg(convert.estimate_to_msg(Stamped(STAMP, estimate))).reading == estimate
+
+
+def test_wrench_there_and_back():
+    wrench = (1.0, -2.0, 3.0, -4.0, 5.0, -6.0)
+    message = convert.wrench_to_msg(STAMP, wrench)
+    assert message.header.frame_id == "base_link_fsd"
+    assert convert.wrench_from_msg(message) == wrench
+
+
+@pytest.mark.parametrize("velocity", [(0.4, -0.1, 0.02), None])
+def test_dvl_detail_there_and_back(velocity):
+    reading = BottomVelocity(velocity, 0.01 if velocity else 0.0, 0.9, 0.05, 123456)
+    track = BottomTrack(True, 0.1, -0.2, 3.0, 1.25, (0.0, 0.0), (), "3333", 0)
+    message = convert.dvl_to_msg(Stamped(STAMP, reading), track, "dvl75_link", 1484.0)
+    assert message.altitude == 1.25
+    assert convert.dvl_from_msg(message).reading == reading

@@ -1,0 +1,156 @@
+"""Bytes written in place against those of rclpy, and numbers read in place against those of message objects."""
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import FluidPressure, Imu, Range
+from std_msgs.msg import Header
+
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import Inertial, Pressure
+from hindrax_core.state import Navigation
+from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
+from hindrax_ros import convert, swift
+from hindrax_ros.stencil import Layout, Reader
+
+number = st.floats(width=32, allow_nan=False)
+
+
+def same(data, message):
+    """Whether bytes say what a message says; padding may hold anything."""
+    return repr(deserialize_message(data, type(message))) == repr(message) and len(data) == len(
+        serialize_message(message)
+    )
+
+
+stamps = st.integers(0, 2**31 * 10**9 - 1).map(Stamp)
+texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
+six = st.tuples(*[number] * 6)
+three = st.tuples(*[number] * 3)
+inertials = st.builds(Stamped, stamps, st.builds(Inertial, three, three, st.just(math.nan)))
+navigations = st.builds(
+    Stamped,
+    stamps,
+    st.builds(
+        Navigation,
+        attitude_rad=st.tuples(*[st.floats(-3, 3)] * 3),
+        rate_radps=three,
+        velocity_mps=st.tuples(number, number, st.floats()),
+        depth_m=st.floats(),
+        altitude_m=number,
+        position_m=st.tuples(number, number),
+        dvl_locked=st.booleans(),
+        ages_s=st.dictionaries(st.sampled_from(("ms5837", "ping1d", "dvl75", "x")), number),
+        velocity_sigma_mps=three,
+    ),
+)
+
+
+@given(texts, st.lists(inertials, min_size=1, max_size=3))
+def test_inertial(frame, samples):
+    write = swift.inertial_writer(frame, 0.02, 0.001)
+    for sample in samples:
+        message = convert.inertial_to_msg(sample, frame, 0.02, 0.001)
+        assert same(write(sample), message)
+        assert repr(swift.inertial_from_bytes(write(sample))) == repr(convert.inertial_from_msg(message))
+
+
+@given(st.lists(navigations, min_size=1, max_size=4))
+def test_navigation(states):
+    status, odometry = swift.navigation_writer(), swift.odometry_writer()
+    for state in states:
+        message = convert.navigation_to_msg(state)
+        assert same(status(state), message)
+        assert same(odometry(state), convert.odometry_to_msg(state))
+        message.sources, message.ages = [], []
+        found = swift.navigation_from_bytes(status(state))
+        assert repr(found) == repr(convert.navigation_from_msg(message))
+
+
+@given(stamps, six)
+def test_wrench(stamp, wrench):
+    assert same(swift.wrench_writer()(stamp, wrench), convert.wrench_to_msg(stamp, wrench))
+
+
+@given(stamps, texts, st.floats(0, 2e5))
+def test_pressure(stamp, frame, pressure_Pa):
+    message = convert.pressure_to_msg(Stamped(stamp, Pressure(pressure_Pa, math.nan)), frame, 20.0)
+    assert repr(swift.pressure_from_bytes(serialize_message(message))) == repr(convert.pressure_from_msg(message))
+
+
+@given(stamps, texts, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))
+def test_command(stamp, frame, sequence, pulses):
+    message = ThrusterCommand(sequence=sequence, pulses=pulses)
+    message.header.stamp, message.header.frame_id = convert.stamp_to_msg(stamp), frame
+    assert same(swift.command_writer(len(pulses), frame)(stamp, sequence, pulses), message)
+
+
+@given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.integers(0, 2**32 - 1))
+def test_applied(stamp, text, armed, pulses, sequence):
+    message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
+    message.header.stamp = convert.stamp_to_msg(stamp)
+    assert swift.applied_from_bytes(serialize_message(message)) == (stamp, armed, tuple(pulses), sequence)
+
+
+@given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))
+def test_allocation(stamp, wanted, refused, saturated):
+    forces = [float(index) for index, _ in enumerate(saturated)]
+    texts = {"header": Header(frame_id="base_link_fsd"), "refused": refused, "thrusters": ["T1"]}
+    full = AllocationStatus(
+        sequence=7,
+        wanted=wanted,
+        achieved=wanted[::-1],
+        shortfall=wanted,
+        forces=forces,
+        pulses=forces,
+        saturated=saturated,
+        supply_voltage=16.0,
+        supply_measured=True,
+        **texts,
+    )
+    full.header.stamp = convert.stamp_to_msg(stamp)
+
+    def shape():
+        return AllocationStatus(forces=forces, pulses=forces, saturated=saturated, **texts)
+
+    numbers = (7, *wanted, *wanted[::-1], *wanted, *forces, *forces, *saturated, 16.0, True)
+    data = swift.AllocationWriter().write(stamp, "key", shape, *numbers)
+    assert same(data, full)
+    found = swift.thrust_from_bytes(data).reading
+    assert (found.wrench, found.forces_N) == (wanted[::-1], tuple(forces))
+
+
+def test_a_reader_learns_another_shape_and_comes_back():
+    reader = Reader(NavigationStatus, "depth", "ages")
+    short = serialize_message(NavigationStatus(depth=1.0))
+    long = serialize_message(NavigationStatus(depth=2.0, sources=["a", "b"], ages=[0.5, 0.6]))
+    assert [reader.read(data) for data in (short, long, short)] == [(1.0,), (2.0, 0.5, 0.6), (1.0,)]
+
+
+def test_shapes_of_one_length_are_told_apart():
+    """A longer frame name beside fewer ages may give as many bytes, with every number somewhere else."""
+    one = NavigationStatus(depth=1.0, ages=[0.5])
+    other = NavigationStatus(depth=2.0)
+    other.header.frame_id = "12345678"
+    reader = Reader(NavigationStatus, "depth")
+    assert len(serialize_message(one)) == len(serialize_message(other))
+    assert [reader.read(serialize_message(message)) for message in (one, other)] == [(1.0,), (2.0,)]
+
+
+@pytest.mark.parametrize("data", [b"", b"\x00\x00" + bytes(400), b"\x00\x01" + bytes(60)])
+def test_other_bytes_are_refused(data):
+    with pytest.raises(ValueError, match="found"):
+        Reader(Imu, "header.stamp.sec").read(data)
+
+
+@pytest.mark.parametrize("kind", [Imu, FluidPressure, Range, NavigationStatus, AllocationStatus, ThrusterState])
+def test_a_layout_covers_all_bytes(kind):
+    data = serialize_message(kind())
+    assert 0 <= len(data) - Layout(kind()).size < 8, "no more than padding may follow"
+    assert deserialize_message(data, kind) == kind()

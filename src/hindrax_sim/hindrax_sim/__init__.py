@@ -1,0 +1,1 @@
+"""Mock hardware: six degree of freedom plant, device emulators, virtual buses, faults."""

@@ -1,0 +1,122 @@
+"""The kernel's side of <linux/i2c-dev.h> and <linux/i2c.h>: requests, structures, and what they mean on a bus.
+
+Shared by everything that plays kernel. Sources: Linux uapi headers i2c.h and i2c-dev.h; the SMBus emulation follows
+the kernel's documentation of the SMBus protocol (Documentation/i2c/smbus-protocol.rst).
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hindrax_core.bus import Read, Transaction, Write, WriteRead
+from hindrax_core.events import Stamp
+
+I2C_RETRIES = 0x0701
+I2C_TIMEOUT = 0x0702
+I2C_SLAVE = 0x0703
+I2C_TENBIT = 0x0704
+I2C_FUNCS = 0x0705
+I2C_SLAVE_FORCE = 0x0706
+I2C_RDWR = 0x0707
+I2C_PEC = 0x0708
+I2C_SMBUS = 0x0720
+
+I2C_M_RD = 0x0001
+MOST_MESSAGES = 42
+LONGEST_MESSAGE = 8192
+
+# I2C_FUNC_I2C and the SMBus functions that a plain I2C adapter emulates (I2C_FUNC_SMBUS_EMUL), as on a Raspberry Pi.
+FUNCTIONS = 0x0EFF0001
+
+SMBUS_READ = 1
+QUICK, BYTE, BYTE_DATA, WORD_DATA, PROC_CALL, BLOCK, I2C_BLOCK_BROKEN, I2C_BLOCK = 0, 1, 2, 3, 4, 5, 6, 8
+BLOCK_MAX = 32
+SMBUS_UNION_BYTES = BLOCK_MAX + 2
+
+I2C_MSG = struct.Struct("=HHH2xQ")
+"""struct i2c_msg on a 64-bit machine: addr, flags, len, padding, pointer."""
+RDWR_DATA = struct.Struct("=QI4x")
+"""struct i2c_rdwr_ioctl_data: pointer to messages, their number."""
+SMBUS_DATA = struct.Struct("=BB2xIQ")
+"""struct i2c_smbus_ioctl_data: read_write, command, padding, size, pointer to data."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One i2c_msg: `data` is what the caller's buffer holds."""
+
+    address: int
+    flags: int
+    length: int
+    data: bytes
+
+    @property
+    def reads(self) -> bool:
+        """Whether bytes come from the device."""
+        return bool(self.flags & I2C_M_RD)
+
+
+def transact(
+    transfer: Callable[[Transaction, Stamp], bytes], messages: Sequence[Message], now: Stamp
+) -> list[bytes | None]:
+    """Do the messages of one I2C_RDWR; per message the bytes read, or None for a write.
+
+    A write that is followed by a read of the same address is one transaction with a repeated START.
+    """
+    if not 0 < len(messages) <= MOST_MESSAGES or any(one.length > LONGEST_MESSAGE for one in messages):
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+    answers: list[bytes | None] = []
+    index = 0
+    while index < len(messages):
+        transaction, used = _join(messages[index : index + 2])
+        answer = transfer(transaction, now)
+        answers += [None] * (used - 1)
+        answers.append(None if isinstance(transaction, Write) else answer)
+        index += used
+    return answers
+
+
+def _join(messages: Sequence[Message]) -> tuple[Transaction, int]:
+    first = messages[0]
+    if first.reads:
+        return Read(first.address, first.length), 1
+    if len(messages) == 2 and messages[1].reads and messages[1].address == first.address:
+        return WriteRead(first.address, first.data[: first.length], messages[1].length), 2
+    return Write(first.address, first.data[: first.length]), 1
+
+
+def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Transaction:
+    """Turn an SMBus request into what goes over the wire. `data` is the caller's union (34 bytes).
+
+    OSError EOPNOTSUPP for block reads whose length the device tells: a plain I2C adapter cannot do them.
+    """
+    head = bytes([command])
+    if size == QUICK:
+        return Read(address, 0) if reads else Write(address, b"")
+    if size == BYTE:
+        return Read(address, 1) if reads else Write(address, head)
+    if size == BYTE_DATA:
+        return WriteRead(address, head, 1) if reads else Write(address, head + data[:1])
+    if size == WORD_DATA:
+        return WriteRead(address, head, 2) if reads else Write(address, head + data[:2])
+    if size == PROC_CALL:
+        return WriteRead(address, head + data[:2], 2)
+    if size in (I2C_BLOCK, I2C_BLOCK_BROKEN) or (size == BLOCK and not reads):
+        return _block(address, reads, head + data[:1] if size == BLOCK else head, data)
+    raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
+
+
+def smbus_answer(size: int, answer: bytes) -> bytes:
+    """Lay the bytes read out as the caller's union wants them (words are little endian, blocks begin with a length)."""
+    return bytes([len(answer)]) + answer if size in (I2C_BLOCK, I2C_BLOCK_BROKEN) else answer
+
+
+def _block(address: int, reads: bool, head: bytes, data: bytes) -> Transaction:
+    length = data[0]
+    if not 0 < length <= BLOCK_MAX:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+    return WriteRead(address, head, length) if reads else Write(address, head + data[1 : 1 + length])

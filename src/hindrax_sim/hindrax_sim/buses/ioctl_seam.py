@@ -1,0 +1,70 @@
+"""A kernel in the same process: `smbus2` believes that it has an adapter, and a virtual bus sees its ioctls.
+
+Covers the binary interface of <linux/i2c-dev.h> without hardware, root or files: the messages are taken from and put
+into the memory of the ctypes structures that smbus2 passes, as the kernel would.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import os
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+from hindrax_core.events import Stamp
+from hindrax_sim.buses.bus import VirtualI2c
+from hindrax_sim.buses.i2cdev_abi import FUNCTIONS, I2C_FUNCS, I2C_RDWR, Message, transact
+
+DESCRIPTOR = 4242
+
+
+class IoctlSeam:
+    """Stands in for open, close and ioctl of an adapter at one path; time stands where it is set."""
+
+    def __init__(self, path: str, bus: VirtualI2c) -> None:
+        self._path, self._bus = path, bus
+        self.now = Stamp(0)
+
+    def open(self, path: str, flags: int) -> int:
+        """Open as the kernel would."""
+        del flags
+        if path != self._path:
+            raise OSError(errno.ENOENT, os.strerror(errno.ENOENT), path)
+        return DESCRIPTOR
+
+    def close(self, descriptor: int) -> None:
+        """Close as the kernel would."""
+        if descriptor != DESCRIPTOR:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+
+    def ioctl(self, descriptor: int, request: int, argument: Any) -> int:
+        """Serve I2C_FUNCS and I2C_RDWR out of the caller's own structures."""
+        if descriptor != DESCRIPTOR:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        if request == I2C_FUNCS:
+            argument.value = FUNCTIONS
+            return 0
+        if request != I2C_RDWR:
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        return self._rdwr(argument)
+
+    def _rdwr(self, argument: Any) -> int:
+        raw = [argument.msgs[index] for index in range(argument.nmsgs)]
+        messages = [Message(one.addr, one.flags, one.len, ctypes.string_at(one.buf, one.len)) for one in raw]
+        for one, answer in zip(raw, transact(self._bus.transfer, messages, self.now), strict=True):
+            if answer is not None:
+                ctypes.memmove(one.buf, answer, len(answer))
+        return len(raw)
+
+
+@contextlib.contextmanager
+def seam(path: str, bus: VirtualI2c) -> Iterator[IoctlSeam]:
+    """Put a virtual bus behind a path for as long as the block lasts; only `smbus2` is deceived."""
+    kernel = IoctlSeam(path, bus)
+    files = SimpleNamespace(open=kernel.open, close=kernel.close, O_RDWR=os.O_RDWR)
+    with mock.patch.multiple("smbus2.smbus2", ioctl=kernel.ioctl, os=files):
+        yield kernel

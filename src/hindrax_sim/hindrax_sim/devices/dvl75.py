@@ -1,0 +1,290 @@
+"""A Cerulean DVL-75 as its pages describe it: docs.ceruleansonar.com, DVL-75, Communicating with the DVL.
+
+Where the pages are silent it is assumed, and said here: deltas are rounded one by one when printed, without a carried
+remainder (captured lines print -0.000, which a remainder would never give); $DVPDL goes out before $DVEXT; x, y, z
+are forward, starboard, down; the interval is one of the three that the $DVKFA page calls standard, chosen by
+altitude; a lock takes half a second to find and no time to lose.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Vec3
+from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval, configuration, delta, extended
+from hindrax_sim.devices.serial_emulator import Wire
+from hindrax_sim.emulator import Emulator
+from hindrax_sim.world import Mounting, World
+
+__all__ = ["Dvl75", "DvlSettings", "DvlTruth"]
+
+INTERVALS_us = ((15.0, 50_000), (35.0, 100_000), (math.inf, 200_000))
+"""Altitude up to which an interval is used [m], interval [us of the device]."""
+SEARCH_INTERVAL_us = 100_000
+ALTITUDES_m = (0.1, 75.0)
+LOCK_AFTER_S = 0.5
+BOOT_S = 0.5
+BOOT_TEXT = b"DVL-75 starting\r\n"
+FOREIGN = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+"""The well-known example of NMEA 0183: what a GPS receiver on the wrong port says."""
+SATURATED_m = (9.999, -9.999, 9.999)
+BEAM_NOISE_mps = 0.003
+NOWHERE: Vec3 = (0.0, 0.0, 0.0)
+LONGEST_COMMAND = 256
+
+SWITCHES = {"SEND-DVPDL": "deltas", "SEND-DVEXT": "extended", "SEND-FREEFORM": "freeform"}
+SCALARS = {
+    "SET-SPEED-OF-SOUND": ("speed_of_sound_mps", 1100.0, 1950.0),
+    "SET-VELOCITY-ADJUSTMENT": ("velocity_adjustment", 0.8, 1.25),
+}
+
+
+class Dvl75:
+    """One instrument: its clock is `drift_ppm` fast, each axis of its velocity noisy by `noise_mps` (1 sigma)."""
+
+    def __init__(
+        self,
+        *,
+        seed: int = 0,
+        settings: DvlSettings | None = None,
+        noise_mps: float = 0.01,
+        drift_ppm: float = 40.0,
+        booted_s: float = 60.0,
+        baud: int = 115200,
+    ) -> None:
+        self.settings = settings or DvlSettings()
+        self._random = np.random.default_rng(seed)
+        self._noise_mps = noise_mps
+        self._us_per_s = 1e6 * (1.0 + drift_ppm * 1e-6)
+        self._baud = baud
+        self._wire = Wire(baud)
+        self._truth = DvlTruth()
+        self._disguised = self._saturated = False
+        self._stepped = False
+        self._boot(-booted_s, booted_s)
+
+    def _boot(self, now_s: float, silent_s: float) -> None:
+        self._booted_s = now_s
+        self._jumped_us = 0
+        self._end_us = round(silent_s * self._us_per_s)
+        self._span_us = SEARCH_INTERVAL_us
+        self._next_s = now_s + self._end_us / self._us_per_s
+        self._skips = 0
+        self._heard_since_s: float | None = None
+        self._seen_s = now_s
+        self._velocity_mps = self._truth.velocity_mps
+        self._travel_m = self._reported_m = self._truth.travel_m or NOWHERE
+        self._reported_rad = self._truth.turned_rad
+        self._line = b""
+        self._paused = False
+
+    @property
+    def baud(self) -> int:
+        """Line speed."""
+        return self._baud
+
+    @property
+    def next_due_s(self) -> float:
+        """End of the running interval, or of the sentence on the wire."""
+        return min(self._next_s, self._wire.next_s)
+
+    # ---- truth and time
+
+    def set_truth(self, truth: DvlTruth) -> None:
+        """Tell what is really there, as of the next `step`."""
+        self._truth = truth
+
+    def step(self, now_s: float) -> bytes:
+        """Sentences that are complete on the wire by now."""
+        if not self._stepped:
+            self._arrive(now_s)
+        if self._truth.travel_m is None or now_s >= self._next_s:
+            before_s, before_m = self._seen_s, self._travel_m
+            self._follow(now_s)
+            while self._next_s <= now_s:
+                past = (self._next_s - before_s) / (now_s - before_s) if now_s > before_s else 1.0
+                self._measure(_between(before_m, self._travel_m, past))
+        return self._wire.take(now_s) if self._wire.next_s <= now_s else b""
+
+    def _arrive(self, now_s: float) -> None:
+        """The world begins with the first step: what the device said before that was heard by nobody."""
+        self._stepped = True
+        self._booted_s += now_s
+        self._next_s += now_s
+        self._seen_s = now_s
+        self._travel_m = self._reported_m = self._truth.travel_m or NOWHERE
+
+    def _follow(self, now_s: float) -> None:
+        """Bring the ground covered up to now: as told, or by the trapezoid between the last velocity and this one."""
+        truth, half_s = self._truth, 0.5 * (now_s - self._seen_s)
+        if truth.travel_m is not None:
+            self._travel_m = truth.travel_m
+        else:
+            x, y, z = self._travel_m
+            (u, v, w), (a, b, c) = self._velocity_mps, truth.velocity_mps
+            self._travel_m = (x + half_s * (u + a), y + half_s * (v + b), z + half_s * (w + c))
+        self._velocity_mps = truth.velocity_mps
+        self._seen_s = now_s
+
+    def _measure(self, travel_m: Vec3) -> None:
+        """End an interval, speak of it, begin the next."""
+        locked = self._look()
+        turned_rad = self._truth.turned_rad
+        moved_m, confidence = self._moved(_minus(travel_m, self._reported_m), locked)
+        end_us = self._end_us + self._jumped_us
+        turn = _minus(turned_rad, self._reported_rad)
+        self._say(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
+        self._reported_m, self._reported_rad = travel_m, turned_rad
+        self._span_us = self._next_span_us(locked)
+        self._end_us += self._span_us
+        self._next_s = self._booted_s + self._end_us / self._us_per_s
+
+    def _look(self) -> bool:
+        """Whether the bottom is followed: in reach for half a second."""
+        altitude = self._truth.altitude_m
+        if altitude is None or not ALTITUDES_m[0] <= altitude <= ALTITUDES_m[1]:
+            self._heard_since_s = None
+        elif self._heard_since_s is None:
+            self._heard_since_s = self._next_s
+        locked = self._heard_since_s is not None and self._next_s - self._heard_since_s >= LOCK_AFTER_S
+        self._skips = 0 if locked else self._skips - 1
+        return locked
+
+    def _moved(self, way_m: Vec3, locked: bool) -> tuple[Vec3, int]:
+        """Delta and confidence. Doppler is turned into velocity with the speed of sound set, not with the true one."""
+        if self._saturated:
+            return SATURATED_m, 100
+        if not locked:
+            return (0.0, -0.0, -0.0), 0
+        scale = self.settings.speed_of_sound_mps / self._truth.speed_of_sound_mps * self.settings.velocity_adjustment
+        noise = self._random.normal(0.0, self._noise_mps * self._span_us * 1e-6, 3).tolist()
+        x, y, z = (scale * way + error for way, error in zip(way_m, noise, strict=True))
+        return (x, y, z), 100
+
+    def _next_span_us(self, locked: bool) -> int:
+        altitude = self._truth.altitude_m
+        if not locked or altitude is None:
+            return SEARCH_INTERVAL_us
+        return next(span for reach, span in INTERVALS_us if altitude <= reach)
+
+    def _say(self, interval: Interval, locked: bool) -> None:
+        if self._disguised:
+            self._wire.put(FOREIGN, self._next_s)
+        elif not self._paused:
+            if self.settings.deltas:
+                self._wire.put(delta(interval), self._next_s)
+            if self.settings.extended:
+                noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
+                line = extended(self._truth, interval.span_us, self._skips, locked, noise)
+                self._wire.put(line, self._next_s)
+
+    # ---- what it is told
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Commands end with LF, CR before it is ignored. Page "Commands Accepted by the DVL"."""
+        *lines, rest = (self._line + data).split(b"\n")
+        self._line = rest[-LONGEST_COMMAND:]
+        return b"".join(self._obey(line.rstrip(b"\r").decode("ascii", "replace"), now_s) for line in lines)
+
+    def _obey(self, line: str, now_s: float) -> bytes:
+        word, _, argument = line.strip().partition(" ")
+        if self._disguised or not word:
+            return b""
+        if word == "CONFIGURATION" or word.startswith("?"):
+            return configuration(self.settings)
+        if word == "REBOOT":
+            self.power_cycle(now_s)
+            return b""
+        if word in ("PAUSE", "RESUME"):
+            self._paused = word == "PAUSE"
+            return b""
+        if self._change(word, argument.strip()) or not self.settings.freeform:
+            return b""
+        return b"Unrecognized command\r\n"
+
+    def _change(self, word: str, argument: str) -> bool:
+        """Change one setting, if that is what the command does and its argument is good."""
+        name, low, high = SCALARS.get(word, (SWITCHES.get(word, ""), math.nan, math.nan))
+        value: bool | float = argument == "ON"
+        if word in SCALARS:
+            value = _number(argument)
+        if not (low <= value <= high or (word in SWITCHES and argument in ("ON", "OFF"))):
+            return False
+        changed: dict[str, bool | float] = {name: value}
+        self.settings = replace(self.settings, **changed)  # type: ignore[arg-type]  # the tables above pair them
+        return True
+
+    # ---- faults
+
+    def power_cycle(self, now_s: float) -> None:
+        """Start anew: the clock at zero, settings as in flash, nothing on the wire but the boot text."""
+        self._wire.clear()
+        self._boot(now_s, BOOT_S)
+        if not self._disguised and self.settings.freeform:
+            self._wire.put(BOOT_TEXT, now_s)
+
+    def jump_clock(self, seconds: float) -> None:
+        """Let the device's clock leap."""
+        self._jumped_us += round(seconds * 1e6)
+
+    def disguise(self, on: bool) -> None:
+        """A GPS receiver in its place."""
+        self._disguised = on
+
+    def saturate(self, on: bool) -> None:
+        """Deltas at the end of their scale, with full confidence."""
+        self._saturated = on
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _between(a: Vec3, b: Vec3, share: float) -> Vec3:
+    x, y, z = (one + share * (other - one) for one, other in zip(a, b, strict=True))
+    return (x, y, z)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _truth(world: World, at: Mounting) -> DvlTruth:
+    """Velocity, way, attitude and altitude at a DVL."""
+    turned, travel = world.travel(at)
+    return DvlTruth(
+        velocity_mps=world.velocity_mps(at),
+        attitude_rad=world.attitude_rad,
+        altitude_m=None if world.dvl_silenced else world.range_m(at),
+        travel_m=travel,
+        turned_rad=turned,
+        speed_of_sound_mps=world.vehicle.water.speed_of_sound_mps,
+    )
+
+
+def _example(seconds: float) -> DvlTruth:
+    velocity = (0.4 * math.sin(0.5 * seconds), -0.3, 0.1)
+    return DvlTruth(velocity, (0.05, -0.1, 2.0), 2.0 + 0.1 * math.sin(seconds))
+
+
+def _agrees(truth: DvlTruth, reading: Any) -> bool:
+    """Five sigma of velocity and half a millimeter per interval; angles to 0.1 degrees, altitude to centimeters."""
+    if isinstance(reading, BottomVelocity):
+        pairs = zip(reading.velocity_mps or truth.velocity_mps, truth.velocity_mps, strict=True)
+        return all(abs(found - true) < 0.06 for found, true in pairs)
+    if isinstance(reading, BottomTrack):
+        angles = (reading.roll_rad, reading.pitch_rad, reading.heading_rad)
+        level = all(abs(found - true) < 0.002 for found, true in zip(angles, truth.attitude_rad, strict=True))
+        altitude = truth.altitude_m if reading.altitude_m is None else reading.altitude_m
+        return level and (altitude is None or abs(altitude - (truth.altitude_m or 0.0)) < 0.06)
+    return isinstance(reading, DeviceText)
+
+
+EMULATOR = Emulator(lambda seed: Dvl75(seed=seed), _truth, _example, _agrees)

@@ -1,0 +1,136 @@
+"""The sentences of an emulated DVL-75, by the pages of its formats and the look of captured lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_core.readings import Vec3
+
+BEAM_rad = math.radians(30.0)
+BEAM_AZIMUTHS_rad = (-0.5 * math.pi, 0.5 * math.pi, 0.0, math.pi)
+"""Assumed: beams A to D lie 30 degrees off the axis towards port, starboard, bow and stern."""
+NO_BEAMS = "25,25,25,25,F,F,F,F,0.0000,0.0000,0.0000,0.0000,-1.000,-1.000,-1.000,-1.000"
+
+
+@dataclass(frozen=True, slots=True)
+class DvlTruth:
+    """What is there. Velocity, travel and turn are over ground, in the sensor's axes (forward, starboard, down).
+
+    `travel_m` and `turned_rad`, where given, are sums since some start; the deltas are then their differences.
+    Otherwise the velocity is integrated from one `step` to the next. `altitude_m` is the distance along the sensor's
+    axis, None when there is nothing to hear.
+    """
+
+    velocity_mps: Vec3 = (0.0, 0.0, 0.0)
+    attitude_rad: Vec3 = (0.0, 0.0, 0.0)
+    altitude_m: float | None = 2.0
+    travel_m: Vec3 | None = None
+    turned_rad: Vec3 = (0.0, 0.0, 0.0)
+    speed_of_sound_mps: float = 1484.0
+
+
+@dataclass(frozen=True, slots=True)
+class DvlSettings:
+    """What the device keeps in flash; the defaults are those of the factory."""
+
+    deltas: bool = False
+    extended: bool = True
+    freeform: bool = True
+    speed_of_sound_mps: float = 1484.0
+    velocity_adjustment: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One interval as the device knows it: its clock at the end and the length [us], deltas, whether locked."""
+
+    end_us: int
+    span_us: int
+    moved_m: Vec3
+    turned_rad: Vec3
+    confidence: int
+
+
+def delta(interval: Interval) -> bytes:
+    """$DVPDL. Page "$DVPDL: DVL Position and Angle Deltas Message"."""
+    angles = "".join(f",{angle:.6f}" for angle in interval.turned_rad)
+    ways = "".join(f",{way:.3f}" for way in interval.moved_m)
+    return sentence(f"DVPDL,{interval.end_us},{interval.span_us}{angles}{ways},{interval.confidence}")
+
+
+def extended(truth: DvlTruth, span_us: int, skips: int, locked: bool, noise_mps: Sequence[float]) -> bytes:
+    """$DVEXT with the empty field at its end, beams noisy as given. Page "$DVEXT: DVL Extended Data"."""
+    roll, pitch, heading = (math.degrees(angle) for angle in truth.attitude_rad)
+    altitude = truth.altitude_m if locked and truth.altitude_m is not None else 0.0
+    north, east, up = over_ground(truth) if locked else (0.0, 0.0, 0.0)
+    head = f"{'T' if locked else 'F'},X,3333,{roll:.1f},{pitch:.1f},{heading % 360.0:.1f},{skips}"
+    place = f"{up:.3f},{altitude:.2f},{north:.3f},{east:.3f},0.000000000,0.000000000,{span_us * 1e-6:.3f}"
+    quaternion = ",".join(f"{part:.6f}" for part in _head_quaternion(truth.attitude_rad))
+    beams = _beams(truth.velocity_mps, altitude, noise_mps) if locked else NO_BEAMS
+    return sentence(f"DVEXT,{head},{place},{quaternion},{beams},")
+
+
+def configuration(settings: DvlSettings) -> bytes:
+    """Answer to CONFIGURATION. Keys as on the page "$DVNVM" and in Cerulean's OmniTrack."""
+    pairs = {
+        "Model": "DVL-75",
+        "DVEXT messages": _on(settings.extended),
+        "DVPDL messages": _on(settings.deltas),
+        "Freeform messages": _on(settings.freeform),
+        "Speed of sound": f"{settings.speed_of_sound_mps:.1f}",
+        "Velocity adjustment": f"{settings.velocity_adjustment:.3f}",
+        "Firmware": "Oct 1 2021",
+    }
+    listed = "".join(f"{key}={value}," for key, value in pairs.items())
+    return b"=========== DVL-75 ============\r\n" + sentence(f"DVNVM,{listed}")
+
+
+def sentence(body: str) -> bytes:
+    """Put `$`, checksum and line end around a body."""
+    total = 0
+    for byte in body.encode("ascii"):
+        total ^= byte
+    return f"${body}*{total:02X}\r\n".encode("ascii")
+
+
+def over_ground(truth: DvlTruth) -> Vec3:
+    """Velocity north, east, up."""
+    u, v, w = truth.velocity_mps
+    roll, pitch, yaw = truth.attitude_rad
+    sr, cr, sp, cp, sy, cy = *_sin_cos(roll), *_sin_cos(pitch), *_sin_cos(yaw)
+    north = cy * cp * u + (cy * sp * sr - sy * cr) * v + (cy * sp * cr + sy * sr) * w
+    east = sy * cp * u + (sy * sp * sr + cy * cr) * v + (sy * sp * cr - cy * sr) * w
+    return (north, east, sp * u - cp * sr * v - cp * cr * w)
+
+
+def _beams(velocity_mps: Vec3, altitude_m: float, noise_mps: Sequence[float]) -> str:
+    """Gain, lock, velocity and range of the four beams."""
+    u, v, w = velocity_mps
+    gain, reach = min(66, 19 + round(altitude_m)), altitude_m / math.cos(BEAM_rad)
+    aside = [math.cos(azimuth) * u + math.sin(azimuth) * v for azimuth in BEAM_AZIMUTHS_rad]
+    along = [math.sin(BEAM_rad) * one + math.cos(BEAM_rad) * w for one in aside]
+    speeds = ",".join(f"{speed + noise:.4f}" for speed, noise in zip(along, noise_mps, strict=True))
+    return f"{','.join([str(gain)] * 4)},T,T,T,T,{speeds},{','.join([f'{reach:.3f}'] * 4)}"
+
+
+def _head_quaternion(attitude_rad: Vec3) -> tuple[float, float, float, float]:
+    """Sensor head in axes east, north, up, with roll and pitch as given and zero heading towards east."""
+    roll, pitch, heading = attitude_rad
+    sr, cr, sp, cp = *_sin_cos(0.5 * roll), *_sin_cos(-0.5 * pitch)
+    sy, cy = _sin_cos(0.5 * (0.5 * math.pi - heading))
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def _sin_cos(angle: float) -> tuple[float, float]:
+    return math.sin(angle), math.cos(angle)
+
+
+def _on(switch: bool) -> str:
+    return "ON" if switch else "OFF"

@@ -1,0 +1,233 @@
+"""ICM-20948 as a register model: banks, reset and sleep, FIFO, status, bypass and inner I2C master.
+
+Samples are made when somebody looks, from the history of truths. Source: TDK DS-000189 r1.3, and nothing of the driver.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from hindrax_core.readings import DeviceText, Inertial, Magnetic
+from hindrax_sim.devices.ak09916 import Ak09916, Bypass
+from hindrax_sim.devices.icm20948_converters import SELF_TEST_CODES, Converters
+from hindrax_sim.devices.icm20948_fifo import Fifo
+from hindrax_sim.devices.icm20948_master import InnerMaster
+from hindrax_sim.devices.imu_signal import Imperfections, ImuSignal, ImuTruth, typical
+from hindrax_sim.devices.register_emulator import NackError
+from hindrax_sim.emulator import Emulator
+from hindrax_sim.world import Mounting, World
+
+WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x0F
+I2C_MST_STATUS, INT_STATUS_1, INT_STATUS_2 = 0x17, 0x1A, 0x1B
+DATA_FIRST, TEMP_OUT, EXTERNAL_FIRST, EXTERNAL_LAST = 0x2D, 0x39, 0x3B, 0x52
+FIFO_EN_2, FIFO_RST, FIFO_MODE, FIFO_COUNTH, FIFO_COUNTL, FIFO_R_W = 0x67, 0x68, 0x69, 0x70, 0x71, 0x72
+DATA_RDY_STATUS, BANK_SELECT = 0x74, 0x7F
+SELF_TEST_GYRO, SELF_TEST_ACCEL = 0x02, 0x0E
+GYRO_CONFIG_1, ACCEL_CONFIG = 0x01, 0x14
+
+DEVICE_RESET, SLEEP = 0x80, 0x40
+FIFO_EN, I2C_MST_EN, FIFO_HOLD, BYPASS_EN = 0x40, 0x20, 0x01, 0x02
+TEMPORARY = 0x0E
+"""Bits of USER_CTRL that start something and clear themselves."""
+READ_ONLY = frozenset((WHO_AM_I, I2C_MST_STATUS, *range(INT_STATUS_1, INT_STATUS_2 + 1), *range(0x2D, 0x53)))
+
+IDENTITY = 0xEA
+RESET_S = 0.005
+WAKE_S = 0.02
+
+
+class Icm20948:
+    """One part. Attach it at 0x68 or 0x69, and its `magnetometer` at 0x0C."""
+
+    def __init__(self, seed: int = 0, imperfections: Imperfections | None = None) -> None:
+        self._identity = IDENTITY
+        self.signal = ImuSignal(typical(seed) if imperfections is None else imperfections, seed)
+        self.compass = Ak09916(self.signal)
+        self.magnetometer = Bypass(self.compass, self._bypassed, NackError)
+        self._converters = Converters(self.signal)
+        self._master = InnerMaster(self.compass)
+        self._fifo = Fifo()
+        self.power_cycle(0.0)
+
+    def set_truth(self, truth: ImuTruth, now_s: float) -> None:
+        """Tell what is true at a time, not earlier than the time told last."""
+        self.signal.set_truth(truth, now_s)
+
+    def disguise(self, on: bool) -> None:
+        """Fault: be another part (an MPU-9250, which has another identity)."""
+        self._identity = 0x71 if on else IDENTITY
+
+    def saturate(self, on: bool) -> None:
+        """Fault: all converters at the end of their scale."""
+        self._converters.saturated = on
+        self.compass.saturated = on
+
+    def hang(self, on: bool) -> None:
+        """Fault: the converters give the last sample again and again."""
+        self._converters.hung = on
+        self.compass.hung = on
+
+    def power_cycle(self, now_s: float) -> None:
+        """All dies to their state at power-on: asleep. Also what a brown-out in mid-stream does."""
+        self.compass.power_cycle()
+        self._reset(now_s)
+
+    def _reset(self, now_s: float) -> None:
+        self._banks = [bytearray(128) for _ in range(4)]
+        self._banks[0][PWR_MGMT_1], self._banks[0][LP_CONFIG] = SLEEP | 0x01, 0x40
+        self._banks[1][SELF_TEST_GYRO : SELF_TEST_GYRO + 3] = SELF_TEST_CODES
+        self._banks[1][SELF_TEST_ACCEL : SELF_TEST_ACCEL + 3] = SELF_TEST_CODES
+        self._banks[2][GYRO_CONFIG_1] = self._banks[2][ACCEL_CONFIG] = 0x01
+        self._bank = self._pointer = 0
+        self._sample = bytes(12)
+        self._ready = False
+        self._ready_until_s = now_s + RESET_S
+        self._served_s = now_s
+        self._fifo.empty()
+        self._master.power_cycle()
+        self._converters.stop()
+        self._converters.configure(self._banks[2])
+
+    # ---- the bus
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """Register address, then values for it and the registers after it."""
+        self._advance(now_s)
+        if data:
+            self._pointer = data[0] & 0x7F
+        for value in data[1:]:
+            self._set(self._pointer, value, now_s)
+            self._pointer = (self._pointer + 1) & 0x7F
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """Bytes from the register address on; the address stays at FIFO_R_W, where the FIFO pours out."""
+        self._advance(now_s)
+        found = bytearray()
+        while len(found) < count:
+            if self._bank == 0 and self._pointer == FIFO_R_W:
+                return bytes(found) + self._fifo.pop(count - len(found))
+            found.append(self._get(self._pointer, now_s))
+            self._pointer = (self._pointer + 1) & 0x7F
+        return bytes(found)
+
+    # ---- time
+
+    def _advance(self, now_s: float) -> None:
+        """Let the converters catch up, and the inner master after them."""
+        bank = self._banks[0]
+        filling = bank[USER_CTRL] & FIFO_EN and not bank[FIFO_RST] & FIFO_HOLD
+        for sample in self._converters.advance(now_s):
+            self._sample, self._ready = sample, True
+            if filling:
+                self._fifo.push(sample, self._temperature(), bank[FIFO_EN_2], bank[FIFO_MODE])
+        if self._mastering() and now_s - self._served_s >= self._converters.period_s:
+            self._serve(now_s)
+
+    def _serve(self, now_s: float) -> None:
+        self._served_s = now_s
+        self._master.serve(self._banks[3], now_s)
+
+    def _mastering(self) -> bool:
+        return bool(self._banks[0][USER_CTRL] & I2C_MST_EN)
+
+    def _bypassed(self) -> bool:
+        return bool(self._banks[0][INT_PIN_CFG] & BYPASS_EN) and not self._mastering()
+
+    # ---- registers
+
+    def _get(self, register: int, now_s: float) -> int:
+        if register == BANK_SELECT:
+            return self._bank << 4
+        if self._bank != 0:
+            return self._banks[self._bank][register]
+        if DATA_FIRST <= register < TEMP_OUT:
+            return self._sample[register - DATA_FIRST]
+        if TEMP_OUT <= register < EXTERNAL_FIRST:
+            return self._temperature()[register - TEMP_OUT]
+        if EXTERNAL_FIRST <= register <= EXTERNAL_LAST:
+            return self._master.external[register - EXTERNAL_FIRST]
+        return self._status(register, now_s)
+
+    def _status(self, register: int, now_s: float) -> int:
+        """Registers of bank 0 that say what is going on; all others are what was written."""
+        value = self._banks[0][register]
+        if register == WHO_AM_I:
+            value = self._identity
+        elif register == PWR_MGMT_1 and now_s < self._ready_until_s:
+            value |= DEVICE_RESET
+        elif register in (INT_STATUS_1, DATA_RDY_STATUS):
+            value, self._ready = int(self._ready), self._ready and register != INT_STATUS_1
+        elif register == INT_STATUS_2:
+            value, self._fifo.overflowed = int(self._fifo.overflowed), False
+        elif register == I2C_MST_STATUS:
+            value, self._master.status = self._master.status, 0
+        elif register in (FIFO_COUNTH, FIFO_COUNTL):
+            value = len(self._fifo) >> (8 if register == FIFO_COUNTH else 0) & 0xFF
+        return value
+
+    def _temperature(self) -> bytes:
+        raw = round((self.signal.truth.temperature_C - 21.0) * 333.87)
+        return struct.pack(">h", max(-32768, min(32767, raw)))
+
+    def _set(self, register: int, value: int, now_s: float) -> None:
+        if register == BANK_SELECT:
+            self._bank = value >> 4 & 3
+        elif self._bank == 0:
+            self._control(register, value, now_s)
+        else:
+            self._banks[self._bank][register] = value
+            if self._bank == 2:
+                self._converters.configure(self._banks[2])
+            elif self._bank == 3 and self._mastering():
+                self._master.serve_once(self._banks[3], now_s)
+
+    def _control(self, register: int, value: int, now_s: float) -> None:
+        if register in READ_ONLY:
+            return
+        old = self._banks[0][register]
+        self._banks[0][register] = value & ~TEMPORARY if register == USER_CTRL else value
+        if register == PWR_MGMT_1:
+            self._power(value, old, now_s)
+        elif register == USER_CTRL and self._mastering() and not old & I2C_MST_EN:
+            self._master.serve_once(self._banks[3], now_s)
+            self._serve(now_s)
+        elif register == FIFO_RST and value:
+            self._fifo.empty()
+
+    def _power(self, value: int, old: int, now_s: float) -> None:
+        if value & DEVICE_RESET:
+            self._reset(now_s)
+        elif value & SLEEP:
+            self._converters.stop()
+        elif old & SLEEP:
+            self._converters.start(now_s + WAKE_S)
+
+
+COMPASS = 0x0C
+
+
+def _truth(world: World, at: Mounting) -> ImuTruth:
+    """Specific force, rate and magnetic field at an inertial sensor."""
+    force, rate = world.inertial(at)
+    return ImuTruth(force, rate, world.magnetic_T(at), 24.0)
+
+
+def _example(seconds: float) -> ImuTruth:
+    return ImuTruth((0.5, -0.5, 9.7), (0.1, 0.0, -0.1 + 0.05 * math.sin(0.5 * seconds)))
+
+
+def _agrees(truth: ImuTruth, reading: Any) -> bool:
+    """Offsets and noise are small; the rest is damage that looks like motion, and that no check can tell."""
+    if isinstance(reading, Inertial):
+        force = math.dist(reading.specific_force_mps2, truth.specific_force_mps2)
+        return force < 5.0 and math.dist(reading.rate_radps, truth.rate_radps) < 1.0
+    if isinstance(reading, Magnetic):
+        return math.dist(reading.field_T, truth.field_T) < 30e-6
+    return isinstance(reading, DeviceText)
+
+
+EMULATOR = Emulator(
+    lambda seed: Icm20948(seed=seed), _truth, _example, _agrees, also_at=lambda part: {COMPASS: part.magnetometer}
+)

@@ -1,0 +1,60 @@
+"""The I2C master inside the ICM-20948, which reads the magnetometer for hosts that do not use the bypass.
+
+Slaves 0 to 3 are served once per sample, slave 4 once per request. Source: TDK DS-000189 r1.3, sections 7.2 and 10.
+"""
+
+from __future__ import annotations
+
+from hindrax_sim.devices.ak09916 import Ak09916
+
+MAG_ADDRESS = 0x0C
+SLV4_ADDR, SLV4_REG, SLV4_CTRL, SLV4_DO, SLV4_DI = 0x13, 0x14, 0x15, 0x16, 0x17
+SLV_CTRL = (0x05, 0x09, 0x0D, 0x11)
+ENABLE, READ, LENGTH = 0x80, 0x80, 0x0F
+STATUS_DONE, STATUS_NACK_4 = 0x40, 0x10
+EXTERNAL_BYTES = 24
+
+
+class InnerMaster:
+    """Works on the registers of bank 3; `external` is what appears at EXT_SLV_SENS_DATA, `status` at I2C_MST_STATUS."""
+
+    def __init__(self, magnetometer: Ak09916) -> None:
+        self._magnetometer = magnetometer
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """Nothing fetched, nothing reported."""
+        self.external = bytearray(EXTERNAL_BYTES)
+        self.status = 0
+
+    def serve(self, bank: bytearray, now_s: float) -> None:
+        """Let slaves 0 to 3 have their turn."""
+        place = 0
+        for number, control_at in enumerate(SLV_CTRL):
+            address, register, control, out = bank[control_at - 2 : control_at + 2]
+            if not control & ENABLE:
+                continue
+            length = control & LENGTH
+            if address & 0x7F != MAG_ADDRESS:
+                self.status |= 1 << number
+            elif address & READ:
+                self._magnetometer.write(bytes([register]), now_s)
+                end = min(place + length, EXTERNAL_BYTES)
+                self.external[place:end] = self._magnetometer.read(length, now_s)[: end - place]
+            else:
+                self._magnetometer.write(bytes([register, out]), now_s)
+            place += length if address & READ else 0
+
+    def serve_once(self, bank: bytearray, now_s: float) -> None:
+        """Let slave 4 have the turn it has asked for."""
+        if not bank[SLV4_CTRL] & ENABLE:
+            return
+        bank[SLV4_CTRL] &= ~ENABLE & 0xFF
+        self.status |= STATUS_DONE
+        if bank[SLV4_ADDR] & 0x7F != MAG_ADDRESS:
+            self.status |= STATUS_NACK_4
+        elif bank[SLV4_ADDR] & READ:
+            self._magnetometer.write(bytes([bank[SLV4_REG]]), now_s)
+            bank[SLV4_DI] = self._magnetometer.read(1, now_s)[0]
+        else:
+            self._magnetometer.write(bytes([bank[SLV4_REG], bank[SLV4_DO]]), now_s)

@@ -1,0 +1,153 @@
+"""From the truth at an inertial sensor to what its converters see: interpolation, filter, offset, noise, clock error.
+
+Figures of noise and offset: TDK DS-000189 r1.3, tables 1 (gyroscope), 2 (accelerometer) and section 13 (magnetometer).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_core.readings import Vec3
+from hindrax_core.vehicle import GRAVITY_mps2
+
+GYRO_NOISE = math.radians(0.015)
+"""Rate noise density [rad/s/sqrt(Hz)]."""
+ACCEL_NOISE = 230e-6 * GRAVITY_mps2
+"""Specific force noise density [m/s^2/sqrt(Hz)]."""
+GYRO_OFFSET_radps = math.radians(5.0)
+ACCEL_OFFSET_mps2 = 0.025 * GRAVITY_mps2
+CLOCK_ERROR = 0.01
+
+HISTORY = 512
+NOISE_BLOCK = 6 * 256
+
+Six = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuTruth:
+    """What an ideal sensor at this place would say, in the axes of the inertial sensor (the magnetic field too)."""
+
+    specific_force_mps2: Vec3 = (0.0, 0.0, GRAVITY_mps2)
+    rate_radps: Vec3 = (0.0, 0.0, 0.0)
+    field_T: Vec3 = (20e-6, 0.0, -15e-6)
+    temperature_C: float = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class Imperfections:
+    """What makes one part differ from the next. `noise` scales the noise of the datasheet; 0 makes a silent sensor."""
+
+    gyro_offset_radps: Vec3 = (0.0, 0.0, 0.0)
+    accel_offset_mps2: Vec3 = (0.0, 0.0, 0.0)
+    hard_iron_T: Vec3 = (0.0, 0.0, 0.0)
+    clock_error: float = 0.0
+    """Relative error of the sample period: positive samples too slowly."""
+    noise: float = 1.0
+
+
+def typical(seed: int) -> Imperfections:
+    """Draw a part: the datasheet's typical tolerances are taken for two standard deviations.
+
+    The magnetometer comes as calibrated in its vehicle, with half a microtesla left over.
+    """
+    draw = random.Random(f"imu {seed}")  # noqa: S311  # noise, not secrets
+
+    def three(sigma: float) -> Vec3:
+        return (draw.gauss(0.0, sigma), draw.gauss(0.0, sigma), draw.gauss(0.0, sigma))
+
+    return Imperfections(
+        three(GYRO_OFFSET_radps / 2.0), three(ACCEL_OFFSET_mps2 / 2.0), three(0.5e-6), draw.gauss(0.0, CLOCK_ERROR / 2)
+    )
+
+
+class LowPass:
+    """A first-order filter, sampled: exact for an input that runs straight from one sample to the next."""
+
+    def __init__(self, corner_Hz: float, period_s: float) -> None:
+        lag_s = 1.0 / (math.tau * corner_Hz)
+        self._decay = math.exp(-period_s / lag_s)
+        self._lag = lag_s / period_s
+        self.root_band = math.sqrt(math.pi / 2.0 * corner_Hz)
+        """Root of the noise bandwidth [sqrt(Hz)]."""
+
+    def step(self, old: float, before: float, now: float) -> float:
+        """Output after one period, from the output and the input before it and the input now."""
+        behind = self._lag * (now - before)
+        return now - behind + (old - before + behind) * self._decay
+
+
+class ImuSignal:
+    """The analog side: a history of truths, and six filtered and noisy values at any time that moves forward."""
+
+    def __init__(self, imperfections: Imperfections, seed: int) -> None:
+        self.imperfections = imperfections
+        self.truth = ImuTruth()
+        self._history: deque[tuple[float, Six]] = deque(maxlen=HISTORY)
+        self._draw = np.random.default_rng([seed, 20948])
+        self._noise: list[float] = []
+        self._before: Six | None = None
+        self._filtered: Six | None = None
+
+    def set_truth(self, truth: ImuTruth, now_s: float) -> None:
+        """Add the truth of a time; between two of them it runs straight."""
+        self.truth = truth
+        self._history.append((now_s, (*truth.specific_force_mps2, *truth.rate_radps)))
+
+    def forget(self) -> None:
+        """Let the filter start anew, as after a reset."""
+        self._before = self._filtered = None
+
+    def sample(self, t_s: float, accel: LowPass, gyro: LowPass) -> Six:
+        """Specific force [m/s^2] and rate [rad/s] at a time, one period of the filters after the sample before."""
+        now = self.at(t_s)
+        before, old = self._before or now, self._filtered or now
+        fx, fy, fz = (accel.step(old[i], before[i], now[i]) for i in (0, 1, 2))
+        p, q, r = (gyro.step(old[i], before[i], now[i]) for i in (3, 4, 5))
+        self._before, self._filtered = now, (fx, fy, fz, p, q, r)
+        part, n = self.imperfections, self.normal
+        ox, oy, oz = part.accel_offset_mps2
+        op, oq, orr = part.gyro_offset_radps
+        sa, sg = part.noise * ACCEL_NOISE * accel.root_band, part.noise * GYRO_NOISE * gyro.root_band
+        return (
+            fx + ox + sa * n(),
+            fy + oy + sa * n(),
+            fz + oz + sa * n(),
+            p + op + sg * n(),
+            q + oq + sg * n(),
+            r + orr + sg * n(),
+        )
+
+    def at(self, t_s: float) -> Six:
+        """Truth at a time: straight between two truths, held before the first and after the last."""
+        history = self._history
+        if not history:
+            return (*self.truth.specific_force_mps2, *self.truth.rate_radps)
+        while len(history) > 1 and history[1][0] <= t_s:
+            history.popleft()
+        t0, first = history[0]
+        if len(history) == 1 or t_s <= t0:
+            return first
+        t1, second = history[1]
+        k = (t_s - t0) / (t1 - t0)
+        a, b, c, d, e, f = first
+        u, v, w, x, y, z = second
+        return (
+            a + k * (u - a),
+            b + k * (v - b),
+            c + k * (w - c),
+            d + k * (x - d),
+            e + k * (y - e),
+            f + k * (z - f),
+        )
+
+    def normal(self) -> float:
+        """One draw from a standard normal distribution."""
+        if not self._noise:
+            self._noise = self._draw.standard_normal(NOISE_BLOCK).tolist()
+        return self._noise.pop()

@@ -1,0 +1,105 @@
+"""The STM32F407 thruster controller on its serial line: the firmware itself, behind a wire with a speed.
+
+What runs here are the very files that go onto the board (`firmware/hindrax_mcu`); only pins, timers and the line are
+made up. `pulses_us` is what a speed controller would see.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from hindrax_sim.devices.serial_emulator import Wire
+from hindrax_sim.firmware.controller import Controller
+
+BAUD = 115200
+PINS = 16
+TELLS_EVERY_s = 0.05  # servo outputs at 20 Hz are the most frequent thing it says by itself
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyTruth:
+    """Voltage at the battery input; zero when nothing is wired to it."""
+
+    voltage_V: float = 0.0
+
+
+class Stm32:
+    """One board with eight thrusters and two lights, powered up at `now_s`."""
+
+    def __init__(self, thrusters: int = 8, lights: int = 2, now_s: float = 0.0) -> None:
+        self._outputs = (thrusters, lights)
+        self._wire = Wire(BAUD)
+        self._truth = SupplyTruth()
+        self._garble: Callable[[bytes], bytes] = bytes
+        self._saturated = False
+        self._controller = Controller(thrusters, lights, 0)
+        self.power_cycle(now_s)
+
+    @property
+    def baud(self) -> int:
+        """Line speed of the board."""
+        return BAUD
+
+    @property
+    def next_due_s(self) -> float:
+        """Time of the next message, or of the next look at the clock."""
+        return min(self._wire.next_s, self._next_tell_s)
+
+    @property
+    def armed(self) -> bool:
+        """Whether the firmware is armed."""
+        return self._controller.failsafe.armed
+
+    def pulse_us(self, channel: int) -> float | None:
+        """Length of the pulses on an output; None where there is none."""
+        pulses = self._controller.pulses
+        return float(pulses[channel]) if channel < len(pulses) else None
+
+    def pulses_us(self) -> tuple[float | None, ...]:
+        """Pulses of all outputs as of the last `step`."""
+        return tuple(self.pulse_us(channel) for channel in range(PINS))
+
+    def set_truth(self, truth: SupplyTruth) -> None:
+        """Tell the supply voltage."""
+        self._truth = truth
+
+    def step(self, now_s: float) -> bytes:
+        """Let the firmware run; returns what has come out of the wire."""
+        full_scale_mV = 65534
+        self._controller.millivolts = full_scale_mV if self._saturated else round(self._truth.voltage_V * 1e3)
+        told = self._controller.step(self._ms(now_s))
+        self._next_tell_s = now_s + TELLS_EVERY_s
+        if told:
+            self._wire.put(self._garble(told), now_s)
+        return self._wire.take(now_s)
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Take bytes of the host; answers follow by the wire."""
+        answer = self._controller.receive(data, self._ms(now_s))
+        if answer:
+            self._wire.put(self._garble(answer), now_s)
+        return self._wire.take(now_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Boot: disarmed, neutral, with nothing on the wire."""
+        self._boot_s = now_s
+        self._next_tell_s = -math.inf
+        self._wire.clear()
+        self._controller = Controller(*self._outputs, 0)
+
+    def jump_clock(self, seconds: float) -> None:
+        """Let the board's millisecond counter leap; it only ever grows."""
+        self._boot_s -= max(0.0, seconds)
+
+    def disguise(self, on: bool) -> None:
+        """Fault: something else talks on this line."""
+        self._garble = (lambda told: b"$GPTXT," + told.hex().encode() + b"\r\n") if on else bytes
+
+    def saturate(self, on: bool) -> None:
+        """Fault: the battery input is at the end of its scale."""
+        self._saturated = on
+
+    def _ms(self, now_s: float) -> int:
+        return math.floor((now_s - self._boot_s) * 1e3)

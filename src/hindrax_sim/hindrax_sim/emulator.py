@@ -1,0 +1,25 @@
+"""What an emulator file offers under the name EMULATOR: how it is made, what it sees of the world, how to judge it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from hindrax_sim.world import Mounting, World
+
+
+@dataclass(frozen=True, slots=True)
+class Emulator:
+    """`make(seed)` gives the part, `truth(world, mounting)` what is true at its place in the mock world.
+
+    The contract sweep uses the other two: `example(seconds)` is a truth that moves as a vehicle might, and
+    `agrees(truth, reading)` says whether a reading may be said of a truth, by the accuracy of the data sheet.
+    """
+
+    make: Callable[[int], Any]
+    truth: Callable[[World, Mounting], Any]
+    example: Callable[[float], Any]
+    agrees: Callable[[Any, Any], bool]
+    also_at: Callable[[Any], dict[int, Any]] = lambda _part: {}
+    """Further addresses on the bus that the same part answers at."""

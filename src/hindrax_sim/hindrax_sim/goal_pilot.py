@@ -1,0 +1,72 @@
+"""A goal flown in lock-step: arms when the guards agree, flies it with the vehicle's own pilot, disarms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hindrax_control.maneuvers import Goal, Maneuver, ManeuverOutput
+from hindrax_control.pilot import Pilot, PilotKnobs
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.state import NAN, Allocation, Navigation
+from hindrax_core.vehicle import Vehicle
+from hindrax_sim.lockstep import IDLE, Order
+
+READY_S = 1.0
+"""Time for which the guards must agree before arming."""
+
+
+class GoalPilot:
+    """Flies one goal and is finished; `maneuver`, `output` and `suspected` (thrusters) say what became of it.
+
+    `cancel_at_s` (after the start of the maneuver) cancels it as an operator would.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        goal: Goal,
+        knobs: PilotKnobs | None = None,
+        *,
+        cancel_at_s: float = NAN,
+        disabled: Sequence[str] = (),
+    ) -> None:
+        self.pilot = Pilot(vehicle, knobs)
+        self.goal = goal
+        self.maneuver: Maneuver | None = None
+        self.output: ManeuverOutput | None = None
+        self._cancel_at_s = cancel_at_s
+        self._ready_since: Stamp | None = None
+        self._begun: Stamp | None = None
+        self.suspected: tuple[str, ...] = ()
+        self._disabled = frozenset(disabled)
+        self.pilot.disable(self._disabled)
+
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> Order:
+        """Decide on the next order."""
+        stamp = navigation.stamp
+        if self._begun is not None and seconds_between(self._begun, stamp) >= self._cancel_at_s:
+            self.pilot.cancel()
+        flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
+        self.output = flight.maneuver
+        if flight.suspicion is not None:
+            # A thruster that does not push is left out, as the pilot node has it done.
+            self.suspected += (flight.suspicion.sentence,)
+            self._disabled |= {flight.suspicion.name}
+            self.pilot.disable(self._disabled)
+        if self.output is not None and self.output.done:
+            return Order(phase=self.output.phase, finished=True)
+        if armed and self.maneuver is None:
+            self.maneuver = self.pilot.fly(self.goal)
+            self._begun = stamp
+        phase = self.output.phase if self.output is not None else IDLE
+        return Order(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
+
+    def _ready(self, stamp: Stamp, guards: Sequence[str]) -> bool:
+        """Whether to arm, or to stay armed; once the maneuver has begun, its own guards decide."""
+        if self.maneuver is not None:
+            return True
+        if guards:
+            self._ready_since = None
+        elif self._ready_since is None:
+            self._ready_since = stamp
+        return self._ready_since is not None and seconds_between(self._ready_since, stamp) >= READY_S

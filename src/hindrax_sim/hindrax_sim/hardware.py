@@ -1,0 +1,97 @@
+"""The mock vehicle's hardware: the world, and every device of the vehicle file in it. No ports, no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hindrax_core.events import Stamp, stamp_from_s, to_s
+from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_sim.buses.bus import VirtualI2c
+from hindrax_sim.devices.pca9685 import Pca9685
+from hindrax_sim.devices.serial_emulator import SerialEmulator
+from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
+from hindrax_sim.faults import FAULTS, FaultSpec, fate, with_bus_faults, with_faults
+from hindrax_sim.registry import EMULATORS, SERIAL
+from hindrax_sim.world import Conditions, World
+
+START = stamp_from_s(10.0)
+STEP_s = 0.005
+STEP_ns = stamp_from_s(STEP_s)
+ALL_CALL, GENERAL_CALL = 0x70, 0x00
+THRUSTERS = "thrusters"
+
+
+class Hardware:
+    """World and devices in step: pulses of the output drive the plant, devices see the truth at their mounts."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        seed: int,
+        conditions: Conditions | None = None,
+        faults: Sequence[FaultSpec] = (),
+    ) -> None:
+        self.vehicle = vehicle
+        self.world = World(vehicle, seed, conditions)
+        self.i2c = VirtualI2c()
+        self.serial: dict[str, SerialEmulator[Any]] = {}
+        self.registers: dict[str, Any] = {}
+        self.output: Pca9685 | Stm32
+        self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
+        self._tellers: list[Callable[[float], None]] = []
+        self._faults, self._fate = faults, fate(self.world, faults, to_s(START))
+        self._plug_output(seed)
+        for number, (name, mount) in enumerate(vehicle.sensors.items()):
+            self._plug(name, mount, seed * 101 + number)
+        self.world.advance(START)
+        self._tell()
+
+    @property
+    def stamp(self) -> Stamp:
+        """Time of the world."""
+        return self.world.stamp
+
+    def advance(self, stamp: Stamp) -> dict[str, bytes]:
+        """Let time pass; returns what each serial device has put on its wire."""
+        pulses = self.output.pulses_us()
+        self._fate.step(to_s(stamp))
+        self.world.drive([pulses[channel] or 0.0 for channel in self._channels])
+        self.world.advance(stamp)
+        now_s = self._tell()
+        return {name: device.step(now_s) for name, device in self.serial.items()}
+
+    def _tell(self) -> float:
+        now_s = to_s(self.world.stamp)
+        for tell in self._tellers:
+            tell(now_s)
+        return now_s
+
+    def _plug_output(self, seed: int) -> None:
+        output = self.vehicle.output
+        if output.device == "stm32":
+            board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
+            board.set_truth(SupplyTruth(self.vehicle.supply_V))
+            on_line = [spec for spec in self._faults if FAULTS[spec.name].make is not None]
+            self.serial[THRUSTERS] = with_faults(THRUSTERS, board, on_line, seed, to_s(START))
+            return
+        chip = self.output = Pca9685()
+        afflicted = with_bus_faults(THRUSTERS, chip, self._faults, seed, to_s(START))
+        self.i2c.attach(output.address, afflicted.at(chip))
+        self.i2c.attach(ALL_CALL, chip.all_call)
+        self.i2c.attach(GENERAL_CALL, chip.general_call)
+
+    def _plug(self, name: str, mount: Mount, seed: int) -> None:
+        row = EMULATORS[mount.device]
+        device = row.make(seed)
+        at = self.world.mounting(mount)
+        if mount.device in SERIAL:
+            self.serial[name] = with_faults(name, device, self._faults, seed, to_s(START))
+            self._tellers.append(lambda _now_s: device.set_truth(row.truth(self.world, at)))
+            return
+        self.registers[name] = device
+        afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
+        self.i2c.attach(mount.address, afflicted.at(device))
+        for address, part in row.also_at(device).items():
+            self.i2c.attach(address, afflicted.at(part))
+        self._tellers.append(lambda now_s: device.set_truth(row.truth(self.world, at), now_s))

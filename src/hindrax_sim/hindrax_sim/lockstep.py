@@ -1,0 +1,217 @@
+"""The whole vehicle in lock-step with the mock, without ROS: deterministic, and as fast as the computer is.
+
+    step = Lockstep(vehicle, pilot, seed=7)
+    for event in step.run(120.0): ...
+    results = step.session.finish()
+
+The same objects that run on the vehicle are stepped here in simulated time: devices (with fidelity "bytes"), navigator,
+pilot with its holds and maneuvers, command guard, allocator, output guard, identification.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeAlias
+
+from hindrax_control.allocation import Allocator
+from hindrax_control.applied import Applied
+from hindrax_control.guard import FSD, CommandGuard
+from hindrax_control.navigator import Navigator
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.readings import BottomVelocity, Pressure, Reading, Vec6
+from hindrax_core.state import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
+from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.arming import Command, Guard, Refusal, Request
+from hindrax_ident.feed import Feed, Measurement, Sorter
+from hindrax_ident.session import Session
+from hindrax_sim.faults import FaultSpec
+from hindrax_sim.rigs import BytesRig, ReadingsRig, Rig
+from hindrax_sim.sensors import Noise
+from hindrax_sim.world import Conditions, World
+
+Write: TypeAlias = Callable[[Sequence[float]], tuple[float, ...]]
+IDLE = Phase("", "")
+Event: TypeAlias = Stamped[Navigation] | Stamped[Allocation] | Stamped[Phase] | Stamped[Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What a pilot wants now: a wrench about the center of mass [N, Nm], the phase of its motion, armed thrusters.
+
+    `disabled` are thrusters that it wants left out, for good.
+    """
+
+    wrench: Vec6 = ZERO6
+    phase: Phase = IDLE
+    armed: bool = False
+    finished: bool = False
+    disabled: frozenset[str] = frozenset()
+
+
+class Pilot(Protocol):
+    """Flies the vehicle: one order per Navigation."""
+
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> Order:
+        """Decide, given what is known, what became of the last wrench, and the output guard's state."""
+
+
+class Onboard:
+    """The stack between readings and pulses, with nothing of the world in it.
+
+    `write` puts pulses on the thrusters and returns those that are really made [us].
+    """
+
+    def __init__(self, vehicle: Vehicle, pilot: Pilot, session: Session, write: Write) -> None:
+        self.navigator = Navigator(vehicle)
+        self.session = session
+        self.disabled: frozenset[str] = frozenset()
+        self.order = Order()
+        self._pilot, self._write = pilot, write
+        self._allocator = Allocator(vehicle)
+        self._limits = CommandGuard(vehicle)
+        self._applied = Applied(vehicle)
+        self._guard = Guard(len(vehicle.thrusters))
+        self._state = self._guard.start(Stamp(0))
+        self._feed, self._sorter = Feed(vehicle), Sorter()
+        self._became: Allocation | None = None
+        self._phase = IDLE
+        self._sequence = 0
+        self._planned: tuple[int, ...] = ()
+
+    @property
+    def armed(self) -> bool:
+        """Whether the output guard lets pulses through."""
+        return self._state.armed
+
+    def hear(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:
+        """Take one reading, and act on it; returns what happened."""
+        events: list[Event] = []
+        if isinstance(reading.reading, BottomVelocity | Pressure):
+            self._learn(Stamped(reading.stamp, reading.reading), events)
+        navigation = self.navigator.step(reading, source)
+        if navigation is None:
+            return events
+        events.append(navigation)
+        self._learn(navigation, events)
+        order = self.order = self._pilot.step(navigation, self._became, armed=self.armed)
+        if order.phase != self._phase:
+            self._phase = order.phase
+            events.append(Stamped(navigation.stamp, order.phase))
+            self._learn(Stamped(navigation.stamp, order.phase), events)
+        self._command(order, navigation.stamp, now, events)
+        return events
+
+    def rest(self) -> list[Event]:
+        """Let the identification have what still waits for latecomers."""
+        events: list[Event] = []
+        for measurement in self._sorter.rest():
+            self._take(measurement, events)
+        events += self.session.flush()
+        return events
+
+    def _command(self, order: Order, stamp: Stamp, now: Stamp, events: list[Event]) -> None:
+        """Wrench to pulses: limits, allocation, output guard; and what the applied pulses achieve."""
+        self._arm(order.armed, now)
+        self.disabled |= order.disabled
+        accepted = self._limits.step(order.wrench if self.armed else ZERO6, FSD, stamp, now)
+        plan = self._allocator.allocate(accepted.wrench or ZERO6, self.disabled, self._planned)
+        self._planned = plan.pulses_us
+        self._sequence += 1
+        command = Command(tuple(map(float, plan.pulses_us)), (), now, self._sequence)
+        self._state, answer = self._guard.command(self._state, command, now)
+        if isinstance(answer, Refusal):
+            return
+        applied = self._achieved(plan, self._write(answer.thrusters))
+        self._state = self._guard.written(self._state)
+        self._became = applied
+        self.navigator.thrust(now, applied.forces_N)
+        events.append(Stamped(now, applied))
+        self._learn(Stamped(now, Thrust(applied.achieved, applied.forces_N)), events)
+
+    def _arm(self, wanted: bool, now: Stamp) -> None:
+        """Follow the pilot's wish; the guard decides when it comes true."""
+        arming = self._state.phase in {"arming", "armed"}
+        if wanted == arming:
+            return
+        self._sequence += 1
+        request = Request(now, self._sequence)
+        if wanted:
+            self._state, _ = self._guard.arm(self._state, request, now)
+        else:
+            self._state, _ = self._guard.disarm(self._state, request, now)
+
+    def _achieved(self, plan: Allocation, pulses_us: tuple[float, ...]) -> Allocation:
+        """Say what the applied pulses give; the guard may have slowed or stopped them, the output rounded them."""
+        if pulses_us == plan.pulses_us:
+            return plan
+        forces = self._applied.forces_N(pulses_us)
+        achieved = self._applied.wrench(forces)
+        X, Y, Z, K, M, N = (one - other for one, other in zip(plan.wanted, achieved, strict=True))
+        return replace(plan, achieved=achieved, shortfall=(X, Y, Z, K, M, N), forces_N=forces)
+
+    def _learn(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
+        for one in self._sorter.push(measurement):
+            self._take(one, events)
+
+    def _take(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
+        for event in self._feed.step(measurement):
+            events += self.session.step(event)
+
+
+class Lockstep:
+    """World, rig and stack, in step. `fidelity` is "readings" (fast) or "bytes" (every emulator and every driver)."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        pilot: Pilot,
+        seed: int = 0,
+        *,
+        fidelity: str = "readings",
+        conditions: Conditions | None = None,
+        noise: Noise | None = None,
+        faults: Sequence[FaultSpec] = (),
+        session: Session | None = None,
+    ) -> None:
+        self.rig = _rig(fidelity, vehicle, seed, conditions, noise=noise, faults=faults)
+        self.session = session or Session(vehicle)
+        self.onboard = Onboard(vehicle, pilot, self.session, self.rig.drive)
+        self._start = self.world.stamp
+
+    @property
+    def world(self) -> World:
+        """The truth."""
+        return self.rig.world
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the start."""
+        return seconds_between(self._start, self.world.stamp)
+
+    def run(self, seconds: float) -> Iterator[Event]:
+        """Let time pass, until the pilot has finished or the time is over; yields what happens."""
+        end = after(self.world.stamp, seconds)
+        while self.world.stamp < end and not self.onboard.order.finished:
+            for source, reading in self.rig.listen():
+                yield from self.onboard.hear(source, reading, self.world.stamp)
+        yield from self.onboard.rest()
+
+
+def _rig(
+    fidelity: str,
+    vehicle: Vehicle,
+    seed: int,
+    conditions: Conditions | None,
+    *,
+    noise: Noise | None,
+    faults: Sequence[FaultSpec],
+) -> Rig:
+    if fidelity == "readings":
+        return ReadingsRig(vehicle, seed, conditions, noise, faults)
+    if fidelity != "bytes":
+        raise UsageError(f"fidelity: found {fidelity!r}, wanted readings or bytes")
+    if noise is not None:
+        raise UsageError("noise: found with fidelity bytes, wanted readings: emulators bring their own")
+    return BytesRig(vehicle, seed, conditions, faults)

@@ -1,0 +1,1 @@
+"""The ROS side of the mock: its clock on the graph, and what it truly does."""

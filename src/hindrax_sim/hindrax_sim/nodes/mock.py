@@ -1,0 +1,90 @@
+"""The mock process: devices at ports, /clock on the graph, and at the end one line about what really happened."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gc
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from hindrax_core.events import Stamp, to_s
+from hindrax_core.vehicle import load_vehicle
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.process import Stop
+from hindrax_sim.faults import parse_fault
+from hindrax_sim.hardware import STEP_ns
+from hindrax_sim.mock import Mock
+from hindrax_sim.nodes.stand_in import main_of
+
+CLOCK_EVERY = 8
+
+
+def parser() -> argparse.ArgumentParser:
+    """Words of the process."""
+    made = argparse.ArgumentParser(prog="mock", description="the mock vehicle")
+    made.add_argument("--vehicle", required=True)
+    made.add_argument("--seed", type=int, default=1)
+    made.add_argument("--rate", type=float, default=0.0)
+    made.add_argument("--fault", action="append", default=[])
+    made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
+    made.add_argument("--no-ros", action="store_true", help="devices only, no /clock")
+    return made
+
+
+@contextlib.contextmanager
+def clock_publisher(mock: Mock) -> Iterator[None]:
+    """Publish /clock at 25 Hz of the mock's time."""
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("mock", namespace="/hindrax", enable_rosout=False, start_parameter_services=False)
+    out = node.create_publisher(Clock, "/clock", 1)
+
+    def show(now: Stamp) -> None:
+        if (now // STEP_ns) % CLOCK_EVERY == 0:
+            out.publish(Clock(clock=stamp_to_msg(now)))
+
+    mock.faces.append(show)
+    try:
+        yield
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def run(words: argparse.Namespace, folder: Path) -> int:
+    """Serve until a signal."""
+    stop = Stop()
+    faults = [parse_fault(fault) for fault in words.fault]
+    with Mock(load_vehicle(words.vehicle), folder, seed=words.seed, rate=words.rate, faults=faults) as mock:
+        with contextlib.nullcontext() if words.no_ros else clock_publisher(mock):
+            print(json.dumps({"ports": mock.ports, "clock": mock.clock}), flush=True)  # noqa: T201  # for the parent
+            gc.freeze()
+            while not stop.asked:
+                mock.step()
+        print(json.dumps(facts(mock)), flush=True)  # noqa: T201  # for the parent
+    return 0
+
+
+def facts(mock: Mock) -> dict[str, object]:
+    """What really happened, as only the world knows."""
+    world = mock.hardware.world
+    return {
+        "wall_hits": world.box.wall_hits,
+        "worst_control_gap_s": mock.governor.worst_lag_s,
+        "vehicle_s": to_s(mock.hardware.stamp),
+    }
+
+
+def main() -> int:
+    """Run the mock in a folder of its own."""
+    return main_of(parser(), run)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,154 @@
+"""The replay process: a bag's wire frames at ports, its time on /clock, and what the vehicle's other end said.
+
+Sensors, navigator, allocator and identifier run on it as they do on the vehicle. The pilot's side of the record
+(pulses applied, maneuver) is played as messages: nobody flies here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import rclpy
+import yaml
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from hindrax_bag.reader import BagMessage, attachments, messages
+from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S, Stamp, to_s
+from hindrax_core.topics import BATTERY, ESTIMATE, MANEUVER, NAVIGATION, THRUSTER_HEALTH, THRUSTER_STATE, resolved
+from hindrax_core.vehicle import Vehicle, load_vehicle, parse_vehicle
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.polled import PolledNode
+from hindrax_ros.process import Stop
+from hindrax_sim.hardware import STEP_ns
+from hindrax_sim.mock import Ports
+from hindrax_sim.nodes.stand_in import main_of
+from hindrax_sim.recorded import RecordedHardware, frames_of
+
+PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
+CLOCK_NS = 4 * STEP_ns
+PATIENCE_S = 30.0
+"""Wall time for which the beginning waits for everybody; then it begins without."""
+SETTLING_S = 1.0
+"""Wall time in which, once all are there, the last subscriptions find each other."""
+AFTER_NS = NS_PER_S
+"""So long goes time on behind the end of the record, for what is still under way."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Words of the process."""
+    made = argparse.ArgumentParser(prog="replay", description="recorded wires as hardware")
+    made.add_argument("--bag", required=True, type=Path)
+    made.add_argument("--vehicle", help="vehicle file; default: the one inside the bag")
+    made.add_argument("--rate", type=float, default=0.0, help="times real time at most; default: as the nodes follow")
+    made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
+    return made
+
+
+class RecordedPorts(Ports):
+    """Recorded hardware behind ports; steps end where bytes arrive, so that their times are right."""
+
+    hardware: RecordedHardware
+
+    def _next(self) -> Stamp:
+        return self.hardware.next_stamp(super()._next())
+
+    @property
+    def attended(self) -> bool:
+        """Whether somebody waits at every port."""
+        there = set(self.hold(0.02))
+        return set(self.hardware.serial) <= there and (not self.hardware.registers or "sensors" in there)
+
+
+class Player(PolledNode):
+    """Publishes /clock and the played topics, and hears how far the navigator is."""
+
+    def __init__(self, bag: Path, ports: RecordedPorts) -> None:
+        super().__init__("replay", enable_rosout=False, start_parameter_services=False)
+        self._ports, self._clock_at = ports, 0
+        self._clock = self.create_publisher(Clock, "/clock", 1)
+        self._out = {resolved(topic): publisher(self, topic) for topic in PLAYED}
+        self._messages: Iterator[BagMessage] = messages(bag, self._out)
+        self._next = next(self._messages, None)
+        subscription(self, NAVIGATION, self._on_navigation, raw=True)
+        ports.faces.append(self.play)
+
+    @property
+    def complete(self) -> bool:
+        """Whether navigator, identifier and whoever hears the thrusters are on the graph."""
+        wanted = (resolved(NAVIGATION), resolved(ESTIMATE))
+        return all(self.count_publishers(name) for name in wanted) and bool(
+            self.count_subscribers(resolved(THRUSTER_STATE))
+        )
+
+    def play(self, now: Stamp) -> None:
+        """Publish what is due."""
+        if now - self._clock_at >= CLOCK_NS:
+            self._clock_at = now
+            self._clock.publish(Clock(clock=stamp_to_msg(now)))
+        while self._next is not None and self._next.received <= now:
+            if self._next.form.old:
+                raise UsageError(f"{self._next.topic}: recorded in an earlier form of its type; use replay --pure")
+            self._out[self._next.topic].publish(self._next.data)
+            self._next = next(self._messages, None)
+        self.outbox.flush()
+        self.drain()
+
+    def _on_navigation(self, _data: bytes) -> None:
+        self._ports.last_write = self._ports.hardware.stamp
+
+
+def vehicle_of(words: argparse.Namespace) -> Vehicle:
+    """Vehicle of the words, or of the bag; UsageError when neither has one."""
+    if words.vehicle:
+        return load_vehicle(words.vehicle)
+    text = attachments(words.bag).get("vehicle.yaml")
+    if text is None:
+        raise UsageError(f"{words.bag}: has no vehicle file inside; name one with --vehicle")
+    return parse_vehicle(yaml.safe_load(text), f"{words.bag}, vehicle.yaml")
+
+
+def run(words: argparse.Namespace, folder: Path) -> int:
+    """Replay once, or until a signal."""
+    stop = Stop()
+    hardware = RecordedHardware(vehicle_of(words), frames_of(words.bag))
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    with RecordedPorts(hardware, folder, rate=words.rate) as ports:
+        player = Player(words.bag, ports)
+        try:
+            print(json.dumps({"ports": ports.ports, "clock": ports.clock}), flush=True)  # noqa: T201  # for the parent
+            begin = hardware.stamp
+            wait_for_all(ports, player, stop)
+            while not stop.asked and hardware.stamp < hardware.end + AFTER_NS:
+                ports.step()
+        finally:
+            player.destroy_node()
+            rclpy.try_shutdown()
+    print(json.dumps({"vehicle_s": to_s(Stamp(hardware.stamp - begin))}), flush=True)  # noqa: T201  # for the parent
+    return 0
+
+
+def wait_for_all(ports: RecordedPorts, player: Player, stop: Stop) -> None:
+    """Let time stand still until every port is attended and the nodes are on the graph, for a while at most."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not stop.asked and time.monotonic() < deadline and not (ports.attended and player.complete):
+        player.play(ports.hardware.stamp)
+    settled = time.monotonic() + SETTLING_S
+    while not stop.asked and time.monotonic() < settled:
+        ports.hold(0.02)
+
+
+def main() -> int:
+    """Run the replay in a folder of its own."""
+    return main_of(parser(), run)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

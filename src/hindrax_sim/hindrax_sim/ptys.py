@@ -1,0 +1,66 @@
+"""Serial emulators on ptys at stable paths: what other programs open as if it were a serial port."""
+
+from __future__ import annotations
+
+import os
+import pty
+import termios
+import tty
+from pathlib import Path
+
+READ_AT_MOST = 65536
+
+
+class Pty:
+    """A pty whose far end is linked at `path`. Bytes that nobody reads are lost, as on a wire."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._ends: tuple[int, int] | None = None
+        self.plug(in_place=True)
+
+    def plug(self, *, in_place: bool) -> None:
+        """Plug in, or unplug: programs at the far end then see their port go away."""
+        if in_place and self._ends is None:
+            near, far = pty.openpty()
+            tty.setraw(far)
+            os.set_blocking(near, False)
+            self._ends = (near, far)
+            self.path.unlink(missing_ok=True)
+            self.path.symlink_to(os.ttyname(far))
+        elif not in_place and self._ends is not None:
+            self.path.unlink(missing_ok=True)
+            for end in self._ends:
+                os.close(end)
+            self._ends = None
+
+    @property
+    def baud(self) -> int:
+        """Speed that the program at the far end has set, as a termios code (`termios.B115200`)."""
+        return int(termios.tcgetattr(self._ends[0])[5]) if self._ends else 0
+
+    def put(self, data: bytes) -> None:
+        """Send bytes to the far end. When it is full, nobody has read for seconds: what waits there is forgotten.
+
+        So whoever opens the port next begins with news, as on a real port, and not with what was long ago.
+        """
+        if self._ends is None:
+            return
+        near, far = self._ends
+        try:
+            os.write(near, data)
+        except BlockingIOError:
+            termios.tcflush(far, termios.TCIFLUSH)
+
+    def take(self) -> bytes:
+        """Take what the far end has sent."""
+        if self._ends is None:
+            return b""
+        try:
+            return os.read(self._ends[0], READ_AT_MOST)
+        except OSError:
+            return b""
+
+    def close(self) -> None:
+        """Unplug for good."""
+        self.plug(in_place=False)

@@ -1,0 +1,249 @@
+"""The mock world: one vehicle in one pool, its time, and the truth that every sensor would see at its mount."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
+from hindrax_core.readings import Quaternion, Vec3
+from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_sim.draws import Draws
+from hindrax_sim.plant import LONGEST_STEP_S, Plant
+from hindrax_sim.pool import Box
+from hindrax_sim.quaternion import euler, quaternion, rotate
+
+GUST_PERIOD_S = 0.1
+AMPERE = 0.13
+"""Current [A] of a thruster per newton to the power 1.5: power goes with thrust to that power (momentum theory)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What may differ from one day at the pool to the next; everything random comes from the seed of the world."""
+
+    current_mps: Vec3 = (0.0, 0.0, 0.0)
+    """Velocity of the water in pool axes."""
+    thrust_noise: float = 0.02
+    """Standard deviation of each thruster's force, as a share of it, drawn ten times a second."""
+    thrust_gain: float = 1.0
+    """True thrust over the thrust of the vehicle file's curve: a calibration error."""
+    supply_ohm: float = 0.0
+    """Resistance between battery and ESCs: thrust sags with load."""
+    heading_rad: float = 0.0
+    """Compass heading of the pool's length."""
+    field_T: Vec3 = (17.5e-6, 0.0, -13.8e-6)
+    """Magnetic field: north, east, down (Sao Paulo, to the nearest half microtesla)."""
+    motor_field_T_per_A: float = 0.4e-6
+    """Field of a thruster's current at the magnetometer, in a direction of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """A mount made ready: lever from the center of mass in body axes, rotation sensor to body (None: none)."""
+
+    lever_m: Vec3
+    turn: Quaternion | None
+
+    def into_sensor(self, vector: Vec3) -> Vec3:
+        """Turn a body vector into the sensor's axes."""
+        if self.turn is None:
+            return vector
+        w, x, y, z = self.turn
+        return rotate((w, -x, -y, -z), vector)
+
+    def into_body(self, vector: Vec3) -> Vec3:
+        """Turn a sensor vector into body axes."""
+        return vector if self.turn is None else rotate(self.turn, vector)
+
+
+class World:
+    """Vehicle, pool and time. `advance` brings it to a stamp exactly, so all truths of one stamp belong together."""
+
+    def __init__(self, vehicle: Vehicle, seed: int = 0, conditions: Conditions | None = None) -> None:
+        self.vehicle = vehicle
+        self.conditions = conditions or Conditions()
+        self.plant = Plant(vehicle)
+        self.box = Box(vehicle)
+        self.stamp = Stamp(0)
+        self.dvl_silenced = False
+        """Fault: the DVL finds no bottom."""
+        self._draws = Draws("world", seed)
+        self._motor_fields = [self._direction() for _ in vehicle.thrusters]
+        self._failed: dict[str, float] = {}
+        self._next_gust = Stamp(0)
+        self._gust()
+        self.float_at_the_surface()
+        self.plant.current_mps = self.conditions.current_mps
+
+    def float_at_the_surface(self) -> None:
+        """Start pose: afloat in the middle of the pool, level, heading along its length."""
+        vehicle = self.vehicle
+        share = min(1.0, vehicle.mass_kg / (vehicle.volume_m3 * vehicle.water.density_kgpm3))
+        immersion = (share - 0.5) * vehicle.envelope_m[2]
+        ox, oy, oz = vehicle.center_of_mass_m
+        self.plant.place((ox, oy, immersion + oz), (0.0, 0.0, 0.0))
+
+    # ---- what is done to it
+
+    def advance(self, stamp: Stamp) -> None:
+        """Let time pass until a stamp; a stamp that is past does nothing."""
+        while self._next_gust < stamp:
+            self._pass_until(self._next_gust)
+            self._gust()
+        self._pass_until(stamp)
+
+    def _pass_until(self, stamp: Stamp) -> None:
+        left_s = (stamp - self.stamp) / NS_PER_S
+        if left_s <= 0.0:
+            return
+        count = math.ceil(left_s / LONGEST_STEP_S)
+        step, confine, plant, dt = self.plant.step, self.box.confine, self.plant, left_s / count
+        for _ in range(count):
+            step(dt)
+            confine(plant)
+        self.stamp = stamp
+
+    def _gust(self) -> None:
+        self._next_gust = Stamp(self._next_gust + stamp_from_s(GUST_PERIOD_S))
+        noise, gain = self.conditions.thrust_noise, self.conditions.thrust_gain
+        normal = self._draws.normal
+        gains = [self._failed.get(one.name, gain) * (1.0 + noise * normal()) for one in self.vehicle.thrusters]
+        self.plant.scale_thrusters(gains)
+        if self.conditions.supply_ohm:
+            self.plant.supply_V = self.vehicle.supply_V - self.conditions.supply_ohm * self.supply_A
+
+    def drive(self, pulses_us: Sequence[float]) -> None:
+        """Apply one pulse per thruster until the next call."""
+        pulses = tuple(pulses_us)
+        if pulses != self.plant.pulses_us:
+            self.plant.drive(pulses)
+
+    def fail_thruster(self, name: str, gain: float = 0.0) -> None:
+        """Fault: from now on this thruster gives only a share of its thrust."""
+        known = [one.name for one in self.vehicle.thrusters]
+        if name not in known:
+            raise ValueError(f"thruster {name!r}: unknown, wanted one of {', '.join(known)}")
+        self._failed[name] = gain
+        self.plant.scale_thrusters([self._failed.get(one, self.conditions.thrust_gain) for one in known])
+
+    # ---- the truth at a mount
+
+    def mounting(self, mount: Mount) -> Mounting:
+        """Prepare a mount of this vehicle."""
+        px, py, pz = mount.position_m
+        cx, cy, cz = self.vehicle.center_of_mass_m
+        roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+        turn = quaternion((roll, pitch, yaw)) if any(mount.rotation_deg) else None
+        return Mounting((px - cx, py - cy, pz - cz), turn)
+
+    @property
+    def attitude_rad(self) -> Vec3:
+        """Roll, pitch and compass heading (-pi to pi)."""
+        roll, pitch, yaw = euler(self.plant.quaternion)
+        return (roll, pitch, math.remainder(yaw + self.conditions.heading_rad, math.tau))
+
+    @property
+    def rate_radps(self) -> Vec3:
+        """Body rates p, q, r."""
+        return (self.plant.p, self.plant.q, self.plant.r)
+
+    @property
+    def depth_m(self) -> float:
+        """Depth of the body origin below the surface."""
+        return self.point_m((0.0, 0.0, 0.0))[2] - rotate(self.plant.quaternion, self.vehicle.center_of_mass_m)[2]
+
+    @property
+    def altitude_m(self) -> float:
+        """Height of the body origin above the floor."""
+        return self.vehicle.pool.depth_m - self.depth_m
+
+    @property
+    def supply_A(self) -> float:
+        """Current that all thrusters draw."""
+        return sum(_ampere(force) for force in self.plant.targets_N)
+
+    def point_m(self, lever_m: Vec3) -> Vec3:
+        """Where a point of the vehicle is in the pool."""
+        x, y, z = rotate(self.plant.quaternion, lever_m)
+        return (self.plant.x + x, self.plant.y + y, self.plant.z + z)
+
+    def inertial(self, at: Mounting) -> tuple[Vec3, Vec3]:
+        """Specific force [m/s^2] and rate [rad/s] in the sensor's axes, with what rotation does at its lever."""
+        plant = self.plant
+        p, q, r = plant.p, plant.q, plant.r
+        w, x, y, z = plant.quaternion
+        # The body-frame acceleration of the water cancels: current is uniform and steady.
+        fx = plant.du + q * plant.w - r * plant.v - GRAVITY_mps2 * 2.0 * (x * z - w * y)
+        fy = plant.dv + r * plant.u - p * plant.w - GRAVITY_mps2 * 2.0 * (y * z + w * x)
+        fz = plant.dw + p * plant.v - q * plant.u - GRAVITY_mps2 * (1.0 - 2.0 * (x * x + y * y))
+        lx, ly, lz = at.lever_m
+        if lx or ly or lz:
+            dp, dq, dr, along = plant.dp, plant.dq, plant.dr, p * lx + q * ly + r * lz
+            square = p * p + q * q + r * r
+            fx += dq * lz - dr * ly + p * along - square * lx
+            fy += dr * lx - dp * lz + q * along - square * ly
+            fz += dp * ly - dq * lx + r * along - square * lz
+        if at.turn is None:
+            return (fx, fy, fz), (p, q, r)
+        return at.into_sensor((fx, fy, fz)), at.into_sensor((p, q, r))
+
+    def magnetic_T(self, at: Mounting) -> Vec3:
+        """Field of the earth and of the thrusters' currents in the sensor's axes."""
+        conditions = self.conditions
+        north, east, down = conditions.field_T
+        cos, sin = math.cos(conditions.heading_rad), math.sin(conditions.heading_rad)
+        w, x, y, z = self.plant.quaternion
+        field = rotate((w, -x, -y, -z), (cos * north + sin * east, cos * east - sin * north, down))
+        bx, by, bz = field
+        for force, (mx, my, mz) in zip(self.plant.targets_N, self._motor_fields, strict=True):
+            strength = conditions.motor_field_T_per_A * _ampere(force)
+            bx, by, bz = bx + strength * mx, by + strength * my, bz + strength * mz
+        return at.into_sensor((bx, by, bz))
+
+    def pressure_Pa(self, at: Mounting) -> float:
+        """Absolute pressure at the sensor; that of the air when it is out of the water."""
+        water = self.vehicle.water
+        return water.surface_pressure_Pa + max(0.0, self.point_m(at.lever_m)[2]) * water.density_kgpm3 * GRAVITY_mps2
+
+    def velocity_mps(self, at: Mounting) -> Vec3:
+        """Velocity over ground of the sensor in its own axes."""
+        u, v, w = self.plant.velocity_over_ground
+        p, q, r = self.rate_radps
+        lx, ly, lz = at.lever_m
+        return at.into_sensor((u + q * lz - r * ly, v + r * lx - p * lz, w + p * ly - q * lx))
+
+    def travel(self, at: Mounting) -> tuple[Vec3, Vec3]:
+        """Angle turned [rad] and ground covered [m] since the start, in the sensor's axes, summed step by step."""
+        plant = self.plant
+        ax, ay, az = plant.ax, plant.ay, plant.az
+        lx, ly, lz = at.lever_m
+        ground = (plant.sx + ay * lz - az * ly, plant.sy + az * lx - ax * lz, plant.sz + ax * ly - ay * lx)
+        return at.into_sensor((ax, ay, az)), at.into_sensor(ground)
+
+    def height_m(self, at: Mounting) -> float:
+        """Vertical distance of the sensor above the floor."""
+        return self.vehicle.pool.depth_m - self.point_m(at.lever_m)[2]
+
+    def tilt_rad(self, at: Mounting) -> float:
+        """Angle between the sensor's z axis and straight down."""
+        along = rotate(self.plant.quaternion, at.into_body((0.0, 0.0, 1.0)))
+        return math.acos(min(1.0, max(-1.0, along[2])))
+
+    def range_m(self, at: Mounting, half_beam_rad: float = 0.0) -> float | None:
+        """Distance to the floor along the sensor's z axis, or to the nearest point of it within a cone.
+
+        None when the axis does not meet the floor. Walls are not seen.
+        """
+        slant = max(0.0, self.tilt_rad(at) - half_beam_rad)
+        return self.height_m(at) / math.cos(slant) if slant < 1.4 else None
+
+    def _direction(self) -> Vec3:
+        x, y, z = self._draws.three(1.0)
+        norm = math.sqrt(x * x + y * y + z * z) or 1.0
+        return (x / norm, y / norm, z / norm)
+
+
+def _ampere(force_N: float) -> float:
+    return AMPERE * math.pow(abs(force_N), 1.5)

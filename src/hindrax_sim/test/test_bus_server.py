@@ -1,0 +1,202 @@
+"""Client and server of the virtual bus: transactions, errors, and the clock that jumps while everybody sleeps."""
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hindrax_core.bus import DeviceError, Read, Write, WriteRead
+from hindrax_core.events import Stamp
+from hindrax_drivers.buses.bus import open_bus
+from hindrax_drivers.buses.clock import open_clock
+from hindrax_drivers.buses.virtual import VirtualBus
+from hindrax_sim.buses.bus import VirtualI2c
+from hindrax_sim.buses.server import BusServer
+
+
+class Echo:
+    """Remembers what was written, and when, and reads it back padded."""
+
+    def __init__(self) -> None:
+        self.last, self.at_s = b"", 0.0
+
+    def write(self, data: bytes, now_s: float) -> None:
+        self.last, self.at_s = data, now_s
+
+    def read(self, count: int, now_s: float) -> bytes:
+        assert now_s >= self.at_s
+        return self.last[:count].ljust(count, b"\xee")
+
+
+class World:
+    """A mock that serves in a thread and advances as its clients allow."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.bus = VirtualI2c()
+        self.bus.attach(0x42, Echo())
+        self.server = BusServer(path, self.bus.transfer, Stamp(1_000))
+        self.now = Stamp(1_000)
+        self._stop = threading.Event()
+        self.jumps: list[Stamp] = []
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self.server.serve(self.now, 0.002)
+            if not self.server.busy() and self.server.earliest_wakeup() < 1 << 62:
+                self.now = max(self.now, self.server.earliest_wakeup())
+                self.jumps.append(self.now)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self.server.close()
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[World]:
+    one = World(str(tmp_path / "bus"))
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def bus(world: World) -> Iterator[VirtualBus]:
+    one = open_bus(f"mock:{world.path}", "test")
+    assert isinstance(one, VirtualBus)
+    yield one
+    one.close()
+
+
+def test_transactions_reach_the_emulator_and_the_log(world: World, bus: VirtualBus) -> None:
+    assert bus.transfer(Write(0x42, b"abc")) == b""
+    assert bus.transfer(Read(0x42, 5)) == b"abc\xee\xee"
+    assert bus.transfer(WriteRead(0x42, b"xy", 2)) == b"xy"
+    assert bus.transfer(Write(0x42, b"")) == b""
+    assert [one.transaction for one in world.bus.log] == [
+        Write(0x42, b"abc"),
+        Read(0x42, 5),
+        WriteRead(0x42, b"xy", 2),
+        Write(0x42, b""),
+    ]
+
+
+def test_a_long_transfer_goes_through_in_one_piece(bus: VirtualBus) -> None:
+    long = bytes(range(256)) * 16
+    assert bus.transfer(WriteRead(0x42, long, len(long))) == long
+
+
+def test_a_missing_device_is_told_with_port_address_and_errno(bus: VirtualBus) -> None:
+    with pytest.raises(DeviceError, match=r"mock:.*/bus address 0x43: no acknowledge.*EREMOTEIO, 121"):
+        bus.transfer(Read(0x43, 1))
+
+
+def test_time_jumps_to_the_sleeper_and_stands_still_while_it_works(world: World, bus: VirtualBus) -> None:
+    assert bus.now() == 1_000
+    hour = Stamp(1_000 + 3_600_000_000_000)
+    bus.sleep_until(hour)
+    assert bus.now() == hour
+    time.sleep(0.02)
+    assert bus.now() == hour
+    bus.sleep_until(Stamp(5))  # long past: returns without a word to the mock
+    assert world.jumps == [hour]
+
+
+def test_an_awake_client_holds_the_time_and_others_can_change_their_mind(world: World) -> None:
+    holder, lazy = (open_clock(f"mock:{world.path}", name) for name in ("holder", "lazy"))
+    holder.sleep_until(Stamp(2_000))
+    threading.Timer(0.02, lazy.wake).start()
+    lazy.sleep_until(Stamp(10**15))
+    assert lazy.now() == 2_000
+    lazy.wake()  # nobody sleeps: the next sleep ends at once
+    lazy.sleep_until(Stamp(10**15))
+    assert lazy.now() == 2_000
+    holder.close()  # who hangs up holds nobody
+    lazy.sleep_until(Stamp(10**15))
+    assert lazy.now() == 10**15
+    lazy.close()
+
+
+def test_a_client_is_roused_by_name(tmp_path: Path) -> None:
+    with BusServer(str(tmp_path / "bus"), VirtualI2c().transfer) as server:
+        done: list[Stamp] = []
+
+        def nap() -> None:
+            clock = open_clock(f"mock:{tmp_path}/bus", "dvl75")
+            clock.sleep_until(Stamp(500))
+            done.append(clock.now())
+
+        sleeper = threading.Thread(target=nap)
+        sleeper.start()
+        _serve_until(server, lambda: server.earliest_wakeup() == 500)
+        server.serve(Stamp(7))
+        server.rouse("somebody else")
+        assert server.earliest_wakeup() == 500
+        server.rouse("dvl75")
+        assert server.busy() == ["dvl75"]
+        sleeper.join()
+        assert done == [7]
+
+
+def _serve_until(server: BusServer, condition: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        server.serve(Stamp(0), 0.01)
+    raise AssertionError("never came true")
+
+
+def test_a_readable_port_ends_a_sleep(world: World) -> None:
+    holder, serial = (open_clock(f"mock:{world.path}", name) for name in ("holder", "serial"))
+    holder.sleep_until(Stamp(2_000))
+    here, there = os.pipe()
+    os.write(there, b"$")
+    serial.sleep_until(Stamp(10**15), readable=here)
+    assert serial.now() == 2_000
+    os.close(here)
+    os.close(there)
+    holder.close()
+    serial.close()
+
+
+def test_without_a_mock_the_remedy_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match=r"no mock hardware answers.*hindrax mock"):
+        open_bus(f"mock:{tmp_path}/nobody")
+
+
+def test_a_mock_that_dies_is_a_device_error_and_may_come_back(tmp_path: Path) -> None:
+    path = str(tmp_path / "bus")
+    first = World(path)
+    bus = open_bus(f"mock:{path}")
+    first.close()
+    with pytest.raises(DeviceError, match="has gone"):
+        bus.transfer(Read(0x42, 1))
+    second = World(path)
+    assert bus.transfer(Read(0x42, 1)) == b"\xee"
+    bus.close()
+    second.close()
+
+
+def test_a_client_that_talks_nonsense_is_dropped_and_others_live(world: World, bus: VirtualBus) -> None:
+    rude = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    rude.connect(world.path)
+    rude.sendall(b"\xff" * 64)
+    assert rude.recv(10) == b""
+    assert bus.transfer(Read(0x42, 1)) == b"\xee"
+    rude.close()
+
+
+def test_what_is_to_be_done_meanwhile_is_done_once_at_the_beginning(world: World, bus: VirtualBus) -> None:
+    seen: list[Stamp] = []
+    bus.sleep_until(Stamp(5), meanwhile=lambda: seen.append(bus.now()))  # long past
+    bus.sleep_until(Stamp(2_000), meanwhile=lambda: seen.append(Stamp(0)))
+    assert seen == [Stamp(1_000), Stamp(0)]
+    world.close()
+    bus.sleep_until(Stamp(10**15), meanwhile=lambda: seen.append(Stamp(1)))
+    assert seen[2:] == [Stamp(1)], "that the mock has gone must still be told"

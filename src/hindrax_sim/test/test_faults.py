@@ -1,0 +1,219 @@
+"""Fault specifications and each stream fault by itself."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hindrax_core.errors import UsageError
+from hindrax_sim import stream_faults
+from hindrax_sim.faults import FAULTS, FaultSpec, parse_fault, with_faults
+from hindrax_sim.stream_faults import FaultyLine, Scheduled
+
+
+@pytest.mark.parametrize(
+    ("text", "spec"),
+    [
+        ("garbage:dvl75@30+5", FaultSpec("garbage", ("dvl75",), 30.0, 5.0)),
+        ("garbage", FaultSpec("garbage", ("dvl75", "ping1d"), 10.0, 5.0)),
+        ("reset:ping1d", FaultSpec("reset", ("ping1d",), 10.0, 5.0)),
+        ("clock_jump@0.5", FaultSpec("clock_jump", ("dvl75",), 0.5, 5.0)),
+        ("merged@0+600", FaultSpec("merged", ("dvl75", "ping1d"), 0.0, 600.0)),
+    ],
+)
+def test_what_is_asked_for(text, spec):
+    assert parse_fault(text) == spec
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("garbge:dvl75", "found 'garbge', wanted one of absent, "),
+        ("", "found '', wanted one of absent, "),
+        ("garbage:icm20948", "garbage on 'icm20948', wanted one of dvl75, ping1d"),
+        ("clock_jump:ping1d", "clock_jump on 'ping1d', wanted one of dvl75"),
+        ("garbage:@3", "garbage on '', wanted one of"),
+        ("garbage@soon", "found 'soon', wanted seconds"),
+        ("garbage@-1", "found '-1', wanted seconds"),
+        ("garbage@nan", "found 'nan', wanted seconds"),
+        ("garbage@1+", "found '', wanted seconds"),
+        ("garbage@", "found '', wanted seconds"),
+    ],
+)
+def test_what_is_wrong_with_it_is_said(text, error):
+    with pytest.raises(UsageError) as caught:
+        parse_fault(text)
+    assert error in str(caught.value)
+    assert "NAME[:DEVICE][@START[+SECONDS]]" in str(caught.value)
+
+
+def test_the_registry_has_every_stream_fault_of_the_sweep():
+    names = "absent wrong_identity cut_frames bytewise merged garbage bit_flips baud_mismatch unplug_replug reset"
+    assert set(FAULTS) >= {*names.split(), "clock_jump", "saturated", "repeated"}
+    assert all(kind.name == name and kind.meaning and kind.devices for name, kind in FAULTS.items())
+
+
+class Clockwork:
+    """A device that says the same message every 0.1 s and writes down what is done to it."""
+
+    baud = 115200
+
+    def __init__(self, message: bytes = b"0123456789") -> None:
+        self.message = message
+        self.done: list[str] = []
+        self.heard = b""
+        self.next_due_s = 0.1
+
+    def set_truth(self, truth: object) -> None:
+        self.done.append(f"truth {truth}")
+
+    def step(self, now_s: float) -> bytes:
+        said = b""
+        while self.next_due_s <= now_s + 1e-9:
+            said += self.message
+            self.next_due_s += 0.1
+        return said
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        del now_s
+        self.heard += data
+        return data.upper()
+
+    def power_cycle(self, now_s: float) -> None:
+        self.done.append(f"power at {now_s:.1f}")
+
+    def jump_clock(self, seconds: float) -> None:
+        self.done.append(f"jump {seconds:+.0f}")
+
+    def disguise(self, on: bool) -> None:
+        self.done.append(f"disguise {on}")
+
+    def saturate(self, on: bool) -> None:
+        self.done.append(f"saturate {on}")
+
+
+def line(*names: str, start_s: float = 1.0, end_s: float = 2.0, seed: int = 1) -> FaultyLine:
+    return FaultyLine(Clockwork(), [Scheduled(FAULTS[name].make(seed), start_s, end_s) for name in names])
+
+
+def chunks(faulty: FaultyLine, until_s: float) -> list[tuple[float, bytes]]:
+    times = [0.05 * index for index in range(1, round(until_s / 0.05) + 1)]
+    return [(now_s, chunk) for now_s in times for chunk in faulty.chunks(now_s)]
+
+
+def during(found: list[tuple[float, bytes]], start_s: float = 1.0, end_s: float = 2.0) -> list[bytes]:
+    return [chunk for now_s, chunk in found if start_s <= now_s < end_s - 1e-9]
+
+
+@pytest.mark.parametrize("name", ["absent", "garbage", "cut_frames", "bytewise", "merged", "baud_mismatch"])
+def test_before_and_after_everything_is_as_it_was_and_a_seed_repeats_itself(name):
+    found = chunks(line(name), 3.0)
+    assert during(found, 0.0, 1.0) == [b"0123456789"] * 9
+    assert during(found, 2.1, 3.1) == [b"0123456789"] * 10
+    assert found == chunks(line(name), 3.0)
+    assert during(found) != [b"0123456789"] * 10
+
+
+def test_absent_is_silent_and_deaf():
+    faulty = line("absent")
+    assert during(chunks(faulty, 1.5)) == []
+    assert faulty.receive(b"hello", 1.6) == b""
+    assert faulty.device.heard == b""
+    assert faulty.connected
+
+
+def test_an_unplugged_port_is_gone_and_the_device_without_power():
+    faulty = line("unplug_replug")
+    chunks(faulty, 1.5)
+    assert not faulty.connected
+    chunks(faulty, 3.0)
+    assert faulty.connected
+    assert faulty.device.done == ["power at 2.0"]
+
+
+@pytest.mark.parametrize(
+    ("name", "done"),
+    [
+        ("wrong_identity", ["disguise True", "disguise False"]),
+        ("saturated", ["saturate True", "saturate False"]),
+        ("reset", ["power at 1.0"]),
+        ("clock_jump", ["jump +1000", "jump -1000"]),
+    ],
+)
+def test_faults_of_the_device_itself(name, done):
+    faulty = line(name)
+    chunks(faulty, 3.0)
+    assert faulty.device.done == done
+
+
+def test_bytewise_loses_nothing():
+    found = during(chunks(line("bytewise"), 3.0))
+    assert {len(chunk) for chunk in found} == {1}
+    assert b"".join(found) == b"0123456789" * 10
+
+
+def test_merged_loses_nothing_either():
+    found, unbroken = (chunks(line(*names), 3.0) for names in (("merged",), ()))
+    assert b"".join(chunk for _, chunk in found) == b"".join(chunk for _, chunk in unbroken)
+    assert max(len(chunk) for _, chunk in found) >= 20
+
+
+def test_cut_frames_are_parts_of_frames():
+    found = during(chunks(line("cut_frames", end_s=9.0), 9.0), 1.0, 9.0)
+    joined = b"".join(found)
+    assert len(joined) < 800
+    assert b"0123456789" in joined
+
+
+def test_garbage_keeps_the_message_s_own_bytes_in_order():
+    joined = b"".join(during(chunks(line("garbage"), 3.0)))
+    assert len(joined) > 100
+    left = iter(joined)
+    assert all(byte in left for byte in b"0123456789" * 10)
+
+
+def test_bit_flips_are_one_in_a_thousand():
+    fault = stream_faults.BitFlips(7)
+    (chunk,) = fault.outgoing(bytes(125_000), 0.0)
+    assert sum(byte.bit_count() for byte in chunk) == pytest.approx(1000, rel=0.15)
+
+
+def test_a_baud_mismatch_works_both_ways():
+    faulty = line("baud_mismatch")
+    found = during(chunks(faulty, 1.5))
+    assert all(b"0123456789" not in chunk for chunk in found)
+    faulty.receive(b"0123456789", 1.6)
+    assert faulty.device.heard
+    assert b"0123456789" not in faulty.device.heard
+
+
+def test_repeated_says_its_first_words_again():
+    faulty = line("repeated")
+    chunks(faulty, 1.0)
+    faulty.device.message = b"new words"
+    assert set(during(chunks(faulty, 2.0), 1.05)) == {b"0123456789"}
+
+
+def test_faults_compose_in_order():
+    found = during(chunks(line("merged", "bytewise"), 3.0))
+    assert {len(chunk) for chunk in found} == {1}
+
+
+def test_next_due_is_never_later_than_the_next_fault():
+    faulty = line("garbage", start_s=0.03)
+    assert faulty.next_due_s == 0.03
+    faulty.step(0.05)
+    assert faulty.next_due_s == -math.inf
+
+
+def test_only_the_faults_of_a_device_fall_on_it():
+    device = Clockwork()
+    specs = [FaultSpec("garbage", ("dvl75",), 30.0, 5.0)]
+    assert with_faults("ping1d", device, specs) is device
+    faulty = with_faults("dvl75", device, specs, start_s=10.0)
+    assert isinstance(faulty, FaultyLine)
+    faulty.set_truth("told")
+    assert device.done == ["truth told"]
+    assert b"".join(chunk for _, chunk in chunks(faulty, 39.0)) == b"0123456789" * 390
+    assert faulty.baud == 115200

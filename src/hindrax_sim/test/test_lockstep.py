@@ -1,0 +1,155 @@
+"""The whole vehicle without ROS: both fidelities, determinism, faults, and what the identification finds."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from hindrax_control.maneuvers import Goal
+from hindrax_control.pilot import PilotKnobs
+from hindrax_control.plan import PlanKnobs
+from hindrax_core.errors import UsageError
+from hindrax_core.state import ZERO6, Allocation, Estimate, Navigation, Phase
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.faults import parse_fault
+from hindrax_sim.goal_pilot import GoalPilot
+from hindrax_sim.lockstep import Lockstep, Order
+from hindrax_sim.rigs import BytesRig, ReadingsRig
+from hindrax_sim.sensors import Noise
+
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+
+
+class Idle:
+    """Asks for a wrench and lets the rest be."""
+
+    def __init__(self, wrench=ZERO6, armed=True):
+        self.order = Order(wrench, Phase("", ""), armed)
+
+    def step(self, navigation, became, *, armed):
+        del navigation, became, armed
+        return self.order
+
+
+def events(step, seconds, kind):
+    return [one for one in step.run(seconds) if isinstance(one.reading, kind)]
+
+
+@pytest.mark.parametrize("fidelity", ["readings", "bytes"])
+def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity):
+    step = Lockstep(VEHICLE, Idle(armed=False), 5, fidelity=fidelity)
+    found = events(step, 8.0, Navigation)
+    state, world = found[-1].reading, step.world
+    assert state.depth_m == pytest.approx(world.depth_m, abs=0.01)
+    assert state.altitude_m == pytest.approx(world.altitude_m, abs=0.02)
+    assert state.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
+    assert state.attitude_rad == pytest.approx((0.0, 0.0, 0.0), abs=math.radians(6.0))
+    assert state.dvl_locked
+    gaps = [(b.stamp - a.stamp) * 1e-9 for a, b in pairwise(found)]
+    assert max(gaps) < 0.03
+
+
+@pytest.mark.parametrize("fidelity", ["readings", "bytes"])
+def test_nothing_turns_before_the_output_guard_is_armed(fidelity):
+    step = Lockstep(VEHICLE, Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 5, fidelity=fidelity)
+    early = events(step, 6.0, Allocation)
+    assert all(one.reading.achieved == ZERO6 for one in early)
+    assert step.world.plant.targets_N == (0.0,) * 8
+    late = events(step, 8.0, Allocation)
+    assert late[-1].reading.achieved[0] == pytest.approx(10.0, abs=1.0)
+    assert sum(step.world.plant.targets_N[:2]) > 8.0
+
+
+def test_disarming_stops_everything():
+    pilot = Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    step = Lockstep(VEHICLE, pilot, 5)
+    list(step.run(12.0))
+    assert any(step.world.plant.targets_N)
+    pilot.order = Order()
+    list(step.run(0.2))
+    assert not any(step.world.plant.targets_N)
+    assert not step.onboard.armed
+
+
+def test_the_same_seed_gives_the_same_run_to_the_last_bit():
+    runs = []
+    for seed in (1, 1, 2):
+        step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("yaw",))), seed)
+        runs.append(list(map(repr, step.run(20.0))))
+    assert runs[0] == runs[1]
+    assert runs[0] != runs[2]
+
+
+def test_an_unknown_fidelity_and_impossible_combinations_are_refused():
+    with pytest.raises(UsageError, match=r"fidelity: found 'dream', wanted readings or bytes"):
+        Lockstep(VEHICLE, Idle(), fidelity="dream")
+    with pytest.raises(UsageError, match=r"noise: found with fidelity bytes"):
+        Lockstep(VEHICLE, Idle(), fidelity="bytes", noise=Noise())
+    with pytest.raises(UsageError, match=r"fault garbage: is one of wires"):
+        Lockstep(VEHICLE, Idle(), faults=[parse_fault("garbage:dvl75")])
+
+
+def test_faults_of_the_world_come_and_go():
+    step = Lockstep(VEHICLE, Idle(armed=False), faults=[parse_fault("lock_lost@4+2")])
+    locked = {round((one.stamp - 10**10) * 1e-9, 1): one.reading.dvl_locked for one in events(step, 9.0, Navigation)}
+    assert locked[3.5]
+    assert not locked[5.5]
+    assert locked[8.0]
+
+
+def test_garbage_on_a_wire_is_survived():
+    step = Lockstep(VEHICLE, Idle(armed=False), 2, fidelity="bytes", faults=[parse_fault("garbage:ping1d@3+2")])
+    state = events(step, 8.0, Navigation)[-1].reading
+    assert state.altitude_m == pytest.approx(step.world.altitude_m, abs=0.03)
+    assert state.ages_s["ping1d"] < 0.3
+
+
+def test_both_rigs_say_the_same_kinds_of_things():
+    def kinds(rig):
+        end = rig.world.stamp + 4_000_000_000
+        said = set()
+        while rig.world.stamp < end:
+            said |= {(name, type(one.reading).__name__) for name, one in rig.listen()}
+        return {one for one in said if one[1] != "DeviceText"}
+
+    assert kinds(ReadingsRig(VEHICLE, 1)) == kinds(BytesRig(VEHICLE, 1))
+
+
+def test_a_surge_run_finds_the_drag_and_never_touches_a_wall():
+    few_levels = PilotKnobs(plan=PlanKnobs(levels=3, surge_mps=(0.2, 0.4), plateau_s=10.0))
+    step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("surge",)), few_levels), 1)
+    estimates, errors = 0, []
+    for one in step.run(400.0):
+        estimates += isinstance(one.reading, Estimate)
+        if isinstance(one.reading, Navigation):
+            errors.append(abs(one.reading.depth_m - step.world.depth_m))
+    surge = step.session.finish().motions["surge"]
+    drag = VEHICLE.hydrodynamics.surge
+    for speed in (0.2, 0.3, 0.4):
+        truth = (drag.k_q * speed + drag.k_l) * speed
+        assert surge.drag_force(speed)[0] == pytest.approx(truth, rel=0.03)
+    for name, truth in (("k_q", drag.k_q), ("k_l", drag.k_l), ("added_mass", VEHICLE.hydrodynamics.added_mass[0])):
+        assert abs(surge.coefficients[name].value - truth) < 4.0 * surge.coefficients[name].std
+    assert step.world.box.wall_hits == 0
+    assert step.world.box.floor_hits == 0
+    assert step.onboard.order.finished
+    assert estimates > 300
+    assert max(errors[500:]) < 0.05
+
+
+def test_a_failed_thruster_is_told_to_the_allocator():
+    step = Lockstep(VEHICLE, Idle((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)), faults=[parse_fault("thruster_fails:T3@0+60")])
+    step.onboard.disabled = frozenset({"T3"})
+    last = events(step, 12.0, Allocation)[-1].reading
+    assert last.forces_N[2] == 0.0
+    assert last.disabled == ("T3",)
+    assert step.world.plant.targets_N[2] == 0.0
+
+
+def test_a_vehicle_without_sensors_says_nothing_and_time_still_passes():
+    bare = replace(VEHICLE, sensors={})
+    step = Lockstep(bare, Idle(), fidelity="bytes")
+    assert list(step.run(1.0)) == []
+    assert step.elapsed_s == pytest.approx(1.0, abs=0.03)

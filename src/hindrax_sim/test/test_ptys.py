@@ -1,0 +1,70 @@
+"""Ports of the mock: what is on them for whoever opens them late, and that they come and go at one place."""
+
+import os
+import termios
+from pathlib import Path
+
+import pytest
+
+from hindrax_sim.ptys import Pty
+
+
+def line(number: int) -> bytes:
+    return b"%07d %s\n" % (number, b"x" * 55)
+
+
+def test_who_opens_late_reads_nothing_that_is_long_past(tmp_path: Path) -> None:
+    pty = Pty(tmp_path / "dvl")
+    for number in range(5000):
+        pty.put(line(number))
+    port = os.open(tmp_path / "dvl", os.O_RDWR | os.O_NONBLOCK)
+    pty.put(line(5000))
+    found = b""
+    while True:
+        try:
+            found += os.read(port, 4096)
+        except BlockingIOError:
+            break
+    numbers = [int(one[:7]) for one in found.split(b"\n") if len(one) == 63]
+    assert numbers[-1] == 5000
+    assert numbers[0] > 4000
+    os.close(port)
+    pty.close()
+
+
+def test_bytes_go_both_ways_unchanged(tmp_path: Path) -> None:
+    pty = Pty(tmp_path / "ping")
+    port = os.open(tmp_path / "ping", os.O_RDWR)
+    everything = bytes(range(256))
+    pty.put(everything)
+    assert os.read(port, 256) == everything
+    os.write(port, everything)
+    assert pty.take() == everything
+    os.close(port)
+    pty.close()
+
+
+def test_the_speed_that_a_program_sets_is_seen(tmp_path: Path) -> None:
+    pty = Pty(tmp_path / "dvl")
+    port = os.open(tmp_path / "dvl", os.O_RDWR)
+    settings = termios.tcgetattr(port)
+    settings[4] = settings[5] = termios.B9600
+    termios.tcsetattr(port, termios.TCSANOW, settings)
+    assert pty.baud == termios.B9600
+    os.close(port)
+    pty.close()
+
+
+def test_an_unplugged_port_is_gone_and_comes_back_at_its_place(tmp_path: Path) -> None:
+    pty = Pty(tmp_path / "dvl")
+    port = os.open(tmp_path / "dvl", os.O_RDWR)
+    pty.plug(in_place=False)
+    assert not (tmp_path / "dvl").exists()
+    with pytest.raises(OSError, match="Input/output error"):
+        os.write(port, b"?")
+    os.close(port)
+    pty.put(b"nobody hears this")
+    assert (pty.take(), pty.baud) == (b"", 0)
+    pty.plug(in_place=True)
+    assert (tmp_path / "dvl").exists()
+    pty.close()

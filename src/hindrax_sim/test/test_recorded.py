@@ -1,0 +1,108 @@
+"""Recorded wires as hardware: in step, out of step, before the record and behind it, and under the real drivers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_bag.reader import attachments, messages
+from hindrax_core.bus import Read, Write, WriteRead
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import Pressure
+from hindrax_core.vehicle import parse_vehicle
+from hindrax_core.wire import pack_transaction
+from hindrax_drivers.buses.bus import wire_error
+from hindrax_drivers.buses.schedule import BusSchedule
+from hindrax_drivers.registry import DEVICES
+from hindrax_sim.devices.register_emulator import NackError
+from hindrax_sim.recorded import RecordedHardware, RecordedLine, RecordedPart, frames_of
+
+MS = 1_000_000
+BAG = Path(__file__).parents[3] / "test" / "replay" / "bags" / "surge"
+START, RESULT = Write(0x76, b"\x48"), WriteRead(0x76, b"\x00", 3)
+OTHER = Write(0x76, b"\x58")
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return parse_vehicle(yaml.safe_load(attachments(BAG)["vehicle.yaml"]), "vehicle.yaml")
+
+
+def part(cycles: int = 50) -> RecordedPart:
+    """Cycles of 20 ms: one quantity, its result, another, its result."""
+    made = RecordedPart()
+    for index in range(cycles):
+        for step, (asked, answer) in enumerate([(START, b""), (RESULT, b"p%02d"), (OTHER, b""), (RESULT, b"t%02d")]):
+            made.add((20 * index + 5 * step) * MS, asked, answer % index if answer else answer)
+    return made
+
+
+def cycle(made: RecordedPart, at_ms: float) -> list[bytes]:
+    asked = (START, RESULT, OTHER, RESULT)
+    return [made.answer(one, round((at_ms + 5 * step) * MS)) for step, one in enumerate(asked)]
+
+
+def test_a_host_in_step_gets_every_answer_once():
+    made = part()
+    found = [answer for index in range(50) for answer in cycle(made, 20 * index + 4)]
+    assert found == list(part().answers)
+
+
+def test_a_host_that_comes_late_goes_on_in_the_present_and_mixes_nothing_up():
+    made = part()
+    cycle(made, 0.0)
+    assert cycle(made, 400.0) == [b"", b"p20", b"", b"t20"]
+    assert cycle(made, 421.0) == [b"", b"p21", b"", b"t21"]
+
+
+def test_a_small_lead_or_lag_skips_and_repeats_nothing():
+    made = part()
+    offsets = [0.0, 12.0, -9.0, 20.0, -15.0]
+    found = [cycle(made, 20 * (index + 2) + off)[1] for index, off in enumerate(offsets)]
+    assert found == [b"p%02d" % (index + 2) for index in range(5)]
+
+
+def test_nobody_answers_before_the_record_behind_it_or_to_what_was_never_asked():
+    made = part()
+    for asked, now in ((START, -1), (START, 60_000 * MS), (Read(0x76, 7), 5)):
+        with pytest.raises(NackError):
+            made.answer(asked, now)
+
+
+def test_a_line_says_its_bytes_when_their_time_has_come():
+    line = RecordedLine([(10, b"a"), (20, b"bc"), (21, b"d")])
+    assert [line.until(stamp) for stamp in (5, 10, 20, 30, 40)] == [b"", b"a", b"bc", b"d", b""]
+    assert line.receive(b"question", 1.0) == b""
+
+
+def test_without_wire_frames_there_is_no_hardware(vehicle):
+    with pytest.raises(UsageError, match="holds no wire frames"):
+        RecordedHardware(vehicle, {"thrusters": [(1, 1, pack_transaction(START))]})
+
+
+def test_the_real_driver_reads_the_recorded_part(vehicle):
+    hardware = RecordedHardware(vehicle, frames_of(BAG))
+    mount = vehicle.sensors["ms5837"]
+    row = DEVICES[mount.device]
+    schedule, now = BusSchedule(), hardware.stamp
+    schedule.add("ms5837", row.make(row.knobs(), mount, vehicle), now)
+
+    def transfer(transaction):
+        try:
+            return hardware.i2c.transfer(transaction, now)
+        except OSError as error:
+            raise wire_error("i2c", transaction.address, error.errno or 0) from error
+
+    found = []
+    end = Stamp(hardware.stamp + 10_000 * MS)
+    while now < end:
+        now = Stamp(max(now + 1, schedule.next_due(now)))
+        found += [one for _, outputs in schedule.step(now, transfer) for one in outputs]
+    read = [one.reading.pressure_Pa for one in found if isinstance(one, Stamped) and isinstance(one.reading, Pressure)]
+    recorded = [one.decoded().fluid_pressure for one in messages(BAG, {"/hindrax/ms5837/pressure"})]
+    assert len(read) > 450
+    # The node of that day published from when it was active.
+    assert any(read[first : first + 400] == recorded[10:410] for first in range(60))

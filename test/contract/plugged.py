@@ -1,0 +1,133 @@
+"""A sensor of the table on its wire: the real driver at one end, the emulator at the other, in lock-step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from contract.serial_bench import Bench, world_s
+from register_rig import START, STEP_S, Rig
+
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.device import Identity, Trouble
+from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
+from hindrax_core.readings import BottomVelocity
+from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_drivers.registry import DEVICES
+from hindrax_sim.faults import FaultSpec, with_bus_faults
+from hindrax_sim.registry import EMULATORS
+
+Truth = Callable[[float], Any]
+"""What is true, by the seconds since the start."""
+
+
+def mount_of(name: str) -> tuple[Vehicle, Mount]:
+    """Vehicle and mount of a sensor: a sensor that no vehicle carries cannot be tried."""
+    for file in sorted(default_vehicle().parent.glob("*.yaml")):
+        vehicle = load_vehicle(file)
+        if name in vehicle.sensors:
+            return vehicle, vehicle.sensors[name]
+    raise AssertionError(f"{name}: is in no vehicle file, wanted a block under sensors in {default_vehicle()}")
+
+
+class Tapped:
+    """A serial driver, and everything that it was fed."""
+
+    def __init__(self, driver: Any) -> None:
+        self._driver = driver
+        self.heard: list[bytes] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._driver, name)
+
+    def feed(self, data: bytes, stamp: Any) -> Any:
+        self.heard.append(data)
+        return self._driver.feed(data, stamp)
+
+
+class SerialLine(Bench):
+    """Driver and emulator on a serial line."""
+
+    def __init__(self, driver: Any, emulator: Any, truth: Truth, faults: Sequence[FaultSpec], seed: int) -> None:
+        super().__init__(Tapped(driver), emulator, truth, faults=list(faults), seed=seed)
+        self.said: list[tuple[float, Any]] = []
+
+    def _take(self, outputs) -> None:
+        outputs = list(outputs)
+        self.said += [(self.now_s, one) for one in outputs]
+        super()._take(outputs)
+
+    def seconds(self, stamped: Stamped[Any]) -> float:
+        return world_s(stamped)
+
+
+class RegisterBus(Rig):
+    """Driver and emulator on a virtual I2C bus."""
+
+    def __init__(self, driver: Any, ports: dict[int, Any], tell: Callable[[float, float], None]) -> None:
+        super().__init__(driver, ports, tell)
+        self.said: list[tuple[float, Any]] = []
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            self.said += [(self.elapsed_s, one) for one in super().run(STEP_S)]
+
+    def seconds(self, stamped: Stamped[Any]) -> float:
+        return seconds_between(START, stamped.stamp)
+
+
+class Plugged:
+    """`run` lets time pass; what the driver said is asked for by kind and time. Times count from the start."""
+
+    def __init__(self, name: str, faults: Sequence[FaultSpec] = (), truth: Truth | None = None, seed: int = 3) -> None:
+        vehicle, mount = mount_of(name)
+        row, self.emulator = DEVICES[name], EMULATORS[name]
+        self.truth = truth or self.emulator.example
+        driver, part = row.make(row.knobs(), mount, vehicle), self.emulator.make(seed)
+        self._wire: Any = (
+            SerialLine(driver, part, self.truth, faults, seed)
+            if row.serial
+            else self._bus(name, driver, part, mount.address, faults=faults, seed=seed)
+        )
+
+    def _bus(
+        self, name: str, driver: Any, part: Any, address: int, *, faults: Sequence[FaultSpec], seed: int
+    ) -> RegisterBus:
+        afflicted = with_bus_faults(name, part, faults, seed, to_s(START))
+        ports = {address: part, **self.emulator.also_at(part)}
+
+        def tell(elapsed_s: float, now_s: float) -> None:
+            part.set_truth(self.truth(elapsed_s), now_s)
+
+        return RegisterBus(driver, {at: afflicted.at(port) for at, port in ports.items()}, tell)
+
+    def run(self, seconds: float) -> None:
+        self._wire.run(seconds)
+
+    def _said(self, kind: type | tuple[type, ...], since_s: float, until_s: float) -> list[Any]:
+        return [one for at, one in self._wire.said if since_s <= at < until_s and isinstance(one, kind)]
+
+    def readings(self, since_s: float = 0.0, until_s: float = 1e9) -> list[Stamped[Any]]:
+        """Readings with something in them: a velocity that is not there is none."""
+        found = self._said(Stamped, since_s, until_s)
+        return [one for one in found if not isinstance(one.reading, BottomVelocity) or one.reading.valid]
+
+    def complaints(self, since_s: float = 0.0, until_s: float = 1e9) -> list[str]:
+        found = self._said((Rejected, Trouble), since_s, until_s)
+        return [one.reason if isinstance(one, Rejected) else one.text for one in found]
+
+    def troubles(self) -> list[str]:
+        return [one.text for one in self._said(Trouble, 0.0, 1e9)]
+
+    def heard(self) -> bytes:
+        """Everything that a serial driver was fed."""
+        return b"".join(self._wire.driver.heard)
+
+    def identities(self) -> list[str]:
+        return [one.text for one in self._said(Identity, 0.0, 1e9)]
+
+    def false(self) -> list[Stamped[Any]]:
+        """Readings that must not be said of what was true at their stamps."""
+        return [
+            one for one in self.readings() if not self.emulator.agrees(self.truth(self._wire.seconds(one)), one.reading)
+        ]

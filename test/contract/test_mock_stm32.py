@@ -1,0 +1,100 @@
+"""The mock vehicle with an STM32 as its output: a guard in a thread, on a pty and the mock's clock."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+
+from hindrax_core.device import Output
+from hindrax_core.events import Stamp
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_drivers.arming import Command, Guard, GuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.buses.output_host import Applied
+from hindrax_drivers.buses.output_thread import OutputThread
+from hindrax_drivers.buses.outputs import open_output
+from hindrax_sim.mock import Mock, run_for
+
+FILE = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles/hindrax.yaml"
+MOVING = (1650.0,) * 8
+
+
+class Ears:
+    def __init__(self) -> None:
+        self.last: Applied | None = None
+        self.identity = ""
+
+    def applied(self, applied: Applied) -> None:
+        self.last = applied
+
+    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+        raise AssertionError(f"{refusal.text} at {stamp}")
+
+    def found(self, identity: str) -> None:
+        self.identity = identity
+
+    def troubled(self, text: str) -> None:
+        raise AssertionError(text)
+
+    def deliver(self, outputs: Iterable[Output]) -> None:
+        pass
+
+    def rest(self) -> None:
+        pass
+
+
+def with_stm32() -> Vehicle:
+    vehicle = load_vehicle(FILE)
+    return dataclasses.replace(vehicle, output=dataclasses.replace(vehicle.output, device="stm32"))
+
+
+def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
+    vehicle, ears = with_stm32(), Ears()
+    with Mock(vehicle, tmp_path, seed=1, rate=0.0) as mock:
+        port = mock.ports["thrusters"]
+        assert port == str(tmp_path / "thrusters")
+        thread = OutputThread(
+            lambda: open_output(vehicle, port, mock.clock, lambda *_: None, "thrusters"),
+            Guard(8, 2, GuardKnobs(arming_s=7.2)),
+            ears,
+            lambda: None,
+        )
+        thread.start()
+
+        def until(done: Callable[[], bool], what: str) -> None:
+            deadline, sequence = time.monotonic() + 60.0, 0
+            while not done():
+                assert time.monotonic() < deadline, what
+                sequence += 1
+                thread.command(Command(MOVING, (), mock.hardware.stamp, round(mock.hardware.stamp / 1e6)))
+                run_for(mock, 0.02)
+
+        until(lambda: thread.ready, "the board")
+        assert ears.identity.startswith("MAVLink system 1 component 1")
+        answer = thread.arm(Request(mock.hardware.stamp, 1))
+        until(answer.done, "an answer")
+        assert answer.result().accepted
+        until(lambda: mock.hardware.output.pulses_us()[:8] == MOVING, "pulses")
+        assert ears.last is not None
+        assert ears.last.phase is Phase.ARMED
+        thread.light((1.0, 0.0))
+        until(lambda: mock.hardware.output.pulses_us()[8:10] == (1900.0, 1100.0), "light")
+        speed = mock.hardware.world.velocity_mps(mock.hardware.world.mounting(vehicle.sensors["dvl75"]))
+        until(
+            lambda: mock.hardware.world.velocity_mps(mock.hardware.world.mounting(vehicle.sensors["dvl75"])) != speed,
+            "motion",
+        )
+        thread.stop(0.0)
+        run_for(mock, 0.5)
+        thread.stop()
+        assert mock.hardware.output.pulses_us()[:8] == (1500.0,) * 8
+
+
+@pytest.mark.parametrize("fault", ["reset", "bit_flips", "absent", "nack"])
+def test_faults_of_the_thrusters_fall_on_the_line_as_far_as_a_line_has_them(tmp_path: Path, fault: str) -> None:
+    from hindrax_sim.faults import FaultSpec
+
+    with Mock(with_stm32(), tmp_path, seed=1, rate=0.0, faults=[FaultSpec(fault, ("thrusters",), 0.0, 0.2)]) as mock:
+        run_for(mock, 0.1)
+        assert mock.hardware.output.pulses_us()[:8] == (1500.0,) * 8

@@ -1,0 +1,97 @@
+"""The MS5837 driver against the emulator: truth in, the same truth out."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from register_rig import START, Rig, identities, readings, reasons
+
+from hindrax_core.bus import Write
+from hindrax_core.events import seconds_between
+from hindrax_core.readings import Pressure
+from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs, depth_m
+from hindrax_sim.devices.ms5837 import PROM_30BA_BARE, NOISE_Pa, WaterTruth
+from hindrax_sim.devices.ms5837 import Ms5837 as Emulator
+
+STEPS_Pa = {"30BA": 10.0, "02BA": 1.0}
+
+
+def rig(truth: WaterTruth, model: str = "30BA", noise: float = 0.02, knobs: Ms5837Knobs | None = None) -> Rig:
+    emulator = Emulator(model, noise=noise)  # type: ignore[arg-type]
+    emulator.set_truth(truth, 0.0)
+    return Rig(Ms5837(knobs or Ms5837Knobs()), {0x76: emulator}, lambda *_: None)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(20_000.0, 3.0e6), st.floats(-39.0, 84.0))
+def test_the_30ba_gives_the_truth_within_a_step(pressure_Pa: float, temperature_C: float) -> None:
+    check(WaterTruth(pressure_Pa, temperature_C), "30BA")
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(20_000.0, 200_000.0), st.floats(-39.0, 84.0))
+def test_the_02ba_gives_the_truth_within_a_step(pressure_Pa: float, temperature_C: float) -> None:
+    check(WaterTruth(pressure_Pa, temperature_C), "02BA")
+
+
+def check(truth: WaterTruth, model: str) -> None:
+    outputs = rig(truth, model).run(0.2)
+    found = readings(outputs, Pressure)
+    assert len(found) >= 5
+    assert not reasons(outputs)
+    for one in found:
+        # One step of the datasheet's integers, and what a hundredth of a degree is worth at this pressure.
+        tolerance_Pa = STEPS_Pa[model] + 4 * 0.02 * NOISE_Pa[model][4] + 2e-5 * truth.pressure_Pa
+        assert one.reading.pressure_Pa == pytest.approx(truth.pressure_Pa, abs=tolerance_Pa)
+        assert one.reading.temperature_C == pytest.approx(truth.temperature_C, abs=0.0101)
+
+
+def test_fifty_pressures_a_second_at_oversampling_4096() -> None:
+    outputs = readings(rig(WaterTruth(), noise=1.0).run(5.0), Pressure)
+    assert len(outputs) == pytest.approx(250, abs=26)  # every tenth turn also converts the temperature: 20.4 ms
+    gaps = np.diff([seconds_between(START, one.stamp) for one in outputs])
+    assert gaps.max() < 0.032
+
+
+@pytest.mark.parametrize("osr", OSRS)
+def test_every_oversampling_is_waited_for(osr: str) -> None:
+    knobs = Ms5837Knobs(oversampling=osr, period_s=0.05)
+    outputs = rig(WaterTruth(150_000.0, 12.0), knobs=knobs, noise=1.0).run(2.0)
+    values = np.array([one.reading.pressure_Pa for one in readings(outputs, Pressure)])
+    assert not reasons(outputs)
+    sigma = NOISE_Pa["30BA"][OSRS.index(osr)]
+    assert values.mean() == pytest.approx(150_000.0, abs=sigma)
+    assert values.std() == pytest.approx(np.hypot(sigma, 10.0 / np.sqrt(12.0)), rel=0.5)
+
+
+@pytest.mark.parametrize(("model", "c1"), [("30BA", 34982), ("02BA", 46372)])
+def test_the_model_is_found_and_told(model: str, c1: int) -> None:
+    assert identities(rig(WaterTruth(), model).run(0.1)) == [f"MS5837-{model} at 0x76, C1 {c1}"]
+
+
+def test_a_30ba_without_product_number_is_not_taken_for_an_02ba() -> None:
+    emulator = Emulator("30BA")
+    emulator.prom = PROM_30BA_BARE
+    outputs = Rig(Ms5837(), {0x76: emulator}, lambda *_: None).run(0.2)
+    assert identities(outputs) == ["MS5837-30BA at 0x76, C1 34982"]
+
+
+def test_the_bus_is_free_for_others_while_it_converts() -> None:
+    bench = rig(WaterTruth())
+    bench.run(1.0)
+    log = list(bench.wires.log)
+    waits = [
+        read.stamp - command.stamp
+        for command, read in pairwise(log)
+        if command.transaction in (Write(0x76, b"\x48"), Write(0x76, b"\x58"))
+    ]
+    assert len(waits) > 45
+    assert min(waits) >= 9_020_000
+
+
+def test_depth_is_measured_from_the_tare() -> None:
+    outputs = readings(rig(WaterTruth(101_325.0 + 0.9 * 997.0 * 9.80665)).run(0.3), Pressure)
+    assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0) == pytest.approx(0.9, abs=0.003)
+    assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0, 1029.0) == pytest.approx(0.9 * 997 / 1029, abs=0.003)

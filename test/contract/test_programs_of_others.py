@@ -1,0 +1,99 @@
+"""What programs of others do on an I2C adapter, through the kernel: by smbus2, by plain calls, sleeping by the wall.
+
+Steps and waiting times are those of the data sheets: TE MS5837-30BA rev. C2 (conversions), TDK DS-000189 r1.3
+(bypass), NXP PCA9685 rev. 4 section 7.3.
+"""
+
+import fcntl
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from smbus2 import SMBus, i2c_msg
+
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.mock import Mock
+
+POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
+I2C_SLAVE = 0x0703
+
+pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs root and /dev/fuse")]
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The whole mock vehicle, stepped by a thread, with its bus as a file."""
+    folder = tmp_path_factory.mktemp("mock")
+    over = threading.Event()
+    with Mock(load_vehicle(default_vehicle()), folder, seed=1, rate=1.0) as mock:
+        try:
+            file = mock.offer_file(str(folder / "i2c-9"))
+        except HindraxError as error:
+            pytest.skip(str(error))
+
+        def turn() -> None:
+            while not over.is_set():
+                mock.step()
+
+        thread = threading.Thread(target=turn)
+        thread.start()
+        yield str(folder / "i2c-9")
+        over.set()
+        thread.join()
+        file.close()
+
+
+@pytest.mark.parametrize("oversampling", [256, 512, 1024, 2048, 4096, 8192])
+def test_a_conversion_that_was_waited_for_is_there(path: str, oversampling: int) -> None:
+    command = 2 * (oversampling // 256).bit_length() - 2
+    with SMBus(path) as bus:
+        bus.write_byte(0x76, 0x1E)
+        time.sleep(0.01)
+        for first in (0x40, 0x50):
+            for _ in range(10):
+                bus.write_byte(0x76, first + command)
+                time.sleep(2.5e-6 * oversampling)
+                assert bus.read_i2c_block_data(0x76, 0, 3) != [0, 0, 0]
+
+
+def test_a_conversion_that_was_not_waited_for_is_zero(path: str) -> None:
+    with SMBus(path) as bus:
+        bus.write_byte(0x76, 0x4A)
+        assert bus.read_i2c_block_data(0x76, 0, 3) == [0, 0, 0]
+
+
+def test_the_inertial_sensor_wakes_and_lets_its_magnetometer_through(path: str) -> None:
+    with SMBus(path) as bus:
+        assert bus.read_byte_data(0x68, 0x00) == 0xEA
+        with pytest.raises(OSError, match="Remote I/O"):
+            bus.read_byte_data(0x0C, 0x01)
+        bus.write_byte_data(0x68, 0x06, 0x01)
+        bus.write_byte_data(0x68, 0x0F, 0x02)
+        time.sleep(0.05)
+        assert bus.read_i2c_block_data(0x0C, 0x00, 2) == [0x48, 0x09]
+        bus.write_byte_data(0x0C, 0x31, 0x01)
+        time.sleep(0.01)
+        assert bus.read_i2c_block_data(0x0C, 0x10, 9)[0] & 0x01
+        read = i2c_msg.read(0x68, 6)
+        bus.i2c_rdwr(i2c_msg.write(0x68, [0x2D]), read)
+        x, y, z = (int.from_bytes(bytes(read)[at : at + 2], "big", signed=True) for at in (0, 2, 4))
+        assert (x * x + y * y + z * z) ** 0.5 / 16384 == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_pulse_generator_is_set_up_by_plain_calls(path: str) -> None:
+    descriptor = os.open(path, os.O_RDWR)
+    fcntl.ioctl(descriptor, I2C_SLAVE, 0x40)
+    for written in (b"\x00\x30", b"\xfe\x79", b"\x00\x20"):
+        os.write(descriptor, written)
+    time.sleep(0.001)
+    os.write(descriptor, b"\x06\x00\x00\x33\x01")
+    os.write(descriptor, b"\xfe")
+    assert os.read(descriptor, 1) == b"\x79"
+    os.write(descriptor, b"\x06")
+    assert os.read(descriptor, 4) == b"\x00\x00\x33\x01"
+    os.close(descriptor)

@@ -1,0 +1,171 @@
+"""The contract of every sensor of the table: truth in, the same truth out, through every fault that it can suffer."""
+
+from __future__ import annotations
+
+import functools
+import random
+from collections import Counter
+from itertools import chain
+from pathlib import Path
+
+import pytest
+from contract.plugged import Plugged, mount_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_core.devices import SENSORS
+from hindrax_core.events import Stamp
+from hindrax_core.readings import DeviceText
+from hindrax_core.testing import chunks
+from hindrax_drivers.registry import DEVICES
+from hindrax_sim.faults import FAULTS, FaultSpec
+from hindrax_sim.registry import EMULATORS
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+BEGIN_S, LASTS_S, BACK_WITHIN_S, AFTER_S = 4.0, 3.0, 2.0, 1.0
+OVER_S = BEGIN_S + LASTS_S
+NAMES = [sensor.name for sensor in SENSORS]
+SWEEP = [
+    (name, fault) for name in NAMES for fault, kind in FAULTS.items() if name in kind.devices and not kind.on_world
+]
+QUIET = {"bytewise", "merged", "unplug_replug"}
+"""Faults the driver has nothing to say of: the time of arrival alone changes, or the owner of the port tells it."""
+FAULTS_OF_A_LINE = {
+    *("absent", "wrong_identity", "cut_frames", "bytewise", "merged", "garbage", "bit_flips", "baud_mismatch"),
+    *("unplug_replug", "reset", "saturated", "repeated"),
+}
+FAULTS_OF_A_BUS = {
+    *("absent", "wrong_identity", "nack", "bus_stuck", "short_read", "bit_flips", "reset", "saturated", "repeated"),
+}
+
+
+def kinds(plugged: Plugged, since_s: float, until_s: float) -> Counter[type]:
+    """How many readings of each kind there were; texts come when they like."""
+    found = Counter(type(one.reading) for one in plugged.readings(since_s, until_s))
+    del found[DeviceText]
+    return found
+
+
+def fresh(name: str):
+    """The driver as it is when its port has just been opened."""
+    vehicle, mount = mount_of(name)
+    row = DEVICES[name]
+    driver = row.make(row.knobs(), mount, vehicle)
+    list(driver.start(Stamp(0)))
+    return driver
+
+
+@functools.cache
+def recorded(name: str) -> bytes:
+    """What a serial sensor says in some seconds, once its driver has set it up."""
+    plugged = Plugged(name)
+    plugged.run(4.0)
+    return plugged.heard()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_golden_cases_are_there(name: str) -> None:
+    assert list((GOLDEN / name).glob("test_*.py"))
+    assert (GOLDEN / name / "cases.yaml").exists()
+
+
+@pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
+def test_every_fault_of_its_wire_falls_on_it(sensor) -> None:
+    assert {fault for name, fault in SWEEP if name == sensor.name} >= (
+        FAULTS_OF_A_LINE if sensor.serial else FAULTS_OF_A_BUS
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_truth_that_is_told_is_read(name: str) -> None:
+    @settings(max_examples=5, deadline=None)
+    @given(st.floats(0.0, 60.0))
+    def still(seconds: float) -> None:
+        truth = EMULATORS[name].example(seconds)
+        plugged = Plugged(name, truth=lambda _: truth)
+        plugged.run(2.5)
+        assert kinds(plugged, 1.5, 2.5)
+        assert not plugged.complaints()
+        assert not plugged.false()
+
+    still()
+
+
+@pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS if sensor.serial])
+def test_the_same_bytes_say_the_same_however_they_are_cut(name: str) -> None:
+    stream = recorded(name)
+    whole = [fresh(name).feed(stream, Stamp(10**9))]
+
+    @settings(max_examples=20, deadline=None)
+    @given(st.lists(st.integers(1, 200), min_size=1, max_size=8))
+    def cut(sizes: list[int]) -> None:
+        driver = fresh(name)
+        pieces = [driver.feed(piece, Stamp(10**9)) for piece in chunks(stream, sizes)]
+        assert list(chain.from_iterable(pieces)) == list(chain.from_iterable(whole))
+
+    cut()
+
+
+@pytest.mark.parametrize("name", [sensor.name for sensor in SENSORS if sensor.serial])
+def test_damaged_bytes_never_end_in_an_exception(name: str) -> None:
+    stream, dice = recorded(name), random.Random(name)
+    driver = fresh(name)
+    for turn in range(300):
+        at = dice.randrange(len(stream))
+        piece = bytearray(stream[at : at + dice.randrange(1, 400)])
+        for _ in range(dice.randrange(4)):
+            piece[dice.randrange(len(piece))] = dice.randrange(256)
+        list(driver.feed(bytes(piece), Stamp(10**9 + turn * 10**7)))
+        list(driver.tick(Stamp(10**9 + turn * 10**7)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_truth_that_moves_is_read_as_it_was_at_the_stamp(name: str) -> None:
+    plugged = Plugged(name)
+    plugged.run(10.0)
+    assert len(plugged.identities()) == 1
+    assert kinds(plugged, 5.0, 10.0)
+    assert not plugged.complaints()
+    assert not plugged.false()
+
+
+@pytest.mark.parametrize(("name", "fault"), SWEEP)
+def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str) -> None:
+    plugged = Plugged(name, [FaultSpec(fault, (name,), BEGIN_S, LASTS_S)])
+    plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
+    before = kinds(plugged, BEGIN_S - AFTER_S, BEGIN_S)
+    assert before, "worked before"
+    assert not plugged.complaints(until_s=BEGIN_S)
+    assert not plugged.false(), f"false readings: {plugged.false()[:3]}"
+    told = plugged.complaints(BEGIN_S, OVER_S + BACK_WITHIN_S)
+    assert bool(told) == (fault not in QUIET)
+    back = kinds(plugged, OVER_S + BACK_WITHIN_S, OVER_S + BACK_WITHIN_S + AFTER_S)
+    assert all(back[kind] >= 0.6 * count for kind, count in before.items()), f"was {before}, is {back}; told: {told}"
+    for kind in before:
+        stamps = [one.stamp for one in plugged.readings() if isinstance(one.reading, kind)]
+        assert stamps == sorted(stamps)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_sensor_that_is_absent_from_the_start_is_found_when_it_comes(name: str) -> None:
+    plugged = Plugged(name, [FaultSpec("absent", (name,), 0.0, LASTS_S)])
+    plugged.run(LASTS_S + BACK_WITHIN_S + AFTER_S)
+    assert plugged.complaints(until_s=LASTS_S)
+    assert kinds(plugged, LASTS_S + BACK_WITHIN_S, 1e9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_long_fault_is_not_told_again_and_again(name: str) -> None:
+    plugged = Plugged(name, [FaultSpec("wrong_identity", (name,), BEGIN_S, 12.0)])
+    plugged.run(BEGIN_S + 12.0)
+    assert 0 < len(plugged.troubles()) <= 20
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_several_faults_at_once(name: str) -> None:
+    mine = [fault for sensor, fault in SWEEP if sensor == name]
+    chosen = [fault for fault in ("garbage", "nack", "bit_flips", "short_read", "bytewise", "reset") if fault in mine]
+    plugged = Plugged(name, [FaultSpec(fault, (name,), BEGIN_S, LASTS_S) for fault in chosen])
+    plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
+    assert not plugged.false()
+    assert kinds(plugged, OVER_S + BACK_WITHIN_S, 1e9)

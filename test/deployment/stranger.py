@@ -1,0 +1,28 @@
+"""Somebody who wants to see and command a vehicle: says after some seconds, as JSON, how far that went."""
+
+import json
+import sys
+import time
+
+import rclpy
+
+from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_STATE
+from hindrax_msgs.srv import Arm
+from hindrax_ros.graph import publisher, subscription
+
+rclpy.init()
+node = rclpy.create_node("stranger", namespace="/hindrax")
+heard: list[object] = []
+subscription(node, THRUSTER_STATE, heard.append)
+push = publisher(node, OPERATOR_WRENCH)
+arm = node.create_client(Arm, "thrusters/arm")
+deadline = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < deadline and not (heard and push.get_subscription_count() and arm.service_is_ready()):
+    rclpy.spin_once(node, timeout_sec=0.1)
+found = {
+    "nodes": sorted(set(node.get_node_names()) - {"stranger"}),
+    "heard": len(heard),
+    "readers": push.get_subscription_count(),
+    "arm": arm.service_is_ready(),
+}
+json.dump(found, sys.stdout)

@@ -1,0 +1,224 @@
+"""What is put on a Raspberry Pi agrees with itself, with the vehicle file and with the tools of the system."""
+
+from __future__ import annotations
+
+import configparser
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_bringup.cli import module_names
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.vehicle import load_vehicle
+
+ROOT = Path(__file__).parents[2]
+PI = ROOT / "docker/pi"
+SET_UP = PI / "set-up.sh"
+COMPOSE = yaml.safe_load((ROOT / "docker/compose.yaml").read_text())["services"]["hindrax"]
+OVERLAY_OF_ADDRESS = {"fe201600": "uart3", "fe201800": "uart4", "fe201a00": "uart5"}
+"""UARTs of the BCM2711 as Raspberry Pi's documentation of its overlays and the kernel's messages name them."""
+MAJOR_OF_KIND = {"i2c": "89", "ttyAMA": "204", "ttyACM": "166", "ttyUSB": "188"}
+"""Linux, Documentation/admin-guide/devices.txt."""
+
+
+def set_up(root: Path, *words: str) -> str:
+    command = [SET_UP, "--root", root, *words]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+
+@pytest.fixture
+def pi(tmp_path) -> Path:
+    boot = tmp_path / "boot/firmware"
+    boot.mkdir(parents=True)
+    (boot / "config.txt").write_text("[all]\ndtparam=audio=on\n")
+    return tmp_path
+
+
+def contents(root: Path) -> dict[str, str]:
+    return {str(path.relative_to(root)): path.read_text() for path in root.rglob("*") if path.is_file()}
+
+
+def test_a_second_run_changes_nothing(pi):
+    assert "write /boot/firmware/config.txt" in set_up(pi, "--tether", "eth0:192.168.2.1")
+    first = contents(pi)
+    again = set_up(pi, "--tether", "eth0:192.168.2.1")
+    assert contents(pi) == first
+    assert "write" not in again
+    assert "reboot" not in again
+
+
+def test_a_dry_run_changes_nothing_and_says_everything(pi):
+    before = contents(pi)
+    said = set_up(pi, "--dry-run", "--tether", "eth0:192.168.2.1")
+    assert contents(pi) == before
+    done = set_up(pi, "--tether", "eth0:192.168.2.1")
+    assert said.replace("would write", "write") == done
+
+
+def test_what_was_in_the_boot_settings_stays(pi):
+    set_up(pi)
+    assert (pi / "boot/firmware/config.txt").read_text().startswith("[all]\ndtparam=audio=on\n# hindrax begin\n")
+
+
+def test_an_old_block_is_replaced(pi):
+    config = pi / "boot/firmware/config.txt"
+    config.write_text("# hindrax begin\ncore_freq=250\n# hindrax end\n[all]\ndtparam=audio=on\n")
+    set_up(pi)
+    assert config.read_text() == "[all]\ndtparam=audio=on\n" + (PI / "config.txt").read_text()
+
+
+def test_the_tether_is_named_everywhere_and_only_there(pi):
+    set_up(pi, "--tether", "eth0:192.168.2.1")
+    found = contents(pi)
+    assert "HINDRAX_TETHER=eth0:192.168.2.1\n" in found["etc/hindrax/hindrax.env"]
+    assert "server 192.168.2.1 iburst" in found["etc/chrony/conf.d/hindrax.conf"]
+    assert "RestrictNetworkInterfaces=lo eth0\n" in found["etc/systemd/system/hindrax.service.d/tether.conf"]
+
+
+def test_settings_of_the_owner_survive_a_new_tether(pi):
+    set_up(pi)
+    settings = pi / "etc/hindrax/hindrax.env"
+    settings.write_text(settings.read_text().replace("ROS_DOMAIN_ID=0", "ROS_DOMAIN_ID=42"))
+    set_up(pi, "--tether", "eth1:192.168.3.1")
+    assert "ROS_DOMAIN_ID=42\n" in settings.read_text()
+    assert "HINDRAX_TETHER=eth1:192.168.3.1\n" in settings.read_text()
+
+
+def test_whoever_sets_it_up_may_open_the_wires_too(pi, monkeypatch):
+    monkeypatch.setenv("SUDO_USER", "nobody")
+    assert "would run usermod --append --groups dialout,i2c nobody" in set_up(pi)
+    monkeypatch.delenv("SUDO_USER")
+    assert "usermod" not in set_up(pi)
+
+
+def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path):
+    clone = tmp_path / "clone/docker"
+    shutil.copytree(PI, clone / "pi")
+    root = tmp_path / "root"
+    command = [clone / "pi/set-up.sh", "--root", root, "--container"]
+    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    assert list(root.rglob("hindrax.service")) == []
+    (settings,) = root.rglob(".env")
+    assert re.fullmatch(r"I2C_GID=\d+\n", settings.read_text())
+
+
+@pytest.mark.parametrize("words", [["--tether", "eth0"], ["--tether", "e;h:1.2.3.4"], ["--frobnicate"]])
+def test_wrong_words_are_refused(tmp_path, words):
+    done = subprocess.run([SET_UP, "--root", tmp_path, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "wanted" in done.stderr
+    assert contents(tmp_path) == {}
+
+
+# --- The files and the vehicle ---------------------------------------------------------------------------------------
+
+
+def rules() -> list[str]:
+    lines = (PI / "60-hindrax.rules").read_text().splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def test_the_rules_are_rules():
+    term = re.compile(
+        r'(?:ACTION|SUBSYSTEM|KERNEL|DRIVER|DEVPATH|ATTRS?\{\w+\})(?:==|=)"[^"]*"|(?:GROUP|MODE)="\w+"|SYMLINK\+="[\w/-]+"'
+    )
+    for rule in rules():
+        assert all(term.fullmatch(one.strip()) for one in rule.split(",")), rule
+
+
+def test_every_device_of_the_vehicle_has_its_name():
+    vehicle = load_vehicle(default_vehicle())
+    ports = {mount.port for mount in vehicle.sensors.values()} | {vehicle.output.port}
+    named = {f"/dev/{name}" for rule in rules() for name in re.findall(r'SYMLINK\+="([^"]+)"', rule)}
+    assert {port for port in ports if port.startswith("/dev/hindrax/")} <= named
+    assert {port for port in ports if not port.startswith("/dev/hindrax/")} == {"/dev/i2c-1"}
+
+
+def test_every_uart_that_is_named_is_switched_on():
+    config = (PI / "config.txt").read_text().splitlines()
+    switched = {line.removeprefix("dtoverlay=") for line in config if line.startswith("dtoverlay=uart")}
+    named = {OVERLAY_OF_ADDRESS[one] for rule in rules() for one in re.findall(r"(fe20\w+)\.serial", rule)}
+    assert named == switched
+
+
+def test_the_core_clock_stands_still():
+    lines = dict(line.split("=", 1) for line in (PI / "config.txt").read_text().splitlines() if "=" in line)
+    assert lines["core_freq"] == lines["core_freq_min"]
+    assert lines["dtparam"] == "i2c_arm=on,i2c_arm_baudrate=400000"
+
+
+def test_service_and_container_may_open_the_same_kinds_of_device():
+    allowed = {words.split()[1].partition(":")[0] for words in COMPOSE["device_cgroup_rules"]}
+    assert allowed == set(MAJOR_OF_KIND.values())
+    service = (PI / "hindrax.service").read_text()
+    assert set(re.findall(r"DeviceAllow=char-(\w+) rw", service)) == set(MAJOR_OF_KIND)
+
+
+def test_the_container_is_kept_up_and_held_back():
+    assert COMPOSE["restart"] == "unless-stopped"
+    assert COMPOSE["cap_drop"] == ["ALL"]
+    assert COMPOSE["read_only"]
+    assert "privileged" not in COMPOSE
+    assert (ROOT / "docker" / COMPOSE["build"]["context"] / COMPOSE["build"]["dockerfile"]).is_file()
+    dockerfile = (ROOT / "docker/Dockerfile").read_text()
+    (user,) = re.findall(r"^USER (\d+)$", dockerfile, re.MULTILINE)
+    assert int(user) > 0
+    assert f"--uid {user} " in dockerfile
+    assert f"/run/hindrax:uid={user},gid={user},mode=0700" in COMPOSE["tmpfs"]
+    assert COMPOSE["stop_signal"] == re.findall(r"^STOPSIGNAL (\w+)$", dockerfile, re.MULTILINE)[0]
+
+
+def test_every_command_that_is_called_exists():
+    called = re.findall(r"/opt/hindrax/hindrax\"?,? \"?([a-z-]+)", (ROOT / "docker/Dockerfile").read_text())
+    called += re.findall(r"/opt/hindrax/hindrax ([a-z-]+)", (PI / "hindrax.service").read_text())
+    called += [COMPOSE["command"][0]]
+    assert {"health", "setup", "up"} <= set(called)
+    assert set(called) <= {name.replace("_", "-") for name in module_names()} | {"setup"}
+
+
+def test_every_file_that_is_named_exists():
+    texts = [path.read_text() for path in (*PI.iterdir(), ROOT / "docker/compose.yaml")]
+    for name in {name for text in texts for name in re.findall(r"\b(?:docker|docs|src)/[\w/.-]*\.\w+", text)}:
+        assert (ROOT / name).exists() or name == "docker/.env", name
+
+
+def test_every_setting_is_one_that_the_stack_reads():
+    sources = "".join(path.read_text() for path in ROOT.glob("src/hindrax_bringup/hindrax_bringup/**/*.py"))
+    settings = re.findall(r"^(\w+)=", (PI / "hindrax.env").read_text(), re.MULTILINE)
+    assert "HINDRAX_TETHER" in settings
+    for name in settings:
+        assert f'"{name}"' in sources, name
+
+
+def test_the_service_is_watched_and_always_started_again():
+    parser = configparser.ConfigParser(strict=False, interpolation=None)
+    parser.optionxform = str
+    parser.read(PI / "hindrax.service")
+    service = parser["Service"]
+    assert service["Type"] == "notify"
+    assert int(service["WatchdogSec"]) > 0
+    assert service["Restart"] == "always"
+    assert parser["Unit"]["StartLimitIntervalSec"] == "0"
+    assert service["User"] != "root"
+
+
+def test_systemd_accepts_the_service(tmp_path):
+    analyze = shutil.which("systemd-analyze")
+    if analyze is None:
+        pytest.skip("needs systemd-analyze, which this machine has not; the parts are looked at one by one above")
+    unit = tmp_path / "hindrax.service"
+    unit.write_text((PI / "hindrax.service").read_text().replace("/opt/hindrax", str(ROOT)))
+    done = subprocess.run([analyze, "verify", unit], capture_output=True, text=True, check=False, timeout=60)
+    assert [line for line in done.stderr.splitlines() if "hindrax" in line] == []
+
+
+def test_the_scripts_pass_shellcheck():
+    scripts = [*sorted(PI.glob("*.sh")), *sorted(ROOT.glob("src/*/security/*.sh"))]
+    command = [Path(sys.executable).parent / "shellcheck", *scripts]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "")

@@ -1,0 +1,77 @@
+"""What the documentation says exists: commands are taken, links lead somewhere, examples are good."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from documentation.pages import PAGES, ROOT, block_of, commands_of, links_of, paths_of
+
+from hindrax_bringup import cli
+from hindrax_bringup.cli import main
+from hindrax_core.vehicle import load_vehicle
+
+HOW_TO = ROOT / "docs" / "how-to"
+BY_THE_SCRIPT = ("setup",)
+MADE_BY_THE_READER = "lps22hb"
+"""The sensor that a how-to adds."""
+COMMANDS = [command for page in PAGES for command in commands_of(page)]
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda one: f"{name(one.page)}: {one.line}")
+def test_every_command_is_taken(command):
+    first, *rest = command.words
+    if first in BY_THE_SCRIPT or first.startswith("-"):
+        return
+    parser = cli.parser_of(cli.load(first.replace("-", "_")))
+    if "--help" not in rest:
+        parser.parse_args(rest)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_link_leads_somewhere(page):
+    for link in links_of(page):
+        if "://" not in link:
+            assert (page.parent / link).exists(), f"{name(page)}: {link} is not there"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_path_is_there(page):
+    for path in paths_of(page):
+        if MADE_BY_THE_READER not in path:
+            assert (ROOT / path).exists(), f"{name(page)}: {path} is not there"
+
+
+def test_every_page_can_be_reached_from_the_overview():
+    overview = ROOT / "docs" / "README.md"
+    reached = {(overview.parent / link).resolve() for link in links_of(overview)}
+    for page in PAGES:
+        if page.parent.name not in ("adr", ROOT.name, "docs"):
+            assert page.resolve() in reached, f"docs/README.md has no link to {name(page)}"
+
+
+def test_the_readme_is_a_screen_and_a_half():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 75
+    assert max(map(len, lines)) <= 130
+
+
+def test_the_vehicle_file_of_the_how_to_is_a_vehicle_file(tmp_path):
+    file = tmp_path / "myrov.yaml"
+    file.write_text(block_of(HOW_TO / "new-vehicle.md", "myrov.yaml"), encoding="utf-8")
+    assert load_vehicle(file).net_buoyancy_N == pytest.approx(0.98, abs=0.01)
+
+
+def test_the_sweep_of_the_how_to_gives_a_curve(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("sweep.csv").write_text(block_of(HOW_TO / "calibrate-thrusters.md", "sweep.csv"), encoding="utf-8")
+    fit = next(one for one in commands_of(HOW_TO / "calibrate-thrusters.md") if "fit" in one.words)
+    assert main(fit.words) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"negative:\n +c: \[", said)
+    assert Path("curve.png").stat().st_size > 10_000

@@ -1,0 +1,219 @@
+"""The thruster output in lock-step, under every fault of its bus: what is on the wire, whatever happens."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+from hindrax_core.device import Output
+from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_drivers.arming import Answer, Command, Guard, GuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.buses.output_host import Applied, OutputHost
+from hindrax_drivers.buses.outputs import RegisterOutput
+from hindrax_drivers.devices.pca9685 import Pca9685
+from hindrax_sim.buses.bus import LockStep, VirtualI2c
+from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
+from hindrax_sim.faults import FAULTS, FaultSpec, with_bus_faults
+
+START = stamp_from_s(100.0)
+REST = (1500.0,) * 8 + (1100.0,) * 2
+NEUTRAL, MOVING = (1500.0,) * 8, (1600.0,) * 8
+KNOBS = GuardKnobs(arming_s=0.5)
+LASTS_S = 6.0
+FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices]
+
+
+class Line:
+    enabled = False
+
+    def set(self, *, enabled: bool) -> None:
+        self.enabled = enabled
+
+    def close(self) -> None:
+        pass
+
+
+class Flight:
+    """Host, guard, driver, chip; commands every 20 ms. Tells what it heard and what was on the wire."""
+
+    def __init__(self, specs: Iterable[FaultSpec] = ()) -> None:
+        self.chip, self.line = Emulator(), Line()
+        afflicted = with_bus_faults("thrusters", self.chip, list(specs), seed=5, start_s=100.0)
+        wires = VirtualI2c()
+        wires.attach(0x40, afflicted.at(self.chip))
+        self.bus = LockStep(wires, START)
+        self.driver = Pca9685((*range(8), 8, 9), REST)
+        self.told: list[Applied] = []
+        self.refusals: list[str] = []
+        self.troubles: list[str] = []
+        self.frames = 0
+        output = RegisterOutput(self.bus, self.driver, self.line, self.tap)
+        self.host = OutputHost(output, Guard(8, 2, KNOBS), self)
+        self.sequence = 0
+        self.requests = 0
+
+    def tap(self, _stamp: Stamp, _sent: bool, _data: bytes) -> None:
+        self.frames += 1
+
+    def applied(self, applied: Applied) -> None:
+        self.told.append(applied)
+
+    def refused(self, refusal: Refusal, _stamp: Stamp) -> None:
+        self.refusals.append(refusal.reason)
+
+    def found(self, _identity: str) -> None:
+        pass
+
+    def troubled(self, text: str) -> None:
+        self.troubles.append(text)
+
+    def deliver(self, _outputs: Iterable[Output]) -> None:
+        raise AssertionError("a register says nothing by itself")
+
+    def rest(self) -> None:
+        pass
+
+    @property
+    def phase(self) -> Phase:
+        return self.told[-1].phase
+
+    def wire(self) -> tuple[float | None, ...]:
+        return self.chip.pulses_us()[:8]
+
+    def elapsed_s(self) -> float:
+        return seconds_between(START, self.bus.now())
+
+    def run(self, seconds: float, pulses: tuple[float, ...] | None = MOVING) -> None:
+        end = after(self.bus.now(), seconds)
+        while self.bus.now() < end:
+            if pulses is not None:
+                self.sequence += 1
+                self.host.command(Command(pulses, (), self.bus.now(), self.sequence))
+            slot = after(self.bus.now(), 0.02)
+            while (due := self.host.turn()) < slot:
+                self.bus.sleep_until(max(due, after(self.bus.now(), 0.0001)))
+            self.bus.sleep_until(slot)
+
+    def arm(self) -> Answer:
+        self.requests += 1
+        return self.host.arm(Request(self.bus.now(), self.requests))
+
+    def armed(self) -> "Flight":
+        self.run(0.1)
+        assert self.arm().accepted
+        self.run(0.8)
+        assert self.phase is Phase.ARMED
+        assert self.wire() == pytest.approx(self.driver.applied(MOVING))
+        return self
+
+    def neutral(self) -> Any:
+        return pytest.approx(self.driver.applied(NEUTRAL))
+
+
+def test_neutral_before_anything_else() -> None:
+    flight = Flight()
+    flight.host.turn()
+    assert flight.wire() == flight.neutral()
+    assert flight.line.enabled
+
+
+def test_silence_is_neutral_on_the_wire_in_the_time_promised_and_stays_so() -> None:
+    flight = Flight().armed()
+    last_s = flight.elapsed_s() - 0.02
+    flight.run(6.0, None)
+    changes = [change for change in flight.chip.changes if change.now_s > 100.0 + last_s + 1e-6]
+    assert [change.pulses_us[:8] for change in changes] == [flight.neutral()]
+    assert changes[0].now_s - 100.0 - last_s <= KNOBS.silence_s
+    assert flight.phase is Phase.DISARMED
+
+
+def test_neutral_is_repeated_at_ten_hertz_or_more() -> None:
+    flight = Flight()
+    flight.run(0.1, None)
+    before = len(flight.told)
+    flight.run(5.0, None)
+    assert len(flight.told) - before >= 50
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, 65535.0])
+def test_what_is_no_pulse_is_neutral_at_once(bad: float) -> None:
+    flight = Flight().armed()
+    flight.run(0.02, (bad,) * 8)
+    assert flight.wire() == flight.neutral()
+    assert flight.refusals[-1] == "not a pulse"
+
+
+def test_the_end_is_neutral() -> None:
+    flight = Flight().armed()
+    flight.host.end()
+    assert flight.wire() == flight.neutral()
+
+
+def test_disarm_is_neutral() -> None:
+    flight = Flight().armed()
+    assert flight.host.disarm(Request(flight.bus.now(), 99)).accepted
+    flight.host.turn()
+    assert flight.wire() == flight.neutral()
+    flight.run(1.0)
+    assert flight.wire() == flight.neutral()
+
+
+def test_what_is_told_is_what_is_on_the_wire() -> None:
+    flight = Flight().armed()
+    for pulse in (1234.0, 1777.0, 1500.0):
+        flight.run(0.5, (pulse,) * 8)
+        assert flight.told[-1].pulses_us == pytest.approx(flight.wire())
+        assert flight.told[-1].sequence == flight.sequence
+    assert flight.frames >= 2 * len(flight.told)
+
+
+@pytest.mark.parametrize("fault", FAULTS_OF_THE_BUS)
+def test_a_fault_is_survived_and_nobody_is_armed_by_it(fault: str) -> None:
+    flight = Flight([FaultSpec(fault, ("thrusters",), 2.0, LASTS_S)]).armed()
+    flight.run(2.0 + LASTS_S - flight.elapsed_s())
+    assert flight.troubles
+    flight.run(2.0)
+    faulted = any(one.phase is Phase.FAULTED for one in flight.told)
+    assert flight.phase is (Phase.DISARMED if faulted else Phase.ARMED)
+    wanted = NEUTRAL if faulted else MOVING
+    assert flight.wire() == pytest.approx(flight.driver.applied(wanted))
+    silent_since = len(flight.troubles)
+    flight.run(1.0)
+    assert len(flight.troubles) == silent_since
+    assert flight.arm().accepted
+    flight.run(0.8)
+    assert flight.wire() == pytest.approx(flight.driver.applied(MOVING))
+
+
+@pytest.mark.parametrize("fault", ["absent", "bus_stuck"])
+def test_an_output_that_cannot_be_reached_is_faulted_and_its_outputs_are_disabled(fault: str) -> None:
+    flight = Flight([FaultSpec(fault, ("thrusters",), 2.0, 3.0)]).armed()
+    flight.run(2.5 - flight.elapsed_s())
+    assert flight.phase is Phase.FAULTED
+    assert not flight.line.enabled
+    answer = flight.arm()
+    assert not answer.accepted
+    assert "output is faulted" in answer.reason
+    flight.run(4.0)
+    assert flight.line.enabled
+    assert flight.phase is Phase.DISARMED
+
+
+def test_a_lost_supply_is_found_within_a_second_and_pulses_come_back_neutral_and_disarmed() -> None:
+    flight = Flight().armed()
+    flight.chip.power_cycle(100.0 + flight.elapsed_s())
+    flight.run(1.2)
+    assert flight.wire() == flight.neutral()
+    assert flight.phase is Phase.DISARMED
+    assert "its supply was lost" in flight.told[-1].reason
+
+
+def test_an_absent_output_is_found_when_it_comes() -> None:
+    flight = Flight([FaultSpec("absent", ("thrusters",), 0.0, 3.0)])
+    flight.run(2.9)
+    assert flight.phase is Phase.FAULTED
+    assert "no acknowledge" in flight.told[-1].reason
+    flight.run(1.0)
+    assert flight.wire() == flight.neutral()
+    flight.armed()

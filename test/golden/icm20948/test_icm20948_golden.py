@@ -1,0 +1,152 @@
+"""ICM-20948 and AK09916 against the numbers of their data sheet."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from hindrax_core.bus import DeviceError, Operation, Pause, Write, WriteRead
+from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import Inertial, Magnetic
+from hindrax_core.testing import rehearse
+from hindrax_core.vehicle import GRAVITY_mps2
+from hindrax_drivers.devices import icm20948_registers as r
+from hindrax_drivers.devices.ak09916 import Ak09916
+from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.imu_calibration import Correction
+
+CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
+NARROW = Icm20948Knobs(gyro_range_dps="250", accel_range_g="2", magnetometer=False, startup_bias=False)
+
+Line = tuple[Operation, bytes | DeviceError]
+
+
+def write(*data: int) -> Line:
+    return (Write(0x68, bytes(data)), b"")
+
+
+def read(register: int, answer: str) -> Line:
+    data = bytes.fromhex(answer)
+    return (WriteRead(0x68, bytes([register]), len(data)), data)
+
+
+RESET: list[Line] = [
+    write(0x7F, 0x00),
+    read(0x00, CASES["who_am_i"]),
+    write(0x06, 0x80),
+    (Pause(0.1), b""),
+    write(0x7F, 0x00),
+    read(0x06, "41"),
+    write(0x06, 0x01),
+    (Pause(0.035), b""),
+    write(0x07, 0x00),
+    write(0x05, 0x00),
+]
+
+
+def converters(divider: int, gyro: int, accel: int) -> list[Line]:
+    return [
+        write(0x7F, 0x20),
+        write(0x00, divider),
+        write(0x01, gyro),
+        write(0x10, 0),
+        write(0x11, divider),
+        write(0x14, accel),
+        write(0x09, 1),
+        read(0x01, bytes([gyro]).hex()),
+        read(0x14, bytes([accel]).hex()),
+        write(0x7F, 0x00),
+    ]
+
+
+BYPASS: list[Line] = [write(0x03, 0x00), write(0x0F, 0x02), (Pause(0.001), b"")]
+MAG: list[Line] = [
+    (Write(0x0C, b"\x32\x01"), b""),
+    (Pause(0.001), b""),
+    (WriteRead(0x0C, b"\x00", 2), bytes.fromhex(CASES["mag_identity"])),
+    (Write(0x0C, b"\x31\x08"), b""),
+]
+TEMPERATURE = read(0x39, CASES["temperature"][1]["data"])
+FIFO: list[Line] = [
+    write(0x66, 0x00),
+    write(0x67, 0x1E),
+    write(0x69, 0x00),
+    write(0x03, 0x40),
+    write(0x68, 0x1F),
+    write(0x68, 0x00),
+]
+
+
+@pytest.mark.parametrize("row", CASES["gyro"], ids=lambda row: row["range_dps"])
+def test_gyro_scales(row: dict[str, Any]) -> None:
+    select = r.GYRO_RANGES.index(row["range_dps"])
+    assert r.GYRO_LSB_PER_DPS[select] == row["lsb_per_dps"]
+    assert r.gyro_radps_per_lsb(select) == pytest.approx(row["radps_per_lsb"], rel=1e-5)
+
+
+@pytest.mark.parametrize("row", CASES["accel"], ids=lambda row: row["range_g"])
+def test_accel_scales(row: dict[str, Any]) -> None:
+    assert r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(row["range_g"])) == pytest.approx(row["mps2_per_lsb"], rel=1e-5)
+
+
+@pytest.mark.parametrize(("divider", "rate_Hz"), CASES["rates"].items())
+def test_rates(divider: int, rate_Hz: float) -> None:
+    assert Icm20948Knobs(divider=divider).rate_Hz == pytest.approx(rate_Hz, rel=1e-6)
+
+
+@pytest.mark.parametrize("row", CASES["temperature"], ids=lambda row: row["data"])
+def test_temperature(row: dict[str, Any]) -> None:
+    raw = int.from_bytes(bytes.fromhex(row["data"]), "big")
+    assert r.temperature_C(raw) == pytest.approx(row["celsius"], abs=1e-4)
+
+
+def test_configuration_says_what_the_data_sheet_wants_in_its_order() -> None:
+    config = int(CASES["config_500dps_4g_filter_3"], 16)
+    lines = RESET + converters(4, config, config) + BYPASS + MAG + [TEMPERATURE] + FIFO
+    identity = rehearse(Icm20948().configure(), lines)
+    assert identity.text == "ICM-20948 at 0x68, AK09916, 225 Hz, 500 dps, 4 g"
+
+
+def narrow() -> Icm20948:
+    sensor = Icm20948(NARROW)
+    rehearse(sensor.configure(), RESET + converters(4, 0x19, 0x19) + BYPASS + [TEMPERATURE] + FIFO)
+    return sensor
+
+
+def test_samples_of_the_fifo() -> None:
+    data = [row["data"] for row in CASES["samples"]]
+    lines = [read(0x70, f"{12 * len(data):04x}"), read(0x72, " ".join(data))]
+    outputs = rehearse(narrow().cycle(stamp_from_s(1.0)), lines)
+    for output, row in zip(outputs, CASES["samples"], strict=True):
+        assert isinstance(output, Stamped)
+        assert isinstance(output.reading, Inertial)
+        assert output.reading.specific_force_mps2 == pytest.approx([g * GRAVITY_mps2 for g in row["accel_g"]], abs=1e-6)
+        assert output.reading.rate_radps == pytest.approx([math.radians(rate) for rate in row["gyro_dps"]], abs=1e-8)
+        assert output.reading.temperature_C == pytest.approx(CASES["temperature"][1]["celsius"], abs=1e-4)
+
+
+def magnetometer() -> Ak09916:
+    mag = Ak09916(Correction())
+    assert rehearse(mag.configure(), MAG) == "AK09916"
+    return mag
+
+
+def test_the_magnetic_field_comes_in_the_axes_of_the_inertial_sensor() -> None:
+    block = bytes.fromhex(CASES["mag"]["data"])
+    (output,) = rehearse(magnetometer().read(Stamp(0)), [(WriteRead(0x0C, b"\x10", 9), block)])
+    assert isinstance(output, Stamped)
+    assert isinstance(output.reading, Magnetic)
+    assert output.reading.field_T == pytest.approx([1e-6 * field for field in CASES["mag"]["field_uT"]], abs=1e-12)
+
+
+def test_an_overflow_of_the_magnetometer_is_no_reading() -> None:
+    block = bytes.fromhex(CASES["mag_overflow"])
+    (output,) = rehearse(magnetometer().read(Stamp(0)), [(WriteRead(0x0C, b"\x10", 9), block)])
+    assert output == Rejected(Stamp(0), "magnetometer: field too strong (overflow)", block)
+
+
+def test_another_chip_at_the_address_is_named() -> None:
+    with pytest.raises(DeviceError, match="found WHO_AM_I 0x68, wanted 0xea"):
+        rehearse(Icm20948().configure(), [write(0x7F, 0x00), read(0x00, "68")])

@@ -1,0 +1,113 @@
+"""MS5837 against the numbers of its data sheets."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from hindrax_core.bus import DeviceError, Operation, Pause, Write, WriteRead
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import Pressure
+from hindrax_core.testing import rehearse
+from hindrax_drivers.devices.ms5837 import (
+    CONVERSION_S,
+    OSRS,
+    Ms5837,
+    Ms5837Knobs,
+    Prom,
+    compensate,
+    crc4,
+    model_of,
+    to_reading,
+)
+
+CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
+EXAMPLE = CASES["compensation"][0]
+WORDS = [bytes.fromhex(word) for word in CASES["prom"][0]["words"].split()]
+
+
+@pytest.mark.parametrize("row", CASES["compensation"], ids=lambda row: row["model"])
+def test_the_worked_example(row: dict[str, Any]) -> None:
+    prom = Prom(row["model"], tuple(row["c"]))
+    value = compensate(prom, row["d1"], row["d2"])
+    assert (value.temperature_cC, value.pressure_steps) == (row["temperature_cC"], row["steps"])
+    assert to_reading(prom, value) == Pressure(row["pressure_Pa"], pytest.approx(row["temperature_cC"] / 100.0))
+
+
+@pytest.mark.parametrize("row", CASES["prom"], ids=lambda row: row["words"][:4])
+def test_checksum_and_model_of_a_prom(row: dict[str, Any]) -> None:
+    words = [int(word, 16) for word in row["words"].split()]
+    assert crc4(words) == words[0] >> 12 == row["crc"]
+    assert model_of(words[1]) == row["model"]
+
+
+@pytest.mark.parametrize(("c1", "model"), CASES["variants"].items())
+def test_models_are_told_apart_by_c1(c1: int, model: str | None) -> None:
+    assert model_of(c1) == model
+
+
+@pytest.mark.parametrize("osr", OSRS)
+def test_no_conversion_is_read_before_its_longest_time(osr: str) -> None:
+    assert CONVERSION_S[OSRS.index(osr)] > CASES["longest_s"][int(osr)]
+
+
+def configuration(words: list[bytes]) -> list[tuple[Operation, bytes]]:
+    first = int(CASES["prom_first"], 16)
+    return [
+        (Write(0x76, bytes.fromhex(CASES["reset"])), b""),
+        (Pause(0.01), b""),
+        *((WriteRead(0x76, bytes([first + 2 * index]), 2), word) for index, word in enumerate(words)),
+    ]
+
+
+def conversion(command: str, wait_s: float, answer: str) -> list[tuple[Operation, bytes]]:
+    return [
+        (Write(0x76, bytes.fromhex(command)), b""),
+        (Pause(wait_s), b""),
+        (WriteRead(0x76, bytes.fromhex("00"), 3), bytes.fromhex(answer)),
+    ]
+
+
+def test_configuration_and_first_reading_are_the_data_sheets() -> None:
+    sensor = Ms5837(Ms5837Knobs(oversampling="8192"))
+    identity = rehearse(sensor.configure(), configuration(WORDS))
+    assert identity.text == "MS5837-30BA at 0x76, C1 34982"
+    d2 = conversion("5a", CONVERSION_S[5], EXAMPLE["d2"].to_bytes(3, "big").hex())
+    d1 = conversion(CASES["convert_d1_8192"], CONVERSION_S[5], CASES["d1_bytes"])
+    (reading,) = rehearse(sensor.cycle(Stamp(0)), d2 + d1)
+    assert reading == Stamped(Stamp(30_750_000), Pressure(399980.0, pytest.approx(19.81)))
+
+
+def test_the_temperature_is_converted_every_tenth_time() -> None:
+    sensor = Ms5837()
+    rehearse(sensor.configure(), configuration(WORDS))
+    d2 = conversion("58", CONVERSION_S[4], EXAMPLE["d2"].to_bytes(3, "big").hex())
+    for turn in range(20):
+        d1 = conversion("48", CONVERSION_S[4], f"4ba7{turn:02x}")
+        rehearse(sensor.cycle(Stamp(turn)), d2 + d1 if turn % 10 == 0 else d1)
+
+
+def test_a_wrong_checksum_names_both() -> None:
+    words = [WORDS[0], b"\x88\xa7", *WORDS[2:]]
+    with pytest.raises(DeviceError, match=r"address 0x76: PROM checksum 0x[0-9a-f], wanted 0x9"):
+        rehearse(Ms5837().configure(), configuration(words))
+
+
+def test_a_silent_prom_is_refused_though_its_checksum_holds() -> None:
+    assert crc4([0] * 7) == 0
+    with pytest.raises(DeviceError, match="PROM"):
+        rehearse(Ms5837().configure(), configuration([b"\0\0"] * 7))
+
+
+def test_a_conversion_that_gives_zero_was_read_early_or_lost() -> None:
+    sensor = Ms5837()
+    rehearse(sensor.configure(), configuration(WORDS))
+    with pytest.raises(DeviceError, match="gave 0"):
+        rehearse(sensor.cycle(Stamp(0)), conversion("58", CONVERSION_S[4], "000000"))
+
+
+def test_the_model_may_be_ordered_and_a_contradiction_is_remarked() -> None:
+    sensor = Ms5837(Ms5837Knobs(model="02BA"))
+    identity = rehearse(sensor.configure(), configuration(WORDS))
+    assert identity.text == "MS5837-02BA at 0x76, C1 34982 (its calibration looks like 30BA)"

@@ -1,0 +1,70 @@
+"""Frames from outside through the codec and the driver."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_core.device import Identity, Send
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import Echo, EchoProfile
+from hindrax_drivers.devices import ping_protocol as protocol
+from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+
+CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))
+FRAMES = {case["name"]: bytes.fromhex(case["frame"]) for case in CASES["host"] + CASES["device"]}
+
+
+def named(kind: str) -> list[object]:
+    return [pytest.param(case, id=case["name"]) for case in CASES[kind]]
+
+
+@pytest.mark.parametrize("case", named("host") + named("device"))
+def test_encoding(case):
+    assert protocol.encode(case["message"], bytes.fromhex(case["payload"])) == bytes.fromhex(case["frame"])
+
+
+@pytest.mark.parametrize("case", named("device"))
+def test_decoding(case):
+    wanted = protocol.Frame(case["message"], bytes.fromhex(case["payload"]))
+    assert protocol.FrameSplitter().feed(bytes.fromhex(case["frame"])) == [wanted]
+
+
+@pytest.mark.parametrize("case", named("hostile"))
+def test_hostile_streams_swallow_nothing(case):
+    stream = bytes.fromhex(case["stream"].replace("F", FRAMES["distance_simple"].hex(" ")))
+    pieces = protocol.FrameSplitter().feed(stream)
+    assert [one.id for one in pieces if isinstance(one, protocol.Frame)] == [1211] * case["wanted"]
+    assert any(isinstance(one, protocol.Refused) for one in pieces)
+
+
+def running() -> tuple[Ping1d, list[object]]:
+    """A driver whose device acknowledges nothing and has just sent its identity; orders are given up one by one."""
+    driver = Ping1d(Ping1dKnobs(tries=1, answer_s=0.05, continuous=False, profile=True))
+    outputs = [*driver.start(Stamp(0)), *driver.feed(FRAMES["device_information"], Stamp(0))]
+    for index in range(1, 20):
+        outputs += driver.tick(Stamp(index * 50_000_000))
+    assert driver.ready
+    return driver, outputs
+
+
+def test_the_identity():
+    _, outputs = running()
+    assert [one.text for one in outputs if isinstance(one, Identity)] == [
+        CASES["readings"]["device_information"]["text"]
+    ]
+    assert outputs[0] == Send(protocol.request(5) + protocol.request(4), wake=True)
+
+
+@pytest.mark.parametrize("name", ["distance_simple", "distance", "profile"])
+def test_readings(name):
+    driver, _ = running()
+    found = [one.reading for one in driver.feed(FRAMES[name], Stamp(10**9)) if isinstance(one, Stamped)]
+    wanted = dict(CASES["readings"][name])
+    assert [type(one) for one in found] == ([Echo, EchoProfile] if name == "profile" else [Echo])
+    if "strength" in wanted:
+        wanted["strength"] = bytes.fromhex(wanted["strength"])
+    assert asdict(found[-1]) == pytest.approx(wanted)

@@ -1,0 +1,118 @@
+"""Our MAVLink against frames that pymavlink made, and against pymavlink itself."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common
+
+from hindrax_core.events import Stamp
+from hindrax_drivers.devices.mavlink import (
+    BatteryStatus,
+    ChannelsOverride,
+    CommandAck,
+    CommandLong,
+    Decoder,
+    Frame,
+    Heartbeat,
+    Message,
+    ServoOutput,
+    StatusText,
+    encode,
+)
+
+NOW = Stamp(5)
+CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())["frames"]
+WIRES = {name: bytes.fromhex(case["wire"].replace("00*24", "00 " * 24)) for name, case in CASES.items()}
+SAID: dict[str, Message] = {
+    "heartbeat": Heartbeat(type=18, autopilot=8, base_mode=0, system_status=4),
+    "override_neutral": ChannelsOverride((1500,) * 8),
+    "override_mixed": ChannelsOverride((1100, 1900, 1500, 1500, 1500, 1500)),
+    "arm": CommandLong(400, 1.0),
+    "ack": CommandAck(400, 0),
+    "servo_output": ServoOutput(1_000_000, (1100, 1900, 1500, 1500, 1500, 1500)),
+}
+U16 = st.integers(0, 65535)
+
+
+def only(data: bytes) -> Message:
+    (frame,) = Decoder().feed(data, NOW)
+    assert isinstance(frame, Frame)
+    return frame.message
+
+
+def sender() -> Any:
+    return common.MAVLink(None, srcSystem=1, srcComponent=1)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_encodes_to_the_very_bytes(name: str) -> None:
+    case = CASES[name]
+    assert encode(SAID[name], case["sequence"], component=case["component"]) == WIRES[name]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_decodes_the_very_bytes(name: str) -> None:
+    (frame,) = Decoder().feed(WIRES[name], NOW)
+    assert isinstance(frame, Frame)
+    assert (frame.system, frame.component, frame.sequence) == (1, CASES[name]["component"], CASES[name]["sequence"])
+    assert encode(frame.message, frame.sequence, frame.system, frame.component) == WIRES[name]
+
+
+@given(st.lists(U16, min_size=18, max_size=18), st.integers(0, 255))
+def test_override_as_pymavlink(pulses: list[int], sequence: int) -> None:
+    theirs = sender()
+    theirs.seq = sequence
+    wire = bytes(theirs.rc_channels_override_encode(1, 1, *pulses).pack(theirs))
+    assert encode(ChannelsOverride(tuple(pulses)), sequence, component=1) == wire
+    assert only(wire) == ChannelsOverride(tuple(pulses))
+
+
+@given(st.integers(0, 2**32 - 1), st.lists(U16, min_size=16, max_size=16))
+def test_servo_output_as_pymavlink(time_us: int, pulses: list[int]) -> None:
+    theirs = sender()
+    wire = bytes(theirs.servo_output_raw_encode(time_us, 0, *pulses).pack(theirs))
+    assert only(wire) == ServoOutput(time_us, tuple(pulses))
+    assert encode(ServoOutput(time_us, tuple(pulses)), 0, component=1) == wire
+
+
+@given(U16, st.floats(width=32, allow_nan=False), st.integers(0, 255))
+def test_command_as_pymavlink(command: int, parameter: float, confirmation: int) -> None:
+    theirs = sender()
+    wire = bytes(theirs.command_long_encode(1, 1, command, confirmation, parameter, *(0.0,) * 6).pack(theirs))
+    assert only(wire) == CommandLong(command, parameter, confirmation)
+    assert encode(CommandLong(command, parameter, confirmation), 0, component=1) == wire
+
+
+@given(st.lists(st.integers(0, 5000), min_size=1, max_size=10), st.integers(-1, 32767))
+def test_battery_of_pymavlink(cells: list[int], current: int) -> None:
+    theirs = sender()
+    padded = cells + [65535] * (10 - len(cells))
+    wire = bytes(theirs.battery_status_encode(0, 0, 0, 0x7FFF, padded, current, -1, -1, -1).pack(theirs))
+    assert only(wire) == BatteryStatus(sum(cells) / 1e3, None if current < 0 else current / 100.0)
+
+
+@given(st.integers(0, 7), st.text(st.characters(min_codepoint=1, max_codepoint=126), max_size=50))
+def test_status_text_of_pymavlink(severity: int, text: str) -> None:
+    theirs = sender()
+    wire = bytes(theirs.statustext_encode(severity, text.encode()).pack(theirs))
+    assert only(wire) == StatusText(severity, text)
+
+
+def test_our_battery_is_understood_by_pymavlink() -> None:
+    (message,) = common.MAVLink(None).parse_buffer(encode(BatteryStatus(14.8, 12.34), 0))
+    assert message.voltages == [14800] + [65535] * 9
+    assert message.current_battery == 1234
+    assert message.battery_remaining == -1
+
+
+def test_signed_frames_are_refused() -> None:
+    theirs = sender()
+    theirs.signing.secret_key, theirs.signing.sign_outgoing = bytes(32), True
+    signed = bytes(theirs.heartbeat_encode(12, 0, 0, 0, 3).pack(theirs))
+    events = list(Decoder().feed(signed + bytes(64), NOW))
+    assert not any(isinstance(event, Frame) for event in events)
+    assert [getattr(event, "reason", "") for event in events] == ["signed, or of a later version"]

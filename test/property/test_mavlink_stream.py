@@ -1,0 +1,106 @@
+"""Laws of the MAVLink decoders, of host and firmware, over floods of mutated frames.
+
+20 000 frames by default; HINDRAX_THOROUGH=1 makes it a million.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import struct
+
+from pymavlink.dialects.v20 import common
+from pymavlink.generator.mavcrc import x25crc
+
+from hindrax_core.events import Stamp
+from hindrax_core.testing import chunks
+from hindrax_drivers.devices.mavlink import (
+    BatteryStatus,
+    ChannelsOverride,
+    CommandAck,
+    CommandLong,
+    Decoder,
+    Frame,
+    Heartbeat,
+    ServoOutput,
+    StatusText,
+    encode,
+)
+from hindrax_drivers.devices.stm32 import Stm32
+from hindrax_sim.firmware.controller import Controller
+from hindrax_sim.firmware.mavlink import HEARD
+
+FRAMES = 1_000_000 if os.environ.get("HINDRAX_THOROUGH") else 20_000
+BATCH = 50
+KNOWN = (0, 36, 70, 76, 77, 147, 253)
+EXTRA = {number: common.mavlink_map[number].crc_extra for number in KNOWN}
+LONGEST = {number: struct.calcsize(common.mavlink_map[number].unpacker.format) for number in KNOWN}
+
+
+def frame(dice: random.Random) -> bytes:
+    """A good frame of a random kind, from either end."""
+    pulses = tuple(dice.choice([1500, 1100, 1900, 0, 65535, dice.randrange(65536)]) for _ in range(16))
+    message = dice.choice(
+        [
+            Heartbeat(12, 0, dice.choice([0, 128]), dice.randrange(9)),
+            ServoOutput(dice.randrange(2**32), pulses),
+            ChannelsOverride(pulses),
+            CommandLong(dice.choice([400, 400, 246]), dice.choice([0.0, 1.0, float("nan")])),
+            CommandAck(400, dice.randrange(6)),
+            BatteryStatus(dice.uniform(0.0, 60.0), dice.choice([None, 3.0])),
+            StatusText(dice.randrange(8), "text \ufffd"),
+        ]
+    )
+    return encode(message, dice.randrange(256), component=dice.choice([1, 191]))
+
+
+def mutate(data: bytes, dice: random.Random) -> bytes:
+    """Mostly as it was; else cut, flipped, doubled or drowned in noise."""
+    at = dice.randrange(len(data))
+    flipped = bytes([data[at] ^ 1 << dice.randrange(8)])
+    broken = (
+        data[:at],
+        data[at:],
+        data[:at] + b"\xfd" + data[at:],
+        data[:at] + flipped + data[at + 1 :],
+        data[:at] + data,
+        dice.randbytes(dice.randrange(100)),
+    )
+    return dice.choice((*broken, *[data] * 6))
+
+
+def true_frames(data: bytes) -> int:
+    """Frames whose checksum holds, at any place, found without the decoder and with pymavlink's checksum."""
+    found = 0
+    for start in (at for at, byte in enumerate(data) if byte == 0xFD):
+        head = data[start : start + 10]
+        number = int.from_bytes(head[7:10], "little")
+        if len(head) < 10 or head[2] or number not in EXTRA or not 0 < head[1] <= LONGEST[number]:
+            continue
+        end = start + 10 + head[1]
+        crc = x25crc(data[start + 1 : end])
+        crc.accumulate(bytes([EXTRA[number]]))
+        found += len(data) >= end + 2 and crc.crc == int.from_bytes(data[end : end + 2], "little")
+    return found
+
+
+def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through() -> None:
+    dice = random.Random(407)
+    host, board, accepted = Stm32(range(8)), Controller(8, 0, 0), 0
+    for turn in range(FRAMES // BATCH):
+        data = b"".join(mutate(frame(dice), dice) for _ in range(BATCH)) + bytes(100)
+        sizes = [dice.randrange(1, 200) for _ in range(8)]
+        decoder = Decoder()
+        events = [event for piece in chunks(data, sizes) for event in decoder.feed(piece, Stamp(turn))]
+        frames = [event for event in events if isinstance(event, Frame)]
+        assert len(frames) <= true_frames(data)
+        accepted += len(frames)
+        for piece in chunks(data, sizes):
+            list(host.feed(piece, Stamp(turn)))
+            board.receive(piece, turn)
+            assert all(1100 <= pulse <= 1900 for pulse in board.failsafe.step(turn))
+    assert accepted > FRAMES // 3, "the flood must not drown everything"
+
+
+def test_the_firmware_hears_with_the_lengths_of_the_message_set() -> None:
+    assert {number: LONGEST[number] for number in HEARD} == HEARD

@@ -1,0 +1,202 @@
+"""The reference bags through today's code: nothing may differ, and what is changed on purpose is found and named."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from hindrax_bag.compare import Ledger, Rules, load_rules
+from hindrax_bag.reader import attachments, messages
+from hindrax_bag.recover import recover
+from hindrax_bringup import cli, state_stage
+from hindrax_bringup.commands import replay as command
+from hindrax_bringup.replay_reference import check_reference, reference_file, write_reference
+from hindrax_bringup.replay_run import replay
+from hindrax_bringup.root import clone_root
+from hindrax_core.topics import RAW_FRAMES, resolved
+from hindrax_drivers.devices import icm20948_registers, ms5837
+from hindrax_drivers.nodes import outlets
+
+BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
+SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
+RAW = {resolved(topic) for topic in RAW_FRAMES}
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory) -> Path:
+    """The first seconds of a reference bag."""
+    return recover(
+        SURGE, tmp_path_factory.mktemp("short") / "short", keep=lambda _topic, after_s: after_s <= 6.0
+    ).output
+
+
+def test_every_reference_bag_gives_what_it_gave(capsys):
+    assert cli.main(["replay", "--all", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert len(document["bags"]) == len(BAGS) > 0
+    for one in document["bags"]:
+        assert one["differences"] == []
+        assert one["fields_compared"] > 100_000
+
+
+def test_reference_bags_are_small():
+    assert sum(file.stat().st_size for bag in BAGS for file in bag.iterdir()) < 10_000_000
+
+
+def test_every_device_is_replayed_from_its_wire(short):
+    made = replay(short).ledger.messages
+    wanted = {"dvl75/velocity", "ping1d/range", "icm20948/data_raw", "icm20948/mag", "ms5837/pressure"}
+    assert wanted <= {topic.removeprefix("/hindrax/") for topic in made}
+
+
+def test_messages_of_other_packages_are_no_part_of_a_replay(short, monkeypatch):
+    """Where marine_acoustic_msgs is installed the DVL publishes a copy that no bag holds."""
+    made = []
+
+    def outlet(node):
+        return made.append(node) or node.create_publisher(object, f"{node.get_name()}/dvl", None).publish
+
+    monkeypatch.setattr(outlets.marine_acoustic, "outlet", outlet)
+    replayed = replay(short).ledger
+    assert len(made) == 1
+    assert replayed.differences() == []
+    assert "/hindrax/dvl75/dvl" not in replayed.messages
+
+
+def test_a_changed_driver_constant_is_found_and_named(short, monkeypatch):
+    real = ms5837.to_reading
+
+    def twisted(prom, values):
+        reading = real(prom, values)
+        return dataclasses.replace(reading, pressure_Pa=reading.pressure_Pa * 1.0001)
+
+    monkeypatch.setattr(ms5837, "to_reading", twisted)
+    found = replay(short).ledger.differences()
+    assert ("/hindrax/ms5837/pressure", "fluid_pressure") in {(one.topic, one.field) for one in found}
+    assert not any("icm20948" in one.topic or "dvl75" in one.topic for one in found)
+    sentence = found[0].sentence(0)
+    assert "/hindrax/ms5837/pressure fluid_pressure" in sentence
+
+
+@pytest.mark.parametrize(
+    ("changed", "field"),
+    [
+        ((icm20948_registers, "MAG_T_PER_LSB", 0.1506e-6), "/hindrax/icm20948/mag magnetic_field.x"),
+        ((outlets, "PING_LIMITS_m", (0.5, 100.0)), "/hindrax/ping1d/range min_range"),
+    ],
+)
+def test_a_changed_constant_fails_the_command_and_is_pointed_at(short, monkeypatch, capsys, changed, field):
+    monkeypatch.setattr(*changed)
+    assert cli.main(["replay", str(short)]) == 1
+    assert f"  {field}: " in capsys.readouterr().out
+
+
+def test_a_driver_that_asks_for_something_else_is_found(short, monkeypatch):
+    monkeypatch.setattr(ms5837, "PROM_READ", 0xB0)
+    found = replay(short).ledger.differences()
+    assert any(one.topic == "raw/ms5837" and "the record has" in one.field for one in found)
+
+
+def test_a_changed_navigator_is_found_by_the_command(monkeypatch, capsys):
+    monkeypatch.setattr(state_stage.Navigator, "_navigation", _deeper(state_stage.Navigator._navigation))
+    assert cli.main(["replay", str(SURGE), "--json"]) == 1
+    (one,) = json.loads(capsys.readouterr().out)["bags"]
+    assert {(found["topic"], found["field"]) for found in one["differences"]} == {
+        ("/hindrax/navigation/status", "depth")
+    }
+
+
+def test_wrong_use_is_told_apart(short):
+    assert cli.main(["replay"]) == 2
+    assert cli.main(["replay", str(short), "--all"]) == 2
+    assert cli.main(["replay", str(short / "nothing")]) == 2
+
+
+def _deeper(real):
+    def navigation(self, stamp, rate):
+        return dataclasses.replace(real(self, stamp, rate), depth_m=3.0)
+
+    return navigation
+
+
+def test_messages_alone_are_replayed_from_their_topics(tmp_path):
+    bag = recover(SURGE, tmp_path / "messages", keep=lambda topic, after_s: topic not in RAW and after_s < 15.0).output
+    done = replay(bag)
+    assert set(done.ledger.messages) == {"/hindrax/navigation/status"}
+    assert done.ledger.differences() == []
+
+
+def test_an_unfinished_bag_is_replayed_up_to_its_cut(short, tmp_path):
+    whole = next(short.glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    done = replay(cut, vehicle=None)
+    assert done.ledger.differences() == []
+    assert done.ledger.fields_compared > 10_000
+
+
+def test_an_unfinished_bag_is_identified_up_to_its_cut(tmp_path, capsys):
+    whole = next(SURGE.glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) * 9 // 10])
+    vehicle = tmp_path / "vehicle.yaml"
+    vehicle.write_bytes(attachments(SURGE)["vehicle.yaml"])
+    code = cli.main(["identify", str(cut), "--vehicle", str(vehicle), "--json"])
+    assert code in {0, 1}
+    assert json.loads(capsys.readouterr().out)["motions"]["surge"]["samples"] > 100
+
+
+def test_two_replays_give_the_same_to_the_last_bit_and_a_reference_keeps_it(short, tmp_path):
+    first, second = replay(short), replay(short)
+    assert repr(first.samples) == repr(second.samples)
+    file = reference_file(short, tmp_path)
+    write_reference(first, file)
+    check_reference(second, file)
+    assert second.ledger.differences() == []
+    topic = "/hindrax/ms5837/pressure"
+    stamp = next(iter(second.samples[topic]))
+    second.samples[topic][stamp]["fluid_pressure"] *= 1.0 + 1e-6
+    check_reference(second, file)
+    (found,) = second.ledger.differences()
+    assert (found.topic, found.field) == (f"reference {topic}", "fluid_pressure")
+
+
+def test_update_belongs_to_the_reference_bags_only(short):
+    assert cli.main(["replay", str(short), "--update-refs"]) == 2
+    assert command.references().is_dir()
+
+
+def test_rules_name_ignored_fields_and_tolerances():
+    rules = Rules(
+        {
+            "default": {"relative": 1e-9},
+            "topics": {"/a": {"ignore": ["ages"], "fields": {"x*": {"absolute": 0.1}}, "unmatched": 0.5}},
+        }
+    )
+    ledger = Ledger(rules)
+    ledger.compare_values("/a", 1, {"x1": 1.0, "ages[0]": 1.0, "y": 2.0}, {"x1": 1.05, "ages[0]": 9.0, "y": 2.1})
+    ledger.unmatched("/a", 2, "recorded, not replayed", "a message", "none")
+    assert [one.field for one in ledger.differences()] == ["y", "(message) recorded, not replayed"]
+    assert ledger.fields_compared == 2
+
+
+def test_our_rules_are_sharp_for_what_devices_measure():
+    tolerance = load_rules().of("/hindrax/dvl75/velocity").tolerance("twist.twist.linear.x")
+    assert tolerance is not None
+    assert tolerance.absolute <= 1e-9
+
+
+def test_padding_is_told_from_fields():
+    message = next(iter(messages(SURGE, {"/hindrax/icm20948/data_raw"})))
+    text = message.data.index(b"icm20948_link\x00") + len("icm20948_link") + 1
+    padded, changed = bytearray(message.data), bytearray(message.data)
+    padded[text] ^= 0x55
+    changed[-9] ^= 0x55
+    ledger = Ledger(load_rules())
+    ledger.compare_bytes(message.topic, 1, message.data, bytes(padded), message.form.decode)
+    assert ledger.differences() == []
+    ledger.compare_bytes(message.topic, 1, message.data, bytes(changed), message.form.decode)
+    assert len(ledger.differences()) == 1

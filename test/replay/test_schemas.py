@@ -1,0 +1,70 @@
+"""Bags of every version of our messages: they open, come in today's form, and are replayed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hindrax_bag import cdr
+from hindrax_bag.definitions import definition, share_lookup
+from hindrax_bag.mcap_records import records
+from hindrax_bag.migrations import VERSION, steps_of
+from hindrax_bag.reader import messages
+from hindrax_bringup.replay_run import replay
+from hindrax_bringup.root import clone_root
+from hindrax_ros.graph import message_class
+
+FOLDER = clone_root() / "test" / "replay" / "schemas"
+VERSIONS = sorted(int(one.name) for one in FOLDER.iterdir())
+NAVIGATION, STATE = "/hindrax/navigation/status", "/hindrax/thrusters/state"
+
+
+def test_there_is_a_bag_of_every_version():
+    assert list(range(1, VERSION + 1)) == VERSIONS
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_every_message_comes_in_the_form_of_today(version):
+    seen = set()
+    for message in messages(FOLDER / str(version)):
+        if message.type in seen:
+            continue
+        seen.add(message.type)
+        decoded, today = message.decoded(), message_class(message.type)()
+        assert [name for name in today.get_fields_and_field_types() if not hasattr(decoded, name)] == []
+    assert len(seen) >= 10
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_bag_of_every_version_is_replayed(version):
+    done = replay(FOLDER / str(version))
+    assert done.ledger.differences() == []
+    assert done.ledger.messages[NAVIGATION] > 20
+
+
+def test_what_an_old_message_lacks_is_unknown_and_what_it_has_is_kept():
+    old = list(messages(FOLDER / "1", {NAVIGATION, STATE}))
+    new = list(messages(FOLDER / str(VERSION), {NAVIGATION, STATE}))
+    assert len(old) == len(new)
+    assert {one.form.old for one in old} == {True}
+    assert {one.form.old for one in new} == {False}
+    for one, other in zip(old, new, strict=True):
+        before, after = one.decoded(), other.decoded()
+        if one.topic == NAVIGATION:
+            assert before.depth == after.depth
+            assert math.isnan(before.yaw_rate)
+            assert math.isfinite(after.yaw_rate)
+        else:
+            assert before.pulses == [float(round(value)) for value in after.pulses]
+            assert all(isinstance(value, float) for value in before.pulses)
+
+
+def test_the_newest_bag_has_the_messages_of_today():
+    """Fails when a message was changed without a step that brings earlier bags to its new form."""
+    for record in records(next((FOLDER / str(VERSION)).glob("*.mcap"))):
+        if type(record).__name__ == "Schema" and record.name.startswith("hindrax_msgs/"):
+            today = cdr.parse(record.name, definition(record.name, share_lookup))
+            then = cdr.parse(record.name, record.data.decode())
+            assert then == today, f"{record.name} has changed: see test/replay/make_schema_bags.py"
+            assert steps_of(record.name, record.data.decode()) == ()

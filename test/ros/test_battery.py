@@ -1,0 +1,90 @@
+"""A battery sensor and the allocator, by messages: with less voltage the same force takes a longer pulse."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import BatteryState
+
+from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_control.nodes.allocator import AllocatorNode
+from hindrax_core.events import Stamp
+from hindrax_core.topics import ALLOCATION, BATTERY, NAMESPACE, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_core.vehicle import load_vehicle
+from hindrax_msgs.msg import AllocationStatus, ThrusterCommand, ThrusterState
+from hindrax_ros.convert import FSD
+from hindrax_ros.graph import publisher, subscription
+
+pytestmark = pytest.mark.ros
+
+PATIENT_S = 60.0
+SETTLING = 20
+"""Turns in which a command has come back as a state, and the state as an allocation."""
+UP = (0.0, 0.0, -30.0, 0.0, 0.0, 0.0)
+
+
+class Bench:
+    """The allocator, and a node that plays battery sensor and thrusters and hears what becomes of a wrench."""
+
+    def __init__(self) -> None:
+        self.allocator = AllocatorNode(load_vehicle(default_vehicle()))
+        self.node = Node("bench", namespace=NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self.battery = publisher(self.node, BATTERY)
+        self._state = publisher(self.node, THRUSTER_STATE)
+        self.said: AllocationStatus | None = None
+        subscription(self.node, THRUSTER_COMMAND, self._obey)
+        subscription(self.node, ALLOCATION, lambda message: setattr(self, "said", message))
+
+    def _obey(self, command: ThrusterCommand) -> None:
+        state = ThrusterState(armed=True, state="armed", pulses=command.pulses, sequence=command.sequence)
+        state.header.stamp = command.header.stamp
+        self._state.publish(state)
+
+    def until_supplied(self, volts: float, *, measured: bool) -> list[float]:
+        """Ask for a wrench until its allocation reckons with a voltage; returns the pulses that follow from it."""
+        deadline = time.monotonic() + PATIENT_S
+        while self.said is None or (self.said.supply_voltage, self.said.supply_measured) != (volts, measured):
+            assert time.monotonic() < deadline, f"last heard: {self.said}"
+            if measured:
+                self.battery.publish(BatteryState(voltage=volts, present=True))
+            self._turn()
+        for _ in range(SETTLING):
+            self._turn()
+        return list(self.said.pulses)
+
+    def _turn(self) -> None:
+        now = Stamp(self.node.get_clock().now().nanoseconds)
+        self.allocator.take(UP, FSD, now, now)
+        self.allocator.drain()
+        self.allocator.outbox.flush()
+        self._executor.spin_once(timeout_sec=0.02)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
+        rclpy.init(args=[])
+        try:
+            yield Bench()
+        finally:
+            rclpy.try_shutdown()
+
+
+def test_a_measured_voltage_takes_the_place_of_the_nominal_one(bench: Bench) -> None:
+    nominal = bench.until_supplied(14.8, measured=False)
+    weak = bench.until_supplied(12.0, measured=True)
+    assert all(low > full + 10.0 for low, full in zip(weak[4:], nominal[4:], strict=True))
+    assert bench.said is not None
+    assert bench.said.achieved[2] == pytest.approx(-30.0, abs=0.2)
+    bench.battery.publish(BatteryState(voltage=float("nan"), present=True))
+    assert bench.until_supplied(12.0, measured=True) == weak

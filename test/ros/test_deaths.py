@@ -1,0 +1,116 @@
+"""Processes die, the vehicle does not: identifier, control and thrusters are killed while the vehicle holds."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from hindrax_bringup.pool_run import adopted
+from hindrax_bringup.run_folder import make_run_folder
+from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.bus import WriteRead
+from hindrax_core.events import seconds_between
+from hindrax_core.state import NAN
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.buses.bus import open_bus
+
+pytestmark = pytest.mark.ros
+
+LED0_OFF, CHANNEL_BYTES, THRUSTERS = 0x06, 4, 8
+US_PER_COUNT = 1e6 * 31 / 25e6
+"""PRE_SCALE 30 on the nominal oscillator (NXP PCA9685 rev. 4, section 7.3.5)."""
+NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
+
+
+class Wire:
+    """An observer of the emulated PCA9685 who reads its registers, and knows the mock's time."""
+
+    def __init__(self, port: str) -> None:
+        self.bus = open_bus(port, "observer")
+
+    def pulses(self) -> list[float]:
+        data = self.bus.transfer(WriteRead(0x40, bytes([LED0_OFF]), CHANNEL_BYTES * THRUSTERS))
+        counts = [
+            int.from_bytes(data[at + 2 : at + 4], "little") - int.from_bytes(data[at : at + 2], "little")
+            for at in range(0, len(data), CHANNEL_BYTES)
+        ]
+        return [count * US_PER_COUNT for count in counts]
+
+    def neutral(self) -> bool:
+        return all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for pulse in self.pulses())
+
+    def seconds_to_neutral(self, at_most_wall_s: float = 30.0) -> float:
+        begin, deadline = self.bus.now(), time.monotonic() + at_most_wall_s
+        while not self.neutral():
+            assert time.monotonic() < deadline, f"still at {self.pulses()}"
+            time.sleep(0.002)
+        return seconds_between(begin, self.bus.now())
+
+
+@pytest.fixture(scope="module")
+def flying(tmp_path_factory):
+    """A mock vehicle that holds its depth under water, thrusters at work."""
+    from hindrax_bringup.nodes.operator import Operator
+
+    vehicle = load_vehicle(default_vehicle())
+    folder = make_run_folder(str(tmp_path_factory.mktemp("deaths") / "run"), default_vehicle())
+    with own_domain(mock=True) as domain:
+        made = environment(mock=True, domain=domain)
+        with Supervisor(folder.logs, made) as supervisor, adopted(made):
+            stack = Stack(folder, vehicle, supervisor)
+            stack.start(MockOptions(seed=2, rate=2.0), record=False)
+            with Operator(mock=True, tick=supervisor.check) as operator:
+                operator.wait(lambda: operator.navigation is not None, 60.0, lambda: "navigation")
+                ports = stack.mock_facts["ports"]
+                yield supervisor, operator, Wire(ports["thrusters"])
+
+
+def dive(operator, wire) -> None:
+    """Arm, and hold a depth; a control process that has just been started again navigates first."""
+    from hindrax_bringup.nodes.orders import hold
+
+    since = operator.now()
+    operator.wait(lambda: operator.navigation.stamp > since, 60.0, lambda: "navigation")
+    operator.arm(seconds=60.0)
+    for axis, value in (("depth", 0.8), ("heading", NAN), ("roll", 0.0), ("pitch", 0.0)):
+        hold(operator, [axis], value, engaged=True)
+    operator.wait(lambda: operator.navigation.reading.depth_m > 0.6, 60.0, lambda: "the vehicle to dive")
+    assert not wire.neutral()
+
+
+def child(supervisor, name: str) -> int:
+    """The process that holds the nodes: for the thrusters that is the child of their dead man."""
+    pid = supervisor.children[name].handle.pid
+    if name != "thrusters":
+        return pid
+    return int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
+
+
+def test_the_vehicle_holds_on_without_its_identifier(flying):
+    supervisor, operator, wire = flying
+    dive(operator, wire)
+    os.kill(child(supervisor, "identifier"), signal.SIGKILL)
+    since = operator.now()
+    operator.wait(lambda: seconds_between(since, operator.now()) > 8.0, 60.0, lambda: "time to pass")
+    assert operator.thrusters.armed
+    assert operator.navigation.reading.depth_m == pytest.approx(0.8, abs=0.15)
+
+
+@pytest.mark.parametrize("name", ["control", "thrusters"])
+def test_neutral_within_half_a_second_of_a_death(flying, name):
+    supervisor, operator, wire = flying
+    if not operator.thrusters.armed:
+        dive(operator, wire)
+    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    os.kill(child(supervisor, name), signal.SIGKILL)
+    assert wire.seconds_to_neutral() < 0.5
+    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    since = operator.now()
+    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 60.0, lambda: "time to pass")
+    assert wire.neutral(), "it must not come back armed"

@@ -1,0 +1,222 @@
+"""The operator's commands against a stack that is up with the mock vehicle, each a process of its own.
+
+One stack for all: started once, driven through arming, holds, a push, a thruster out of use and a stop, then ended.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import importlib.util
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from hindrax_bringup.presence import FOLDER
+
+ROOT = Path(__file__).parents[2]
+SOURCES = [str(folder) for folder in sorted((ROOT / "src").glob("hindrax_*")) if folder.name != "hindrax_msgs"]
+PATIENT_S = 120.0
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.skipif(
+        importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
+    ),
+]
+
+
+@dataclass
+class Terminal:
+    """Where commands are typed."""
+
+    environment: dict[str, str]
+    folder: Path
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "hindrax_bringup.cli", *words],
+            env=self.environment,
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=(self.folder / f"{words[0]}.err").open("w"),
+            text=True,
+        )
+
+    def run(self, *words: str) -> tuple[int, str, str]:
+        child = self.start(*words)
+        try:
+            out, _ = child.communicate(timeout=PATIENT_S)
+        finally:
+            child.kill()
+        return child.returncode, out, self.errors(words[0])
+
+    def errors(self, command: str) -> str:
+        return (self.folder / f"{command}.err").read_text()
+
+
+@pytest.fixture(scope="module")
+def terminal(tmp_path_factory) -> Terminal:
+    folder = tmp_path_factory.mktemp("operator")
+    paths = [*SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
+    environment |= {"PYTHONPATH": os.pathsep.join(paths), FOLDER: str(folder / "runtime")}
+    return Terminal(environment, folder)
+
+
+def wait_for(done: Callable[[], bool], terminal: Terminal) -> None:
+    deadline = time.monotonic() + PATIENT_S
+    while not done():
+        assert time.monotonic() < deadline, terminal.errors("up")
+        time.sleep(0.2)
+
+
+@pytest.fixture(scope="module")
+def up(terminal) -> Iterator[psutil.Process]:
+    """A stack in mock, in a ROS domain of its own; yields the process that looks after it."""
+    out = terminal.folder / "run"
+    child = terminal.start("up", "--mock", "--record", "--out", str(out))
+    first = child.stdout.readline()
+    assert "mock vehicle, ROS domain" in first, terminal.errors("up")
+    wait_for(lambda: {"pilot: well", "thrusters: well"} <= set(terminal.errors("up").splitlines()), terminal)
+    yield psutil.Process(child.pid)
+    family = psutil.Process(child.pid).children(recursive=True)
+    child.send_signal(signal.SIGINT)
+    assert child.wait(PATIENT_S) == 0, terminal.errors("up")
+    assert [one for one in family if one.is_running() and one.status() != psutil.STATUS_ZOMBIE] == []
+    assert (out / "bag" / "metadata.yaml").is_file()
+    assert list((terminal.folder / "runtime").glob("*.json")) == []
+
+
+@pytest.mark.usefixtures("up")
+def test_nothing_moves_before_it_is_armed(terminal):
+    code, _, said = terminal.run("hold", "heading", "90")
+    assert code == 1
+    assert "wanted armed; `./hindrax arm` first" in said
+    assert terminal.run("wrench", "5", "0", "0", "0", "0", "0")[0] == 1
+
+
+@pytest.mark.usefixtures("up")
+def test_armed_it_holds_pushes_and_stops(terminal):
+    code, said, wrong = terminal.run("arm")
+    assert code == 0, wrong
+    assert "armed (pca9685)" in said
+    code, said, wrong = terminal.run("hold", "depth", "0.6")
+    assert (code, said) == (0, "holding depth at 0.60 m\n"), wrong
+    code, said, wrong = terminal.run("hold", "heading")
+    assert code == 0, wrong
+    assert said.startswith("holding heading at ")
+    code, said, wrong = terminal.run("hold", "roll", "90")
+    assert code == 1
+    assert "waited 5 s for the roll hold to engage; it says: refused: hold roll: found 1.57" in wrong
+    code, said, wrong = terminal.run("wrench", "10", "0", "0", "0", "0", "0", "--for", "1")
+    assert code == 0, wrong
+    achieved = float(said.partition("it was X ")[2].split()[0])
+    assert achieved == pytest.approx(10.0, abs=2.0)
+    code, said, wrong = terminal.run("hold", "all", "off")
+    assert code == 0, wrong
+    code, said, wrong = terminal.run("stop")
+    assert code == 0, wrong
+    assert said.startswith("stopped and disarmed: mock vehicle")
+    assert "the thrusters are disarmed (disarmed by request)" in terminal.run("hold", "depth")[2]
+
+
+@pytest.mark.usefixtures("up")
+def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal):
+    code, said, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
+    assert (code, said) == (0, "out of use: T3, T4\n"), wrong
+    code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
+    assert json.loads(said) == {"disabled": ["T3"], "lost_axes": []}, wrong
+    code, _, wrong = terminal.run("thruster", "disable", "T12")
+    assert code == 1
+    assert "found no thruster T12; the vehicle has T1" in wrong
+    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
+
+
+def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal, up):
+    assert terminal.run("thruster", "disable", "T3", "T4")[0] == 0
+    (control,) = (one for one in up.children() if "hindrax_control.nodes.control" in one.cmdline())
+    control.kill()
+    wait_for(lambda: "control was killed by signal 9; started again" in terminal.errors("up"), terminal)
+    code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
+    assert code == 0, wrong
+    assert json.loads(said)["disabled"] == ["T3"]
+    assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
+
+
+@pytest.mark.usefixtures("up")
+def test_a_thruster_alone_is_refused_beside_control(terminal):
+    code, _, wrong = terminal.run("thruster", "2", "--force", "3", "--mock")
+    assert code == 1
+    assert "the control process commands the thrusters" in wrong
+
+
+@pytest.mark.usefixtures("up")
+def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal):
+    for _ in range(5):  # a node may just be looking for its lock
+        code, said, _ = terminal.run("doctor", "--mock", "--json")
+        if code == 0:
+            break
+    checks = {one["name"]: one for one in json.loads(said)["checks"]}
+    assert checks["stack"]["found"].startswith("mock vehicle")
+    assert {"dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "pilot"} <= set(checks)
+    assert code == 0, [one for one in checks.values() if not one["ok"]]
+
+
+@pytest.mark.usefixtures("up")
+def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal):
+    child = terminal.start("web", "--port", "0")
+    try:
+        found = re.fullmatch(r"web: http://(127\.0\.0\.1:\d+)/#(\S+)\n", child.stdout.readline())
+        assert found, terminal.errors("web")
+
+        def ask(path: str, words: dict[str, object] | None = None) -> tuple[int, str]:
+            """Status and first line."""
+            body = None if words is None else json.dumps(words)
+            headers = {"Authorization": f"Bearer {found[2]}", "Content-Type": "application/json"}
+            with contextlib.closing(http.client.HTTPConnection(found[1], timeout=PATIENT_S)) as connection:
+                connection.request("GET" if words is None else "POST", path, body, headers)
+                with connection.getresponse() as answer:
+                    return answer.status, answer.readline().decode()
+
+        def news() -> dict[str, Any]:
+            return json.loads(ask("/news")[1].removeprefix("data: "))
+
+        surge = {"motions": ["surge"]}
+        assert ask("/fly", surge)[0] == 409, "nothing flies before it is armed"
+        code, _, wrong = terminal.run("arm")
+        assert code == 0, wrong
+        wait_for(lambda: ask("/fly", surge)[0] == 202, terminal)
+        wait_for(lambda: (news()["flight"] or {}).get("motion") == "surge", terminal)
+        assert ask("/stop", {})[0] == 202
+        wait_for(lambda: len(news()["told"]) == 2, terminal)
+        said = {one["sentence"]: one["well"] for one in news()["told"]}
+        assert said.pop("stop: stopped and disarmed") is True
+        ((flown, well),) = said.items()
+        assert flown.startswith("fly: the maneuver ended early, by ")
+        assert not well
+        wait_for(lambda: news()["state"] == "disarmed", terminal)
+    finally:
+        child.send_signal(signal.SIGINT)
+        assert child.wait(PATIENT_S) == 0, terminal.errors("web")
+
+
+def test_without_a_stack_commands_say_what_is_missing(tmp_path, terminal):
+    alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": "101"}, tmp_path)
+    code, _, said = alone.run("disarm")
+    assert code == 1
+    assert "the thrusters node to offer thrusters/arm; is it running?" in said
+    code, _, said = alone.run("stop")
+    assert code == 1
+    assert "cut the power" in said

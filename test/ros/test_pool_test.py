@@ -1,0 +1,120 @@
+"""The main job through real processes: one surge pool test in mock, and what must be true of what it leaves."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from hindrax_bringup.identification import identify_bag
+from hindrax_core.topics import TOPICS, resolved
+from hindrax_core.vehicle import load_vehicle
+
+pytestmark = pytest.mark.ros
+NOT_IN_MOCK = {
+    *("ping1d/profile", "battery", "holds/setpoint", "operator/wrench", "vehicle_file"),
+    *("joy", "cmd_vel", "lights", "thrusters/health_order"),
+}
+"""Rows of the table that nobody publishes during a plain pool test in mock."""
+TRUTH = {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}
+
+
+@pytest.fixture(scope="module")
+def run(tutorial_flight):
+    return tutorial_flight
+
+
+def test_the_document_has_the_agreed_shape(run):
+    folder, document = run
+    assert document["aborted"] is None
+    assert document["bag"] == str(folder / "bag")
+    assert document["real_time_factor"] > 0.0
+    surge = document["motions"]["surge"]
+    assert surge["identifiable"] is True
+    assert set(TRUTH) <= set(surge)
+    assert all({"value", "std", "truth"} <= set(surge[name]) for name in TRUTH)
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.3, 0.4])
+def test_drag_is_within_three_percent(run, speed):
+    surge = run[1]["motions"]["surge"]
+    found = surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
+    assert found == pytest.approx(TRUTH["k_q"] * speed**2 + TRUTH["k_l"] * speed, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["k_q", "k_l", "b"])
+def test_truth_lies_within_three_deviations(run, name):
+    number = run[1]["motions"]["surge"][name]
+    assert abs(number["value"] - TRUTH[name]) < 3.0 * number["std"]
+
+
+def test_added_mass_is_within_five_percent(run):
+    assert run[1]["motions"]["surge"]["added_mass"]["value"] == pytest.approx(TRUTH["added_mass"], rel=0.05)
+
+
+def test_no_wall_was_touched(run):
+    assert run[1]["mock"]["wall_hits"] == 0
+
+
+def test_identifying_over_the_bag_gives_the_same_numbers(run):
+    folder, document = run
+    again = identify_bag(folder / "bag", load_vehicle(folder / "vehicle.yaml")).results.motions["surge"]
+    for name, number in again.coefficients.items():
+        assert number.value == pytest.approx(document["motions"]["surge"][name]["value"], rel=1e-9, abs=1e-12)
+
+
+def test_the_bag_opens_with_rosbags_and_holds_every_topic(run):
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    with rosbags.AnyReader([run[0] / "bag"]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        kinds = {connection.topic: connection.msgtype for connection in reader.connections}
+        seen = set()
+        for connection, _, data in reader.messages():
+            if connection.topic not in seen:
+                reader.deserialize(data, connection.msgtype)
+                seen.add(connection.topic)
+    wanted = {resolved(topic): topic.type for topic in TOPICS if topic.recorded and topic.name not in NOT_IN_MOCK}
+    assert {topic: kinds.get(topic) for topic in wanted} == wanted
+    assert seen == {topic for topic, count in counts.items() if count}
+
+
+def test_the_bag_opens_with_mcap_with_all_checksums(run):
+    from mcap.reader import make_reader
+
+    file = next((run[0] / "bag").glob("*.mcap"))
+    with file.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        assert reader.get_header().profile == "ros2"
+        assert sum(1 for _ in reader.iter_messages()) == summary.statistics.message_count
+
+
+def test_rosbag2_metadata_lies_beside_it(run):
+    information = yaml.safe_load((run[0] / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["version"] == 9
+    assert information["storage_identifier"] == "mcap"
+    files = [run[0] / "bag" / name for name in information["relative_file_paths"]]
+    assert all(file.is_file() for file in files)
+
+
+def test_results_are_written(run):
+    coefficients = yaml.safe_load((run[0] / "coefficients.yaml").read_text())
+    assert coefficients["motions"]["surge"]["k_q"]["value"] == run[1]["motions"]["surge"]["k_q"]["value"]
+    report = (run[0] / "report.html").read_text()
+    assert "<svg" in report or "data:image/png" in report
+    assert "http://" not in report.replace("http://www.w3.org", "")
+
+
+def test_no_process_is_left(run):
+    vehicle = str(run[0])
+    left = [entry.name for entry in Path("/proc").iterdir() if entry.name.isdigit() and vehicle in _command_line(entry)]
+    assert left == []
+
+
+def _command_line(process: Path) -> str:
+    try:
+        return (process / "cmdline").read_bytes().decode(errors="replace")
+    except OSError:
+        return ""

@@ -1,0 +1,69 @@
+"""What is wrong is said in one sentence with its remedy, and the exit code tells whose fault it is."""
+
+import os
+import subprocess
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from hindrax_bringup import cli, pool_run
+
+pytestmark = pytest.mark.ros
+
+
+def refuse(capsys, *words: str) -> tuple[int, str]:
+    code = cli.main(["pool-test", "--headless", *words])
+    return code, capsys.readouterr().err
+
+
+def test_a_wrong_vehicle_file(capsys, tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text("name: x\nmass_kg: -3\n")
+    code, said = refuse(capsys, "--mock", "--vehicle", str(file))
+    assert code == 2
+    assert said.strip().endswith("bad.yaml.mass_kg: found -3, wanted 0.1 to 100000 (mass [kg])")
+    assert len(said.splitlines()) == 1
+
+
+def test_an_occupied_folder(capsys, tmp_path):
+    (tmp_path / "something").touch()
+    code, said = refuse(capsys, "--mock", "--out", str(tmp_path))
+    assert code == 2
+    assert "is occupied; name an empty or new folder with --out" in said
+    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.root
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
+def test_a_full_disk(capsys, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1M", "tmpfs", str(disk)], check=True)
+    try:
+        code, said = refuse(capsys, "--mock", "--out", str(disk / "run"))
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+    assert code == 1
+    assert "is full: 1 MB are free" in said
+    assert len(said.splitlines()) == 1
+
+
+def test_missing_ports(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(pool_run, "UP_S", 12.0)
+    code, said = refuse(capsys, "--out", str(tmp_path / "run"))
+    assert code == 1
+    assert "dvl75: /dev/hindrax/dvl: no such port; check cable and power" in said
+
+
+def test_a_port_that_delivers_garbage(capsys, tmp_path):
+    code, said = refuse(capsys, "--mock", "--fault", "baud_mismatch:dvl75@0+900", "--out", str(tmp_path / "run"))
+    assert code == 1
+    assert "aborted by start: dvl_lock: no bottom lock" in said
+    assert "dvl75: " in said.split("aborted by")[1]
+
+
+def test_options_that_contradict(capsys):
+    code, said = refuse(capsys, "--rate", "2")
+    assert code == 2
+    assert "--fault and --rate are for --mock only" in said

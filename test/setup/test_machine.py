@@ -1,0 +1,320 @@
+"""The set-up: what it does when, what it says of what is missing, and how it gets over being interrupted."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from stand_in_clone import ROOT, STAND_IN, Clone
+
+ALL_STEPS = ["venv", "pip", "uv-venv", "install", "colcon", "try"]
+
+
+def test_the_first_run_makes_everything_and_the_second_nothing(clone: Clone) -> None:
+    first = clone.run("pool-test", "--mock", "two words")
+    assert first.stdout == "the tool got: pool-test --mock two words; ROS is jazzy, discovery LOCALHOST\n"
+    assert first.returncode == 0
+    assert clone.steps() == ALL_STEPS
+    second = clone.run("pool-test")
+    assert second.stdout.startswith("the tool got: pool-test;")
+    assert second.stderr == ""
+    assert clone.steps() == []
+
+
+def test_progress_goes_to_stderr_with_the_seconds(clone: Clone) -> None:
+    outcome = clone.run("setup")
+    assert outcome.stdout == ""
+    assert re.match(r"\[ +\d+ s\] setting hindrax up", outcome.stderr)
+    assert outcome.stderr.endswith("hindrax is set up\n")
+
+
+@pytest.mark.parametrize("step", ALL_STEPS[:-1])
+def test_a_kill_at_any_step_is_repaired_by_the_next_run(clone: Clone, step: str) -> None:
+    assert clone.run("setup", DIE_IN=step).returncode == -signal.SIGKILL
+    clone.steps()
+    again = clone.run("test")
+    assert again.stdout.startswith("the tool got: test;")
+    assert clone.steps() == ALL_STEPS[{"pip": 0, "install": 2}.get(step, ALL_STEPS.index(step)) :]
+    assert not list(clone.root.rglob("half*"))
+    assert clone.run("test").stderr == ""
+
+
+def test_control_c_ends_it_although_the_builder_takes_it_for_itself(clone: Clone) -> None:
+    process = clone.start("test", BUILD_S="30")
+    while not clone.calls.exists() or "colcon" not in clone.calls.read_text(encoding="utf-8"):
+        assert process.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.2)
+    os.killpg(process.pid, signal.SIGINT)
+    process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert clone.steps().count("colcon") == 1
+    assert clone.run("test").returncode == 0
+
+
+def test_an_environment_without_its_stamp_is_made_anew(clone: Clone) -> None:
+    clone.run("setup")
+    clone.steps()
+    env = clone.root / ".hindrax/env"
+    (env / "complete").unlink()
+    (env / "rclpy").unlink()
+    (env / "half").touch()
+    (clone.root / ".hindrax/ready").unlink()
+    assert clone.run("test").returncode == 0
+    assert clone.steps() == ["uv-venv", "install", "try"]
+    assert not (env / "half").exists()
+
+
+def test_setup_repairs_an_environment_that_lost_files(clone: Clone) -> None:
+    clone.run("setup")
+    (clone.root / ".hindrax/env/rclpy").unlink()
+    clone.steps()
+    outcome = clone.run("setup")
+    assert "does not work; making it anew" in outcome.stderr
+    assert clone.steps() == ["try", "uv-venv", "install", "colcon", "try"]
+    assert outcome.returncode == 0
+
+
+@pytest.mark.parametrize("part", [".hindrax/env", ".hindrax/environment.sh", "ros_ws/install", "ros_ws/build"])
+def test_what_was_deleted_comes_back(clone: Clone, part: str) -> None:
+    clone.run("setup")
+    subprocess.run(["rm", "-r", clone.root / part], check=True)
+    assert clone.run("setup").returncode == 0
+    assert clone.run("test").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "steps"),
+    [
+        ("src/hindrax_msgs/msg/Heartbeat.msg", ["colcon", "try"]),
+        ("src/hindrax_msgs/msg/New.msg", ["colcon", "try"]),
+        ("src/hindrax_bringup/setup.cfg", ["colcon", "try"]),
+        ("src/hindrax_bringup/vehicles/second.yaml", ["colcon", "try"]),
+        ("src/hindrax_bringup/hindrax_bringup/cli.py", []),
+        ("setup/wheels.lock", ["uv-venv", "install", "colcon", "try"]),
+        ("setup/bootstrap.lock", ["venv", "pip", "try"]),
+        ("setup/wheels.cmake", ["colcon", "try"]),
+        ("setup/machine.sh", ["try"]),
+        ("README.md", []),
+    ],
+)
+def test_only_what_changed_is_made_again(clone: Clone, name: str, steps: list[str]) -> None:
+    clone.run("setup")
+    clone.steps()
+    clone.edit(name)
+    assert clone.run("test").returncode == 0
+    assert clone.steps() == steps
+
+
+def test_an_edit_in_a_vehicle_file_needs_no_build(clone: Clone) -> None:
+    clone.edit("src/hindrax_bringup/vehicles/second.yaml")
+    clone.run("setup")
+    clone.steps()
+    clone.edit("src/hindrax_bringup/vehicles/second.yaml")
+    clone.run("test")
+    assert clone.steps() == []
+
+
+def test_two_at_once_do_the_work_once(clone: Clone) -> None:
+    both = [clone.start("test", BUILD_S="1") for _ in range(2)]
+    said = [process.communicate(timeout=60)[1] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert sorted(clone.steps()) == sorted(ALL_STEPS)
+    assert sum("another set-up works here" in text for text in said) == 1
+
+
+def test_another_interpreter_makes_another_environment_which_then_stays(clone: Clone) -> None:
+    clone.run("setup")
+    clone.tool("python3.12", STAND_IN)
+    clone.steps()
+    assert clone.run("test", HINDRAX_PYTHON="python3.12", VERSION="3.12").returncode == 0
+    assert clone.steps() == ALL_STEPS
+    assert clone.run("test").stderr == ""
+    assert clone.run("test", HINDRAX_PYTHON="python3.12").stderr == ""
+    assert clone.steps() == []
+
+
+def test_a_shim_that_leads_nowhere_is_passed_over(clone: Clone) -> None:
+    clone.tool("python3", "#!/bin/sh\necho 'pyenv: version 3.9 is not installed' >&2\nexit 127\n")
+    clone.tool("python3.12", STAND_IN)
+    assert clone.run("test", VERSION="3.12").returncode == 0
+
+
+def test_a_ros_installation_is_used_when_it_is_there(clone: Clone, tmp_path: Path) -> None:
+    (tmp_path / "ros").mkdir()
+    (tmp_path / "ros/setup.bash").write_text("export FROM_ROS=yes\n", encoding="utf-8")
+    clone.tool("colcon", STAND_IN)
+    native = {"HINDRAX_ROS": str(tmp_path / "ros"), "HINDRAX_PYTHON": "python3", "VERSION": "3.12"}
+    assert clone.run("test", **native).returncode == 0
+    assert "native.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8")
+
+
+def test_the_index_that_pip_uses_is_used(clone: Clone) -> None:
+    clone.run("setup")
+    assert "index https://mirror.invalid/simple " in Path(f"{clone.calls}.details").read_text(encoding="utf-8")
+
+
+def test_everything_installed_is_checked_against_its_hash(clone: Clone) -> None:
+    clone.run("setup")
+    assert "--require-hashes" in Path(f"{clone.calls}.details").read_text(encoding="utf-8")
+
+
+# --- What is missing -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("environment", "sentence", "package"),
+    [
+        ({"VERSION": "3.9", "HINDRAX_PYTHON": "python3"}, "3.11 or 3.12 is wanted", None),
+        ({"VERSION": "3.13", "HINDRAX_PYTHON": "python3"}, "is 3.13", None),
+        ({"HEADERS": "false"}, "no Python.h", "python3.11-dev"),
+        ({"ENSUREPIP": "false", "VERSION": "3.12"}, "no ensurepip", "python3.12-venv"),
+        ({"HINDRAX_PYTHON": "/nowhere/python3"}, "no Python runs", None),
+        ({"HINDRAX_ROS": "/nowhere/jazzy"}, "/nowhere/jazzy holds no setup.bash", None),
+    ],
+)
+def test_an_interpreter_or_a_ros_that_will_not_do_is_named(
+    clone: Clone, environment: dict[str, str], sentence: str, package: str | None
+) -> None:
+    for arguments in (["setup", "--check"], ["setup"], ["pool-test"]):
+        outcome = clone.run(*arguments, **environment)
+        said = outcome.stdout + outcome.stderr
+        assert outcome.returncode == 1
+        assert sentence in said
+        assert package is None or f"sudo apt install {package}" in said
+    assert clone.steps() == []
+
+
+def test_a_missing_compiler_is_named(clone: Clone, tmp_path: Path, path_without: Callable[..., str]) -> None:
+    for name in ("c++", "cc"):
+        (clone.tools / name).unlink()
+    bare = path_without(tmp_path / "bare", "c++", "cc", "g++", "gcc")
+    outcome = clone.run("setup", "--check", PATH=f"{clone.tools}:{bare}")
+    assert outcome.returncode == 1
+    assert "MISSING  compiler" in outcome.stdout
+    assert "sudo apt install g++" in outcome.stdout
+
+
+def test_the_real_compiler_passes(clone: Clone) -> None:
+    for name in ("c++", "cc"):
+        (clone.tools / name).unlink()
+    assert "ok       compiler" in clone.run("setup", "--check").stdout
+
+
+def test_a_full_disk_is_named_before_anything_is_made(clone: Clone) -> None:
+    clone.tool("df", "#!/bin/sh\necho header\necho '/dev/vda 9000 8900 100 99% /'\n")
+    outcome = clone.run("pool-test")
+    assert outcome.returncode == 1
+    assert "100 MB free" in outcome.stderr
+    assert "2000 MB are wanted" in outcome.stderr
+    assert clone.steps() == []
+
+
+def test_a_place_that_colcon_does_not_bear_is_named(clone: Clone) -> None:
+    clone.root = clone.root.rename(clone.root.with_name("a clone"))
+    outcome = clone.run("pool-test")
+    assert outcome.returncode == 1
+    assert "/a clone' holds a space" in outcome.stderr
+    assert clone.steps() == []
+
+
+def test_everything_missing_is_named_at_once(clone: Clone) -> None:
+    clone.tool("df", "#!/bin/sh\necho header\necho '/dev/vda 9000 8900 100 99% /'\n")
+    clone.tool("uname", "#!/bin/sh\necho Linux aarch64\n")
+    said = clone.run("setup", "--check", HEADERS="false", ENSUREPIP="false").stdout
+    assert [line.split()[1] for line in said.splitlines() if "MISSING" in line] == [
+        "machine",
+        "headers",
+        "venv",
+        "disk",
+    ]
+    assert "sudo apt install python3.11-dev python3.11-venv" in said
+
+
+@pytest.mark.parametrize(
+    ("complaint", "sentence"),
+    [
+        ("Temporary failure in name resolution", "the package index does not answer"),
+        ("error sending request for url", "the package index does not answer"),
+        ("OSError: [Errno 28] No space left on device", "the disk is full"),
+        ("hash mismatch for numpy", "hash mismatch for numpy"),
+    ],
+)
+@pytest.mark.parametrize("step", ["pip", "install"])
+def test_a_step_that_fails_says_why_and_can_be_repeated(clone: Clone, step: str, complaint: str, sentence: str) -> None:
+    outcome = clone.run("test", FAIL_IN=step, COMPLAINT=complaint)
+    assert outcome.returncode == 1
+    assert sentence in outcome.stderr
+    assert "Traceback" not in outcome.stderr
+    assert clone.run("test").returncode == 0
+
+
+def test_a_failing_build_shows_its_last_lines_and_the_log(clone: Clone) -> None:
+    outcome = clone.run("test", FAIL_IN="colcon", COMPLAINT="error: Heartbeat.msg: no such type")
+    assert outcome.returncode == 1
+    assert "    error: Heartbeat.msg: no such type" in outcome.stderr
+    assert str(clone.root / ".hindrax/setup.log") in outcome.stderr
+
+
+def test_what_does_not_work_when_made_is_not_kept(clone: Clone) -> None:
+    broken = clone.run("test", FAIL_IN="try", COMPLAINT="ImportError: librcl.so")
+    assert broken.returncode == 1
+    assert "ImportError: librcl.so" in broken.stderr
+    clone.steps()
+    assert clone.run("test").returncode == 0
+    assert clone.steps() == ALL_STEPS[2:]
+
+
+def test_check_touches_nothing(clone: Clone) -> None:
+    assert clone.run("setup", "--check").returncode == 1
+    assert not (clone.root / ".hindrax").exists()
+    clone.run("setup")
+    complete = clone.run("setup", "--check")
+    assert complete.returncode == 0
+    assert "complete and up to date" in complete.stdout
+
+
+def test_help_comes_before_anything_is_installed(clone: Clone) -> None:
+    for arguments in ([], ["--help"], ["setup", "--help"]):
+        outcome = clone.run(*arguments)
+        assert outcome.returncode == 0
+        assert "Example:" in outcome.stdout
+    assert clone.steps() == []
+
+
+def test_wrong_use_is_said(clone: Clone) -> None:
+    outcome = clone.run("setup", "--chekc")
+    assert outcome.returncode == 2
+    assert "--chekc" in outcome.stderr
+
+
+# --- The rest of the house -------------------------------------------------------------------------------------------
+
+
+def test_continuous_integration_calls_the_test_command(clone: Clone) -> None:
+    called = subprocess.run(
+        [clone.root / ".ci/run"], env=clone.environment, capture_output=True, text=True, check=True, cwd="/"
+    )
+    assert called.stdout.startswith("the tool got: test;")
+
+
+def test_the_scripts_pass_shellcheck() -> None:
+    scripts = [ROOT / "hindrax", ROOT / ".ci/run", *sorted((ROOT / "setup").glob("*.sh"))]
+    shellcheck = Path(sys.executable).parent / "shellcheck"
+    checked = subprocess.run([shellcheck, "-x", *scripts], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert checked.stdout == ""
+    assert checked.returncode == 0
+
+
+def test_the_dockerfiles_pass_hadolint() -> None:
+    command = [Path(sys.executable).parent / "hadolint", *ROOT.glob("docker/**/Dockerfile")]
+    checked = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert checked.stdout + checked.stderr == ""
+    assert checked.returncode == 0

@@ -1,0 +1,101 @@
+"""What the packages say of themselves agrees with what they contain, so that rosdep and colcon can be believed."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
+PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
+INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT / "src/hindrax_msgs" / kind).iterdir())
+
+# Module -> rosdep key, or None where rosdep has no key: those come from setup/runtime.in on every machine.
+KEY_OF_MODULE = {
+    "aiohttp": "python3-aiohttp",
+    "daqp": None,
+    "filterpy": None,
+    "jinja2": "python3-jinja2",
+    "lz4": None,
+    "matplotlib": "python3-matplotlib",
+    "mcap": None,
+    "mcap_ros2": None,
+    "numpy": "python3-numpy",
+    "psutil": "python3-psutil",
+    "rich": "python3-rich",
+    "scipy": "python3-scipy",
+    "serial": "python3-serial",
+    "smbus2": "python3-smbus2",
+    "textual": "python3-textual",
+    "yaml": "python3-yaml",
+    "zstandard": None,
+}
+RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
+DEVELOPMENT_MODULES = {
+    re.match(r"[\w.-]+", line)[0].lower().replace("-", "_")
+    for line in (ROOT / "setup/development.in").read_text(encoding="utf-8").splitlines()
+    if line and not line.startswith("#")
+} | {"pymavlink", "quadprog"}
+
+
+def modules_imported(package: Path) -> Iterator[tuple[str, Path]]:
+    for source in (package / package.name).rglob("*.py"):
+        tree = ast.parse(source.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                yield from ((alias.name.split(".")[0], source) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                yield node.module.split(".")[0], source
+
+
+def dependencies(package: Path) -> set[str]:
+    manifest = ET.parse(package / "package.xml").getroot()
+    return {element.text or "" for kind in ("depend", "exec_depend") for element in manifest.findall(kind)}
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_import_is_a_declared_dependency(package: Path) -> None:
+    declared = dependencies(package)
+    for module, source in modules_imported(package):
+        if module in sys.stdlib_module_names or module == package.name or module in DEVELOPMENT_MODULES:
+            continue
+        key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
+        assert key is None or key in declared, f"{source} imports {module}: {package.name}/package.xml lacks {key}"
+
+
+def test_modules_without_a_rosdep_key_are_locked() -> None:
+    for module, key in KEY_OF_MODULE.items():
+        name = module.replace("_", "-")
+        assert key is not None or re.search(rf"^{name}\b", RUNTIME, re.MULTILINE), f"setup/runtime.in lacks {name}"
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_manifest_and_setup_agree(package: Path) -> None:
+    manifest = ET.parse(package / "package.xml").getroot()
+    setup = configparser.ConfigParser()
+    setup.read(package / "setup.cfg")
+    assert setup["metadata"]["name"] == manifest.findtext("name") == package.name
+    assert setup["metadata"]["version"] == manifest.findtext("version")
+    assert setup["metadata"]["license"] == manifest.findtext("license") == "Apache-2.0"
+    assert setup["metadata"]["description"] == manifest.findtext("description")
+    assert (package / "resource" / package.name).exists()
+
+
+@pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
+def test_every_field_ends_with_its_unit(path: Path) -> None:
+    for line in path.read_text(encoding="utf-8").splitlines():
+        is_field = line and not line.startswith(("#", "---")) and "=" not in line.split("#")[0]
+        assert not is_field or re.search(r"#.*\[[^\]]+\]$", line), line
+
+
+@pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
+def test_every_interface_is_built_and_says_what_for(path: Path) -> None:
+    assert f"{path.parent.name}/{path.name}" in (ROOT / "src/hindrax_msgs/CMakeLists.txt").read_text(encoding="utf-8")
+    assert path.read_text(encoding="utf-8").startswith("# ")

@@ -1,0 +1,148 @@
+"""The page served for a vehicle that is only pretended: one picture, orders noted, outcomes told at once."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import math
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from hindrax_bringup.monitor.watched import Flight, Health, Hold, Picture, Thrusters
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.web.access import Access, hosts_of
+from hindrax_bringup.web.desk import Attendance, Desk
+from hindrax_bringup.web.reports import Reports
+from hindrax_bringup.web.server import Server
+from hindrax_bringup.web.summary import Chart
+from hindrax_control.maneuvers import Goal
+from hindrax_core.state import NAN, Estimate, Navigation
+from hindrax_core.vehicle import load_vehicle
+
+TOKEN = "a-token-of-the-tests"
+ADDRESS = "127.0.0.1"
+
+NAVIGATION = Navigation(
+    attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(30.0)),
+    rate_radps=(0.0, 0.0, 0.0),
+    velocity_mps=(0.312, -0.004, NAN),
+    depth_m=0.82,
+    altitude_m=0.98,
+    position_m=(1.25, -0.33),
+    dvl_locked=True,
+)
+THRUSTERS = Thrusters(
+    armed=True,
+    state="armed",
+    reason="",
+    names=tuple(f"T{number}" for number in range(1, 9)),
+    pulses_us=(1640, 1640, 1500, 1372, 1560, 1440, 1900, 1500),
+    forces_N=(5.0, 5.0, 0.0, -4.4, 2.0, -2.0, 15.5, 0.0),
+    saturated=(False,) * 6 + (True, False),
+    disabled=("T3",),
+    lost_axes=("sway",),
+)
+ESTIMATE = Estimate(
+    "surge",
+    ("k_q", "added_mass"),
+    ("N s2/m2", "kg"),
+    (66.1, 12.1),
+    ((0.16, 0.0), (0.0, 0.25)),
+    812,
+    812.0,
+    learning=True,
+    reason="",
+)
+ARMED = Picture(
+    time_s=123.0,
+    silent_s=0.1,
+    navigation=NAVIGATION,
+    thrusters=THRUSTERS,
+    holds=(Hold("heading", True, math.radians(-90.0), math.radians(0.4)), Hold("altitude", True, 1.0, 0.0, "no echo")),
+    flight=Flight("surge", "done", "", 1.0),
+    health={"dvl75": Health("ok", "measuring", 20.0), "ping1d": Health("error", "no reading for <b>3.2 s</b>")},
+    estimates={"surge": ESTIMATE},
+)
+DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
+
+
+@dataclass
+class FakeVehicle:
+    """Shows what it is given; a maneuver ends when the test says so."""
+
+    shown: Picture = ARMED
+    orders: list[object] = field(default_factory=list)
+    landed: Callable[[str, bool], None] | None = None
+    title: str = "mock vehicle, ROS domain 3, process 4711"
+
+    def picture(self) -> Picture:
+        return self.shown
+
+    def stop(self, tell: Callable[[str, bool], None]) -> None:
+        self.orders.append("stop")
+        tell("stopped and disarmed", True)
+
+    def disarm(self, tell: Callable[[str, bool], None]) -> None:
+        self.orders.append("disarm")
+        tell("the thrusters refused to disarm", False)
+
+    def cancel(self, tell: Callable[[str, bool], None]) -> None:
+        self.orders.append("cancel")
+        tell("nothing was being flown", True)
+
+    def fly(self, goal: Goal, tell: Callable[[str, bool], None]) -> None:
+        self.orders.append(goal)
+        self.landed = tell
+
+
+@dataclass
+class Page:
+    """A running server, and requests to it as a browser would make them."""
+
+    server: Server
+    vehicle: FakeVehicle
+    attendance: Attendance
+    said: list[str]
+
+    @property
+    def url(self) -> str:
+        return f"http://{ADDRESS}:{self.server.port}/"
+
+    def ask(
+        self, method: str, path: str, body: bytes | None = None, headers: Mapping[str, str | None] | None = None
+    ) -> tuple[int, Mapping[str, str], str]:
+        """Status, headers and text; a header of None is left out."""
+        wanted = {"Host": f"{ADDRESS}:{self.server.port}", "Authorization": f"Bearer {TOKEN}"}
+        wanted |= {} if body is None else {"Content-Type": "application/json", "Content-Length": str(len(body))}
+        connection = http.client.HTTPConnection(ADDRESS, self.server.port, timeout=20)
+        with contextlib.closing(connection):
+            connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
+            for name, value in (wanted | dict(headers or {})).items():
+                if value is not None:
+                    connection.putheader(name, value)
+            connection.endheaders(body)
+            answer = connection.getresponse()
+            return answer.status, dict(answer.getheaders()), answer.read().decode()
+
+    def order(self, name: str, **words: object) -> tuple[int, str]:
+        status, _, text = self.ask("POST", f"/{name}", json.dumps(words).encode())
+        return status, text
+
+
+@contextlib.contextmanager
+def served(runs: Path, shown: Picture = ARMED, *, read_only: bool = False) -> Iterator[Page]:
+    """Serve the page of a pretended vehicle at a free port."""
+    vehicle, attendance, said = FakeVehicle(shown), Attendance(), []
+    chart = Chart(load_vehicle(default_vehicle()))
+    desk = Desk(vehicle, chart, Reports(runs), attendance, read_only=read_only, say=said.append)
+    server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), desk)
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+    thread.start()
+    try:
+        yield Page(server, vehicle, attendance, said)
+    finally:
+        server.close()
+        thread.join(5.0)
