@@ -42,7 +42,7 @@ case "$(basename "$0") $*" in
     echo installed >"$env/rclpy"; play "$env" colcon ;;
   'colcon build')
     begin colcon; mkdir -p build install/hindrax_msgs; echo half >build/half; half_done colcon
-    trap 'exit 1' INT; sleep "${BUILD_S:-0}"
+    trap 'kill ${pause-}; exit 1' INT; sleep "${BUILD_S:-0}" & pause=$!; wait $pause
     rm build/half; echo 'export ROS_DISTRO=jazzy PYTHONPATH=/from/the/workspace' >install/local_setup.bash ;;
   python*' -c import '*)
     begin try; [ -e "$(dirname "$(dirname "$0")")/rclpy" ] ;;
