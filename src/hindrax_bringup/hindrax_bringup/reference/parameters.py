@@ -13,6 +13,7 @@ from hindrax_control.guard import CommandGuardKnobs
 from hindrax_control.hand import HandKnobs
 from hindrax_control.navigator import NavigatorKnobs
 from hindrax_control.pilot import PilotKnobs
+from hindrax_control.supply import SupplyKnobs
 from hindrax_drivers.arming import GuardKnobs
 from hindrax_drivers.registry import DEVICES
 from hindrax_ident.tuning import Tuning
@@ -33,7 +34,7 @@ NODES: Mapping[str, tuple[type[Any], ...]] = {
     "thrusters": (GuardKnobs,),
     "navigator": (NavigatorKnobs,),
     "pilot": (PilotKnobs,),
-    "allocator": (AllocationKnobs, CommandGuardKnobs),
+    "allocator": (AllocationKnobs, CommandGuardKnobs, SupplyKnobs),
     "hand": (HandKnobs,),
     "identifier": (Tuning,),
     "recorder": (Limits,),

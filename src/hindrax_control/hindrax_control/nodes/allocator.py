@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,6 +13,7 @@ from std_msgs.msg import Header
 from hindrax_control.allocation import AllocationKnobs, Allocator
 from hindrax_control.applied import Applied
 from hindrax_control.guard import CommandGuard, CommandGuardKnobs
+from hindrax_control.supply import Supply, SupplyKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec6
 from hindrax_core.state import ZERO6, Allocation
@@ -41,7 +41,8 @@ NO_PLAN = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 class AllocatorNode(PolledNode):
     """Serves wrenches with `thrusters/command`; `control/allocation` says what `thrusters/state` achieves.
 
-    The pilot, in the same process, hands its wrenches to `take`; `hearers` are told what became of them.
+    The pilot, in the same process, hands its wrenches to `take`; `hearers` are told what became of them. `supply` is
+    the voltage as the battery sensor has it, for whoever else wants it.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -50,6 +51,7 @@ class AllocatorNode(PolledNode):
         self._allocator = Allocator(vehicle, knobs(self, AllocationKnobs))
         self._guard = CommandGuard(vehicle, knobs(self, CommandGuardKnobs))
         self._applied = Applied(vehicle)
+        self.supply = Supply(vehicle.supply_V, knobs(self, SupplyKnobs))
         self._supply_V: float | None = None
         self._disabled: frozenset[str] = frozenset()
         self._heard = Stamp(0)
@@ -72,6 +74,7 @@ class AllocatorNode(PolledNode):
     def take(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> None:
         """Serve one wrench [N, Nm]."""
         self._heard = now
+        self._reckon_with(self.supply.measured_V(now))
         accepted = self._guard.step(wrench, frame, stamp, now)
         self._refused = accepted.refused
         if accepted.wrench is None:
@@ -131,19 +134,20 @@ class AllocatorNode(PolledNode):
         self._disabled = frozenset(message.disabled)
 
     def _on_battery(self, message: Any) -> None:
-        if math.isfinite(message.voltage) and message.voltage > 0.0:
-            self._supply_V = round(float(message.voltage), 1)
-            self._applied = Applied(self._vehicle, self._supply_V)
+        self.supply.hear(float(message.voltage), self._heard)
+
+    def _reckon_with(self, supply_V: float | None) -> None:
+        if supply_V != self._supply_V:
+            self._supply_V = supply_V
+            self._applied = Applied(self._vehicle, supply_V)
 
     def _report(self) -> None:
         lost = self._last.lost_axes
-        text = f"axes lost: {', '.join(lost)}" if lost else "; ".join(self._refused) or "allocating"
-        level = DiagnosticStatus.WARN if lost or self._refused else DiagnosticStatus.OK
-        measured = "measured" if self._supply_V is not None else "assumed, no battery sensor"
-        values = {
-            "supply [V]": f"{self._supply_V or self._vehicle.supply_V:.1f} ({measured})",
-            "disabled": ", ".join(sorted(self._disabled)),
-        }
+        wrong = [f"axes lost: {', '.join(lost)}"] if lost else list(self._refused)
+        wrong += filter(None, [self.supply.complaint(self._heard)])
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        values = {"supply [V]": self.supply.words(self._heard), "disabled": ", ".join(sorted(self._disabled))}
+        text = "; ".join(wrong) or "allocating"
         self._reporter.publish(self._heard, status("hindrax: allocator", level, text, values))
 
 

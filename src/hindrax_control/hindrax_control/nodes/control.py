@@ -21,7 +21,7 @@ def make_nodes() -> Sequence[Node]:
     reader = PolledNode("control", ros_time=False)
     vehicle = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]"))
     allocator = AllocatorNode(vehicle)
-    pilot = PilotNode(vehicle, give=allocator.take)
+    pilot = PilotNode(vehicle, allocator.supply, give=allocator.take)
     navigator = NavigatorNode(vehicle, give=pilot.take)
     allocator.hearers += [pilot.hear, navigator.hear]
     return [reader, pilot, allocator, navigator]

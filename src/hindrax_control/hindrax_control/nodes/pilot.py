@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeAlias
@@ -13,13 +12,13 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from hindrax_control.holds import HoldState, Setpoint
 from hindrax_control.maneuvers import Goal, ManeuverOutput, check_goal
 from hindrax_control.pilot import Flight, Pilot, PilotKnobs
+from hindrax_control.supply import Supply
 from hindrax_control.watch import Suspicion
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
 from hindrax_core.state import NAN, Allocation, Navigation
 from hindrax_core.topics import (
-    BATTERY,
     HOLD_SETPOINT,
     HOLD_STATUS,
     MANEUVER,
@@ -56,14 +55,13 @@ class PilotNode(PolledNode):
     The navigator hands its states to `take`, the allocator what became of them to `hear`; `give` takes the wrenches.
     """
 
-    def __init__(self, vehicle: Vehicle, give: Give) -> None:
+    def __init__(self, vehicle: Vehicle, supply: Supply, give: Give) -> None:
         super().__init__("pilot")
         self._give = give
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs))
         self._armed = False
-        self._battery_V = NAN
+        self._supply = supply
         self._allocation: Allocation | None = None
-        self._stamp: Stamp | None = None
         self._flight: Flight | None = None
         self._flying: Any = None
         self._waiting: tuple[Any, int] | None = None
@@ -79,7 +77,6 @@ class PilotNode(PolledNode):
         self._health = publisher(self, THRUSTER_HEALTH)
         self._list_out_of_use({}, Stamp(0))
         subscription(self, THRUSTER_HEALTH_ORDER, self._on_health_order)
-        subscription(self, BATTERY, self._on_battery)
         subscription(self, HOLD_SETPOINT, self._on_setpoint)
         subscription(self, OPERATOR_WRENCH, self._on_hand)
         self._server = ActionServer(
@@ -103,9 +100,6 @@ class PilotNode(PolledNode):
 
     def _on_thrusters(self, data: bytes) -> None:
         self._armed = applied_from_bytes(data).armed
-
-    def _on_battery(self, message: Any) -> None:
-        self._battery_V = float(message.voltage)
 
     def hear(self, _: Stamp, allocation: Allocation) -> None:
         """Keep what became of the last wrench."""
@@ -134,10 +128,10 @@ class PilotNode(PolledNode):
 
     def take(self, stamped: Stamped[Navigation]) -> None:
         """Fly one cycle on a new state."""
-        self._stamp = stamped.stamp
         self._cancel_if_asked()
+        battery_V = self._supply.measured_V(stamped.stamp) or NAN
         flight = self._pilot.step(
-            stamped.reading, stamped.stamp, self._allocation, armed=self._armed, battery_V=self._battery_V
+            stamped.reading, stamped.stamp, self._allocation, armed=self._armed, battery_V=battery_V
         )
         self._flight = flight
         if flight.suspicion is not None:
@@ -257,9 +251,7 @@ class PilotNode(PolledNode):
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in flight.holds if state.engaged)
-        battery = f"{self._battery_V:.1f}" if math.isfinite(self._battery_V) else "no sensor"
-        values = {"holds": held, "battery [V]": battery}
-        self._reporter.publish(stamp, status("hindrax: pilot", level, text, values))
+        self._reporter.publish(stamp, status("hindrax: pilot", level, text, {"holds": held}))
 
 
 def _goal(message: Any) -> Goal:
