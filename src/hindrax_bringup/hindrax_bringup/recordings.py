@@ -22,8 +22,9 @@ from hindrax_core.topics import VEHICLE_FILE, resolved
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, parse_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.conclude import Conclusion, unidentified
+from hindrax_ident.csv_record import read_csv
 from hindrax_ident.models import MOTIONS, motions_of
-from hindrax_ident.readers import Recording, events, holds, measured, objection, read_csv, tuned
+from hindrax_ident.readers import Recording, events, holds, measured, objection, tuned
 from hindrax_ident.report import Trace
 from hindrax_ident.report.comparison import Spread, spread_of
 from hindrax_ident.results import MotionResult, Results, with_truth
@@ -81,14 +82,26 @@ def open_source(path: Path, wanted: Wanted) -> Source:
     if not bag.exists():
         raise UsageError(f"{path}: does not exist; name a bag, a run folder or a CSV file")
     if bag.suffix.lower() in CSV_ENDINGS:
-        try:
-            return Source(bag, read_csv(bag.read_text(encoding="utf-8"), str(bag)))
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"{bag}: cannot be read ({error})") from error
+        return Source(bag, read_csv(_text(bag), str(bag), wanted.frame))
     topics = topics_of(bag)
     if is_ours(topics) and wanted == Wanted():
         return Source(bag, mock=is_mock(bag))
     return Source(bag, read_bag(bag, wanted, topics))
+
+
+def _text(file: Path) -> str:
+    """Text in UTF-8, or as spreadsheets save it: UTF-16 with its mark, or Latin-1."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be read ({error})") from error
+    codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "latin-1")
+    for code in codes:
+        try:
+            return data.decode(code)
+        except UnicodeDecodeError:
+            continue
+    raise UsageError(f"{file}: cannot be read as text, wanted UTF-8")
 
 
 # ---- identification

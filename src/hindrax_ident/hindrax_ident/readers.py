@@ -6,14 +6,12 @@ it into stretches. What the record cannot tell, the session's verdict says.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.state import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
@@ -27,31 +25,10 @@ FEWEST = 20
 """Samples of velocity below which an axis is not looked at."""
 LEAST_RELATIVE = 1e-6
 
-COLUMNS: dict[str, str] = {
-    "t": "time [s], from any origin",
-    **dict(zip("uvw", ("surge, forward [m/s]", "sway, to starboard [m/s]", "heave, down [m/s]"), strict=True)),
-    **dict(
-        zip("pqr", ("roll rate [rad/s]", "pitch rate [rad/s]", "yaw rate, clockwise from above [rad/s]"), strict=True)
-    ),
-    **dict(zip("XYZ", ("force forward [N]", "force to starboard [N]", "force down [N]"), strict=True)),
-    **dict(zip("KMN", ("moment about x [N m]", "moment about y [N m]", "moment about z [N m]"), strict=True)),
-    "roll": "angle [rad]",
-    "pitch": "angle [rad]",
-    "depth": "below the surface [m]; serves heave where there is no w",
-}
-"""Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
-
-ALIASES = {
-    "time": "t",
-    "time_s": "t",
-    "t_s": "t",
-    "stamp": "t",
-    "depth_m": "depth",
-    "roll_rad": "roll",
-    "pitch_rad": "pitch",
-}
-ALIASES |= {f"{name}_mps": name for name in "uvw"} | {f"{name}_radps": name for name in "pqr"}
-ALIASES |= {f"{name}_N": name for name in "XYZ"} | {f"{name}_Nm": name for name in "KMN"}
+SLOWEST_S = 5.0
+"""Median time between velocities above which the times of a record are not taken to be in seconds."""
+HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
+"""From forward, left, up to forward, starboard, down, and back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,93 +79,19 @@ class Recording:
             attitude=self.attitude[a],
         )
 
+    def turned(self) -> Recording:
+        """The same record in the axes that differ by half a turn about x: left and up for starboard and down."""
+        tilts = HALF_TURN[:3] * np.array([1.0, 1.0, -1.0])
+        return replace(
+            self,
+            velocity=array(self.velocity * HALF_TURN),
+            wrench=array(self.wrench * HALF_TURN),
+            attitude=array(self.attitude * tilts),
+        )
+
 
 def _inside(t: Array, start_s: float, end_s: float) -> slice:
     return slice(int(np.searchsorted(t, start_s)), int(np.searchsorted(t, end_s, side="right")))
-
-
-# ---- CSV
-
-
-def read_csv(text: str, source: str) -> Recording:
-    """Read a record with named columns (`COLUMNS`); empty cells and "nan" say nothing, so rates may differ.
-
-    HindraxError names line and column, what was found and what was wanted.
-    """
-    header, rows = _rows(text, source)
-    names = [ALIASES.get(name, name) for name in header]
-    _check(names, header, source)
-    places = [index for index, name in enumerate(names) if name in COLUMNS]
-    kept = [names[index] for index in places]
-    where = f"{source}, line {{}}, column {{}}"
-    table = np.array([[_cell(row, i, where.format(line, header[i])) for i in places] for line, row in rows])
-    time = table[:, kept.index("t")]
-    if not np.all(np.isfinite(time)):
-        line = rows[int(np.argmin(np.isfinite(time)))][0]
-        raise HindraxError(f"{source}, line {line}: no time, wanted a number in every line; remove the line")
-    order = np.argsort(time, kind="stable")
-    return _recording(source, {name: table[order, index] for index, name in enumerate(kept)})
-
-
-def _rows(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    numbered = [(n, line) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1)]
-    lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
-        raise HindraxError(
-            f"{source}: found {len(lines)} lines, wanted a header line with column names and data below it"
-        )
-    separator = max(",;\t", key=lines[0][1].count)
-    try:
-        cells = list(csv.reader([line for _, line in lines], delimiter=separator))
-    except csv.Error as error:
-        raise HindraxError(f"{source}: is not CSV ({error})") from error
-    if len(cells) != len(lines):
-        raise HindraxError(f"{source}: a quotation mark is not closed, wanted one row per line")
-    rows = [(n, [cell.strip() for cell in row]) for (n, _), row in zip(lines, cells, strict=True)]
-    return rows[0][1], rows[1:]
-
-
-def _check(names: list[str], header: list[str], source: str) -> None:
-    twice = [header[i] for i, name in enumerate(names) if name in COLUMNS and names.count(name) > 1]
-    if twice:
-        raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
-    pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
-    usable = [force for speed, force in pairs if speed in names or (speed == "w" and "depth" in names)]
-    if "t" not in names or not usable:
-        raise HindraxError(
-            f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
-            "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N); rename them in the header line"
-        )
-
-
-def _cell(cells: list[str], index: int, where: str) -> float:
-    text = cells[index] if index < len(cells) else ""
-    if not text:
-        return NAN
-    try:
-        value = float(text)
-    except ValueError:
-        raise HindraxError(f"{where}: found {text!r}, wanted a number with a decimal point, or nothing") from None
-    return value if math.isfinite(value) else NAN
-
-
-def _recording(source: str, columns: dict[str, Array]) -> Recording:
-    t = columns["t"]
-    origin = float(t[0])
-    time = array(t - origin)
-    empty = np.full(len(t), NAN)
-    velocity = np.stack([columns.get(name, empty) for name in "uvwpqr"], axis=1)
-    wrench = np.stack([columns.get(name, empty) for name in "XYZKMN"], axis=1)
-    attitude = np.stack([columns.get(name, empty) for name in ("roll", "pitch", "depth")], axis=1)
-    said = "times, velocities and forces are in SI units and SNAME axes (x forward, y starboard, z down), as documented"
-    parts = [_known(time, table) for table in (velocity, wrench, attitude)]
-    return Recording(source, *parts[0], *parts[1], *parts[2], origin, (said,))
-
-
-def _known(time: Array, table: Array) -> tuple[Array, Array]:
-    """Rows that say anything."""
-    rows = np.isfinite(table).any(axis=1)
-    return array(time[rows]), array(table[rows])
 
 
 # ---- what a record offers
@@ -197,6 +100,11 @@ def _known(time: Array, table: Array) -> tuple[Array, Array]:
 def objection(recording: Recording, axis: int) -> str:
     """Why nothing can be learned about an axis, in one sentence; empty where it is worth trying."""
     speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
+    step_s = _period(recording.velocity_t)
+    if step_s > SLOWEST_S:
+        return (
+            f"velocities are {step_s:.3g} s apart: if the times are not in seconds, name the unit in the header (t_ms)"
+        )
     if len(speeds) < FEWEST:
         return f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
     if not len(forces):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import to_s
 from hindrax_core.state import Attitude, Phase, Thrust, Velocity
-from hindrax_ident.readers import FEWEST, events, holds, objection, read_csv, tuned
+from hindrax_ident.csv_record import read_csv
+from hindrax_ident.readers import FEWEST, events, holds, objection, tuned
 
 PLAIN = "t,u,X\n" + "\n".join(f"{0.1 * i:.1f},{math.sin(i):.4f},{i % 7}" for i in range(60))
 

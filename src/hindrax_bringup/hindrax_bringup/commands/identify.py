@@ -28,8 +28,8 @@ from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.bench.plain import plain
 from hindrax_ident.coefficients import Conditions, Saved, SavedMotion, conditions_of
+from hindrax_ident.columns import COLUMNS
 from hindrax_ident.models import MOTIONS
-from hindrax_ident.readers import COLUMNS
 from hindrax_ident.report import RunReport
 from hindrax_ident.results import Results
 
