@@ -44,7 +44,7 @@ class Box:
         self.length_m, self.width_m, self.depth_m = pool.length_m, pool.width_m, pool.depth_m
         self.half_length_m, self.half_width_m = 0.5 * vehicle.envelope_m[0], 0.5 * vehicle.envelope_m[1]
         self.axis_rad = heading_rad - math.radians(knobs.start_turned_deg)
-        self._start_m = (knobs.start_along * pool.length_m, knobs.start_across * pool.width_m)
+        self.start_m = (knobs.start_along * pool.length_m, knobs.start_across * pool.width_m)
         self._cos, self._sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
 
     def place(self, navigation: Navigation) -> Place:
@@ -54,8 +54,8 @@ class Box:
         heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
         cos, sin = math.cos(heading), math.sin(heading)
         return Place(
-            x_m=self._start_m[0] + self._cos * north + self._sin * east,
-            y_m=self._start_m[1] - self._sin * north + self._cos * east,
+            x_m=self.start_m[0] + self._cos * north + self._sin * east,
+            y_m=self.start_m[1] - self._sin * north + self._cos * east,
             heading_rad=heading,
             vx_mps=cos * u - sin * v,
             vy_mps=sin * u + cos * v,

@@ -27,6 +27,8 @@ from hindrax_core.vehicle import Vehicle
 
 ENDINGS = ("hold", "neutral")
 PLATEAUS = "plateaus"
+SETTLING_s = 4.0
+"""Time to come to rest at a place, beside the way to it."""
 SILENT_s = 1.0
 """Age of the last echo from which on a maneuver goes by depth."""
 
@@ -95,7 +97,7 @@ class Maneuver:
         self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
         self._safety = Safety(vehicle, safety_knobs)
         self.plans = tuple(self._planner.plan(motion, box) for motion in goal.motions)
-        self._stages: list[Stage] = [stage for plan in self.plans for stage in self._stages_of(plan)]
+        self._stages: list[Stage] = self._all_stages()
         self._stages.append(Stop(goal.motions[-1], self.station, neutral=False))
         self._seconds = [stage.seconds for stage in self._stages]
         self._at = -1
@@ -103,6 +105,7 @@ class Maneuver:
         self._begun: Stamp | None = None
         self._last: Stamp | None = None
         self._turned_rad = 0.0
+        self._passed = 0.0
         self._aborted = ""
         self._stopping = False
         self._done: ManeuverOutput | None = None
@@ -220,16 +223,27 @@ class Maneuver:
 
     def _progress(self, time_s: float) -> tuple[float, float]:
         if self._stopping:
-            return 0.0, self._stages[0].seconds
+            return self._passed, max(0.0, self._stages[0].seconds - time_s + self._entered_s)
         inside_s = min(time_s - self._entered_s, self._seconds[self._at])
         passed_s = sum(self._seconds[: self._at]) + inside_s
-        return passed_s / self.seconds, self.seconds - passed_s
+        self._passed = passed_s / self.seconds
+        return self._passed, self.seconds - passed_s
 
     # ---- from plans to stages
 
-    def _stages_of(self, plan: Plan) -> list[Stage]:
+    def _all_stages(self) -> list[Stage]:
+        stages: list[Stage] = []
+        place_m = self._box.start_m
+        for plan in self.plans:
+            stages += self._stages_of(plan, place_m)
+            place_m = plan.end_m
+        return stages
+
+    def _stages_of(self, plan: Plan, before_m: tuple[float, float]) -> list[Stage]:
+        """Stages of a plan that begins where the one before it ended."""
         pose = Pose(self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
-        settle = Settle(plan.motion, self.station, plan.start_m, pose)
+        seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
+        settle = Settle(plan.motion, self.station, plan.start_m, pose, seconds=seconds)
         if self.goal.excitation != PLATEAUS:
             return [settle, self._excite(plan, pose)]
         freedom = self._planner.freedoms[plan.motion]

@@ -121,6 +121,11 @@ class Plan:
     """Place in the pool."""
 
     @property
+    def end_m(self) -> tuple[float, float]:
+        """Where in the pool the last leg ends."""
+        return (self.legs[-1].end, self.start_m[1]) if self.motion in ALONG else self.start_m
+
+    @property
     def seconds(self) -> float:
         """Expected duration of all legs [s]."""
         return sum(leg.seconds for leg in self.legs)
@@ -227,7 +232,8 @@ class Planner:
             boost=boost,
             pace=pace,
             inertia=freedom.inertia,
-            seconds=abs((end - start) / rate) + CHARACTERS[motion].boost_s + abs(rate) / pace,
+            # On the way up to speed half of the way is lost; braking ends before the leg does.
+            seconds=abs((end - start) / rate) + 0.5 * abs(rate) / pace,
         )
 
     def _boost(self, motion: str, freedom: Freedom, rate: float) -> tuple[float, float]:

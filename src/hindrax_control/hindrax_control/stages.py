@@ -124,8 +124,10 @@ REST = Rest()
 class Settle:
     """Comes to rest at a place in the pool, at a heading and an altitude or depth, upright."""
 
-    def __init__(self, motion: str, station: Station, goal_m: tuple[float, float], pose: Pose) -> None:
-        self.motion, self.seconds = motion, 12.0
+    def __init__(
+        self, motion: str, station: Station, goal_m: tuple[float, float], pose: Pose, *, seconds: float
+    ) -> None:
+        self.motion, self.seconds = motion, seconds
         self._station, self._goal_m, self._pose = station, goal_m, pose
         self._begun_s = self._still_since_s = 0.0
 
@@ -225,11 +227,15 @@ class Driven:
         return navigation.dvl_locked and not abs(high_m) > STEADY_m and abs(turned_rad) < STEADY_rad
 
 
+STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0
+"""How long a stop usually takes, at least takes and may take."""
+
+
 class Stop:
     """Brakes and holds where it is; ends in the hold, or neutral, as asked."""
 
     def __init__(self, motion: str, station: Station, *, neutral: bool) -> None:
-        self.motion, self.seconds = motion, 4.0
+        self.motion, self.seconds = motion, STOPPING_s
         self._station, self._neutral = station, neutral
         self._begun_s = 0.0
 
@@ -244,7 +250,7 @@ class Stop:
         X, Y = self._station.step(moment.place, moment.dt, held_back=moment.held_back)
         speed = math.sqrt(sum(v * v for v in moment.navigation.velocity_mps if math.isfinite(v)))
         waited_s = moment.time_s - self._begun_s
-        finished = waited_s > 2.0 * self.seconds or (waited_s > 1.0 and speed < REST.speed_mps)
+        finished = waited_s > PATIENT_s or (waited_s > LEAST_s and speed < REST.speed_mps)
         wrench = (0.0,) * 6 if finished and self._neutral else (X, Y, 0.0, 0.0, 0.0, 0.0)
         return Act(wrench, "settle", finished=finished)
 

@@ -39,6 +39,11 @@ class Station:
         self._push = [0.0, 0.0]
         self.goal_m: tuple[float, float] | None = None
 
+    @property
+    def speed_mps(self) -> float:
+        """Speed of a transit."""
+        return self._knobs.speed_mps
+
     def start(self, place: Place) -> None:
         """Take the present place as goal, moving as the vehicle moves; what holds against a current is kept."""
         self._x.start(place.x_m, place.vx_mps)

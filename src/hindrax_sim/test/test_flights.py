@@ -12,10 +12,13 @@ from dataclasses import dataclass, field
 import pytest
 
 from hindrax_bringup.vehicles import default_vehicle
-from hindrax_control.maneuvers import Goal
+from hindrax_control.allocation import Allocator
+from hindrax_control.box import Box
+from hindrax_control.maneuvers import ENDINGS, Goal, Maneuver
 from hindrax_control.pilot import PilotKnobs
-from hindrax_control.plan import PlanKnobs
-from hindrax_core.state import Navigation, Phase
+from hindrax_control.plan import MOTIONS, PlanKnobs
+from hindrax_core.events import after
+from hindrax_core.state import ZERO6, Navigation, Phase
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults import parse_fault
 from hindrax_sim.goal_pilot import GoalPilot
@@ -35,13 +38,17 @@ SEEDS = range(1, 11) if THOROUGH else range(1, 4)
 
 @dataclass
 class Flown:
-    """What the truth says of a flight: its length, and the worst errors on the plateaus of each motion."""
+    """What the truth says of a flight: its length, and the worst errors on the plateaus of each motion.
+
+    `told_s`: every remaining time that was told, with the time at which it was.
+    """
 
     pilot: GoalPilot
     world: World
     altitude_m: dict[str, float] = field(default_factory=dict)
     heading_deg: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
+    told_s: list[tuple[float, float]] = field(default_factory=list)
 
     @property
     def aborted(self) -> str:
@@ -61,7 +68,10 @@ def fly(motions: tuple[str, ...], *faults: str, seed: int = 1) -> Flown:
     for event in step.run(3000.0):
         if isinstance(event.reading, Phase):
             phase = event.reading
-        elif isinstance(event.reading, Navigation) and phase.phase == "plateau":
+        if not isinstance(event.reading, Navigation) or pilot.output is None:
+            continue
+        flown.told_s.append((step.elapsed_s, pilot.output.remaining_s))
+        if phase.phase == "plateau":
             motion, world = phase.motion, step.world
             off_m = abs(world.altitude_m - ALTITUDE_m)
             off_deg = abs(math.remainder(heading_deg(world), 90.0))
@@ -73,14 +83,26 @@ def fly(motions: tuple[str, ...], *faults: str, seed: int = 1) -> Flown:
     return flown
 
 
-def test_what_is_not_flown_is_held_in_all_seven_motions() -> None:
-    flown = fly(("surge", "sway", "heave", "roll", "pitch", "yaw"))
-    assert flown.aborted == ""
-    assert set(flown.altitude_m) == {"surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw"}
-    held_m = {motion: off for motion, off in flown.altitude_m.items() if not motion.startswith("heave")}
-    held_deg = {motion: off for motion, off in flown.heading_deg.items() if motion != "yaw"}
+@pytest.fixture(scope="module")
+def whole() -> Flown:
+    """All seven motions in one go."""
+    return fly(("surge", "sway", "heave", "roll", "pitch", "yaw"))
+
+
+def test_what_is_not_flown_is_held_in_all_seven_motions(whole: Flown) -> None:
+    assert whole.aborted == ""
+    assert set(whole.altitude_m) == {"surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw"}
+    held_m = {motion: off for motion, off in whole.altitude_m.items() if not motion.startswith("heave")}
+    held_deg = {motion: off for motion, off in whole.heading_deg.items() if motion != "yaw"}
     assert max(held_m.values()) < HELD_m, held_m
     assert max(held_deg.values()) < HELD_deg, held_deg
+
+
+def test_the_remaining_time_that_is_told_is_that_which_remains(whole: Flown) -> None:
+    """Within a fifth; near the end within three seconds, which a settling takes longer or shorter."""
+    for at_s, told_s in whole.told_s:
+        true_s = whole.seconds - at_s
+        assert abs(told_s - true_s) <= max(0.2 * true_s, 3.0), f"{told_s:.1f} s told, {true_s:.1f} s true"
 
 
 def ended_well(flown: Flown) -> bool:
@@ -114,3 +136,24 @@ def test_a_current_that_begins_to_run_is_held_against(seed: int) -> None:
     flown = fly(("surge",), f"current@{at_s:.2f}+9999", seed=seed)
     assert flown.seconds > at_s
     assert ended_well(flown), flown.aborted
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_cancel_at_any_moment_ends_neutral_or_in_the_hold_as_asked(motion: str, seed: int) -> None:
+    ending = ENDINGS[(MOTIONS.index(motion) + seed) % 2]
+    goal = Goal((motion,), on_cancel=ending)
+    planned = Maneuver(VEHICLE, Allocator(VEHICLE), goal, Box(VEHICLE, 0.0), plan_knobs=KNOBS.plan)
+    at_s = random.Random(f"{motion} {seed}").uniform(0.0, 0.8 * planned.seconds)
+    pilot = GoalPilot(VEHICLE, goal, KNOBS, cancel_at_s=at_s)
+    step = Lockstep(VEHICLE, pilot, seed)
+    states = [one for one in step.run(planned.seconds + 60.0) if isinstance(one.reading, Navigation)]
+    assert pilot.output is not None
+    assert (pilot.output.phase.phase, pilot.output.aborted) == ("aborted", "cancelled: by the operator")
+    assert (step.world.box.wall_hits, step.world.box.floor_hits) == (0, 0)
+    assert math.hypot(*step.world.plant.velocity_over_ground) < 0.15
+    last = states[-1]
+    flight = pilot.pilot.step(last.reading, after(last.stamp, 0.02), armed=True)
+    engaged = {hold.axis for hold in flight.holds if hold.engaged}
+    assert engaged == (set() if ending == "neutral" else {"heading", "roll", "pitch", "depth"})
+    assert (flight.wrench == ZERO6) == (ending == "neutral")
