@@ -1,6 +1,7 @@
 """The mock vehicle with an STM32 as its output: a guard in a thread, on a pty and the mock's clock."""
 
 import dataclasses
+import os
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -89,6 +90,15 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
         run_for(mock, 0.5)
         thread.stop()
         assert mock.hardware.output.pulses_us()[:8] == (1500.0,) * 8
+
+
+def test_nobody_waits_for_a_ground_station_as_for_a_control_loop(tmp_path: Path) -> None:
+    with Mock(with_stm32(), tmp_path, seed=1, rate=0.0) as mock:
+        descriptor = os.open(mock.ports["thrusters"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        os.write(descriptor, bytes.fromhex("fd 09 00 00 00 01 bf 00 00 00 00 00 00 00 12 08 00 04 03 ae c6"))
+        run_for(mock, 0.1)
+        os.close(descriptor)
+        assert mock.last_write is None, "time would nearly stand still between two of its frames"
 
 
 @pytest.mark.parametrize("fault", ["reset", "bit_flips", "absent", "nack"])

@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs r
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Mock, str]]:
     """The whole mock vehicle, stepped by a thread, with its bus as a file."""
     folder = tmp_path_factory.mktemp("mock")
     over = threading.Event()
@@ -42,10 +42,15 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
         thread = threading.Thread(target=turn)
         thread.start()
-        yield str(folder / "i2c-9")
+        yield mock, str(folder / "i2c-9")
         over.set()
         thread.join()
         file.close()
+
+
+@pytest.fixture
+def path(mocked: tuple[Mock, str]) -> str:
+    return mocked[1]
 
 
 @pytest.mark.parametrize("oversampling", [256, 512, 1024, 2048, 4096, 8192])
@@ -97,3 +102,12 @@ def test_the_pulse_generator_is_set_up_by_plain_calls(path: str) -> None:
     os.write(descriptor, b"\x06")
     assert os.read(descriptor, 4) == b"\x00\x00\x33\x01"
     os.close(descriptor)
+
+
+def test_nobody_waits_for_a_program_of_others_as_for_a_control_loop(mocked: tuple[Mock, str]) -> None:
+    mock, path = mocked
+    with SMBus(path) as bus:
+        bus.write_byte_data(0x40, 0x00, 0x21)
+        bus.write_i2c_block_data(0x40, 0x06, [0, 0, 0x33, 1])
+    assert mock.hardware.output.pulse_us(0) is not None
+    assert mock.last_write is None, "time would nearly stand still between two of its writes"

@@ -50,7 +50,7 @@ class Ports:
         self._socket = folder / "i2c"
         self._server = BusServer(str(self._socket), self._transfer, self.hardware.stamp)
         self.last_write: Stamp | None = None
-        """Time of the mock at which the control loop was heard last."""
+        """Time of the mock at which a control loop that lives by this clock was heard last."""
         self._step_began = time.monotonic()
         self.faces: list[Callable[[Stamp], None]] = []
         """Called with the time after every step."""
@@ -103,7 +103,7 @@ class Ports:
 
         Whoever asks for it closes it, before the mock.
         """
-        file = FuseI2c(path, self._transfer, WallTime(lambda: self.hardware.stamp).now)
+        file = FuseI2c(path, self.hardware.i2c.transfer, WallTime(lambda: self.hardware.stamp).now)
         self._server.also(file.fileno(), file.serve)
         return file
 
@@ -112,7 +112,8 @@ class Ports:
         port = self._ptys[name]
         port.plug(in_place=getattr(self.hardware.serial[name], "connected", True))
         sent = port.take()
-        if sent and name == THRUSTERS:
+        if sent and name == THRUSTERS and self._server.clients():
+            # Without a client of the clock it is a program of others, which writes when it pleases.
             self.last_write = self.hardware.stamp
         if sent:
             data += self.hardware.serial[name].receive(sent, now_s)

@@ -129,6 +129,16 @@ def test_bad_commands_change_nothing_and_are_said_to_be_bad(command):
     assert device.settings == DvlSettings()
 
 
+@pytest.mark.parametrize("command", [b"SET-SENSOR-ORIENTATION 0,0,90", b"SEND-GPRMC OFF", b"SET-POSITION 44.96,-93.51"])
+def test_other_commands_of_the_page_are_taken_without_a_word(command):
+    assert Dvl75().receive(command + b"\n", 0.0) == b""
+
+
+def test_a_position_of_a_gps_is_taken_without_a_word():
+    line = b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A\r\n"
+    assert Dvl75().receive(line, 0.0) == b""
+
+
 def test_pause_resume_and_reboot():
     device = Dvl75(settings=ON)
     said(device, 0.0, 1.0)

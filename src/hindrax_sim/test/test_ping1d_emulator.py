@@ -52,6 +52,8 @@ ACKED = [
         1204,
         "64 00 00 00 88 13 00 00",
     ),
+    ("set_device_id 7", "42 52 01 00 e8 03 00 00 07 87 01", 1000, 1201, "07"),
+    ("set_device_id 7, as common.json has it", "42 52 01 00 64 00 00 00 07 00 01", 100, 1201, "07"),
 ]
 
 
@@ -76,7 +78,14 @@ def test_who_it_is():
 
 @pytest.mark.parametrize(
     ("message", "payload"),
-    [(1001, struct.pack("<II", 0, 999)), (1003, b"\x02"), (1004, b"\x00\x00"), (1005, b"\x07"), (9999, b"\x01")],
+    [
+        (1001, struct.pack("<II", 0, 999)),
+        (1003, b"\x02"),
+        (1004, b"\x00\x00"),
+        (1005, b"\x07"),
+        (1100, b""),
+        (9999, b"\x01"),
+    ],
 )
 def test_what_cannot_be_is_refused(message, payload):
     ((answer, words),) = frames(Ping1d().receive(host(message, payload), 0.0))

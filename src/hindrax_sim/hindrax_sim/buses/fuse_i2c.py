@@ -33,7 +33,7 @@ SOURCE = "hindrax-i2c"
 GETATTR, SETATTR, OPEN, READ, WRITE, RELEASE, FLUSH = 3, 4, 14, 15, 16, 18, 25
 FORGET, INIT, ACCESS, INTERRUPT, IOCTL, BATCH_FORGET = 2, 26, 34, 36, 39, 42
 WITHOUT_ANSWER = frozenset((FORGET, INTERRUPT, BATCH_FORGET))
-DIRECT_IO, NOT_SEEKABLE = 0x01, 0x04
+DIRECT_IO = 0x01
 REQUEST_BYTES = 1 << 17
 LONGEST_WRITE = 1 << 16
 MINOR = 31
@@ -136,7 +136,7 @@ class FuseI2c:
         if opcode == OPEN:
             self._handles += 1
             self._addresses[self._handles] = -1
-            return _OPEN_OUT.pack(self._handles, DIRECT_IO | NOT_SEEKABLE)
+            return _OPEN_OUT.pack(self._handles, DIRECT_IO)
         if opcode in (READ, WRITE, IOCTL):
             return self._use(opcode, body, pid)
         if opcode == RELEASE:

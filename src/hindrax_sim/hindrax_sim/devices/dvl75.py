@@ -41,6 +41,14 @@ SCALARS = {
     "SET-SPEED-OF-SOUND": ("speed_of_sound_mps", 1100.0, 1950.0),
     "SET-VELOCITY-ADJUSTMENT": ("velocity_adjustment", 0.8, 1.25),
 }
+WITHOUT_EFFECT = frozenset(
+    (
+        *("SET-POSITION", "SUPPRESS-GPS", "DECLINATION", "HEADING-OFFSET", "SEND-GPRMC", "SEND-DVFKA", "SEND-DVKFA"),
+        *("SEND-DVFKB", "SEND-DVKFB", "RETWEET-GPS", "RETWEET-IMU", "SET-SIDE-TRACKING", "SEND-SIDE-TRACKING-FRAME"),
+        *("SET-SENSOR-ORIENTATION", "GRAB-IMU-CAL", "VOID-IMU-CAL", "BAUD-RATE", "IP-ADDRESS", "HOST-ADDRESS"),
+    )
+)
+"""Commands of the page that the device takes without a word and that are not played through here."""
 
 
 class Dvl75:
@@ -202,7 +210,8 @@ class Dvl75:
         if word in ("PAUSE", "RESUME"):
             self._paused = word == "PAUSE"
             return b""
-        if self._change(word, argument.strip()) or not self.settings.freeform:
+        taken = word in WITHOUT_EFFECT or line.startswith("$GPRMC,") or self._change(word, argument.strip())
+        if taken or not self.settings.freeform:
             return b""
         return b"Unrecognized command\r\n"
 

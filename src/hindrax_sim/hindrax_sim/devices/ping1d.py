@@ -25,7 +25,7 @@ DEFAULT_INTERVAL_ms = 100
 SHORTEST_m, FARTHEST_m = 0.3, 100.0
 SATURATED_mm = 0xFFFFFFFF
 PING1D, PING360 = 1, 2
-ACK, NACK, GENERAL_REQUEST = 1, 2, 6
+ACK, NACK, GENERAL_REQUEST, SET_DEVICE_ID = 1, 2, 6, 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,7 @@ class _Settings:
     gain: int = 1
     enabled: int = 1
     stream: int = 0
+    device_id: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,7 @@ class Ping1d:
             4: lambda: bytes([PING360 if self._disguised else PING1D, 2, 3, 28, 0, 0]),
             5: lambda: bytes([1, 0, 0, 0]),
             1200: lambda: struct.pack("<BBHH", PING1D, 2, 3, 28),
-            1201: lambda: b"\x01",
+            1201: lambda: bytes([settings.device_id]),
             1202: lambda: struct.pack("<H", 5000),
             1203: lambda: struct.pack("<I", settings.speed_mmps),
             1204: lambda: struct.pack("<II", settings.start_mm, settings.length_mm),
@@ -250,7 +251,9 @@ class Ping1d:
             self._settings.stream = value
         elif message == 1401:
             self._settings.stream = 0
-        elif message not in (100, 1000):
+        elif message in (SET_DEVICE_ID, 1000) and len(payload) == 1:
+            self._settings.device_id = value
+        else:
             return "bad value" if message in range(1001, 1007) or message == 1400 else "unknown message"
         return ""
 
