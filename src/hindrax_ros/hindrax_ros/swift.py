@@ -14,7 +14,7 @@ from sensor_msgs.msg import FluidPressure, Imu
 from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import Inertial, Pressure, Vec6
+from hindrax_core.readings import BottomTrack, Echo, Inertial, Magnetic, Pressure, Vec6
 from hindrax_core.state import Navigation, Thrust
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros import convert
@@ -23,6 +23,7 @@ from hindrax_ros.stencil import Reader, Writer
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO3 = (0.0, 0.0, 0.0)
 _NOTHING = Inertial(_ZERO3, _ZERO3, math.nan)
+_VACUUM = Pressure(0.0, 0.0)
 _NOWHERE = Navigation(_ZERO3, _ZERO3, _ZERO3, 0.0, 0.0, (0.0, 0.0), dvl_locked=False)
 
 
@@ -59,6 +60,48 @@ def inertial_writer(frame: str, sigma_force: float, sigma_rate: float) -> Callab
         return writer.write(
             (*divmod(stamped.stamp, NS_PER_S), *reading.rate_radps, *reading.specific_force_mps2),
         )
+
+    return write
+
+
+def magnetic_writer(frame: str, sigma_T: float) -> Callable[[Stamped[Magnetic]], bytes]:
+    """Make the writer of one sensor: `convert.magnetic_to_msg`."""
+    writer = Writer(*_STAMP, *_xyz("magnetic_field"))
+    writer.learn(None, convert.magnetic_to_msg(Stamped(Stamp(0), Magnetic(_ZERO3)), frame, sigma_T))
+    return lambda one: writer.write((*divmod(one.stamp, NS_PER_S), *one.reading.field_T))
+
+
+def pressure_writer(frame: str, sigma_Pa: float) -> Callable[[Stamped[Pressure]], bytes]:
+    """Make the writer of one sensor: `convert.pressure_to_msg`."""
+    writer = Writer(*_STAMP, "fluid_pressure")
+    writer.learn(None, convert.pressure_to_msg(Stamped(Stamp(0), _VACUUM), frame, sigma_Pa))
+    return lambda one: writer.write((*divmod(one.stamp, NS_PER_S), one.reading.pressure_Pa))
+
+
+def temperature_writer(frame: str) -> Callable[[Stamped[Pressure]], bytes]:
+    """Make the writer of one sensor: `convert.temperature_to_msg`."""
+    writer = Writer(*_STAMP, "temperature")
+    writer.learn(None, convert.temperature_to_msg(Stamped(Stamp(0), _VACUUM), frame))
+    return lambda one: writer.write((*divmod(one.stamp, NS_PER_S), one.reading.temperature_C))
+
+
+def echo_writer(frame: str, limits_m: tuple[float, float], view_rad: float) -> Callable[[Stamp, float], bytes]:
+    """Make the writer of one sensor, for stamps and ranges [m]: `convert.echo_to_msg`."""
+    writer = Writer(*_STAMP, "range")
+    writer.learn(None, convert.echo_to_msg(Stamped(Stamp(0), Echo(0.0, 1.0)), frame, limits_m, view_rad))
+    return lambda stamp, range_m: writer.write((*divmod(stamp, NS_PER_S), range_m))
+
+
+def attitude_writer(frame: str, sigma_rad: float) -> Callable[[Stamped[BottomTrack]], bytes]:
+    """Make the writer of one sensor: `convert.attitude_to_msg`."""
+    writer = Writer(*_STAMP, *_xyz("orientation"), "orientation.w")
+    level = BottomTrack(False, 0.0, 0.0, 0.0, None, (math.nan, math.nan), (), "", 0)
+    writer.learn(None, convert.attitude_to_msg(Stamped(Stamp(0), level), frame, sigma_rad))
+
+    def write(stamped: Stamped[BottomTrack]) -> bytes:
+        track = stamped.reading
+        orientation = convert.xyzw_from_sname(track.roll_rad, track.pitch_rad, track.heading_rad)
+        return writer.write((*divmod(stamped.stamp, NS_PER_S), *orientation))
 
     return write
 

@@ -13,7 +13,7 @@ from sensor_msgs.msg import FluidPressure, Imu, Range
 from std_msgs.msg import Header
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Inertial, Pressure
+from hindrax_core.readings import BottomTrack, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.state import Navigation
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros import convert, swift
@@ -78,10 +78,27 @@ def test_wrench(stamp, wrench):
     assert same(swift.wrench_writer()(stamp, wrench), convert.wrench_to_msg(stamp, wrench))
 
 
-@given(stamps, texts, st.floats(0, 2e5))
-def test_pressure(stamp, frame, pressure_Pa):
-    message = convert.pressure_to_msg(Stamped(stamp, Pressure(pressure_Pa, math.nan)), frame, 20.0)
+@given(stamps, texts, st.floats(0, 2e5), number)
+def test_pressure(stamp, frame, pressure_Pa, temperature_C):
+    reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
+    message = convert.pressure_to_msg(reading, frame, 20.0)
+    assert same(swift.pressure_writer(frame, 20.0)(reading), message)
+    assert same(swift.temperature_writer(frame)(reading), convert.temperature_to_msg(reading, frame))
     assert repr(swift.pressure_from_bytes(serialize_message(message))) == repr(convert.pressure_from_msg(message))
+
+
+@given(stamps, texts, three, number)
+def test_magnetic_and_echo(stamp, frame, field_T, range_m):
+    field = Stamped(stamp, Magnetic(field_T))
+    assert same(swift.magnetic_writer(frame, 3e-7)(field), convert.magnetic_to_msg(field, frame, 3e-7))
+    message = convert.echo_to_msg(Stamped(stamp, Echo(range_m, 1.0)), frame, (0.25, 50.0), 0.5)
+    assert same(swift.echo_writer(frame, (0.25, 50.0), 0.5)(stamp, range_m), message)
+
+
+@given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
+def test_attitude(stamp, frame, angles_rad):
+    track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
+    assert same(swift.attitude_writer(frame, 0.02)(track), convert.attitude_to_msg(track, frame, 0.02))
 
 
 @given(stamps, texts, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))

@@ -25,7 +25,14 @@ from hindrax_drivers.nodes import marine_acoustic
 from hindrax_msgs.msg import PingProfile
 from hindrax_ros import convert
 from hindrax_ros.graph import publisher
-from hindrax_ros.swift import inertial_writer
+from hindrax_ros.swift import (
+    attitude_writer,
+    echo_writer,
+    inertial_writer,
+    magnetic_writer,
+    pressure_writer,
+    temperature_writer,
+)
 
 Outlets: TypeAlias = dict[type, Callable[[Stamped[Any]], None]]
 
@@ -74,37 +81,36 @@ def _frame(node: Node) -> str:
 
 
 def _inertial(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[Inertial]], None]:
-    out, frame = publisher(node, topic), _frame(node)
-    write = inertial_writer(frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps)
+    out, write = publisher(node, topic), inertial_writer(_frame(node), SIGMA_FORCE_mps2, SIGMA_RATE_radps)
     return lambda one: out.publish(write(one))
 
 
 def _magnetic(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[Magnetic]], None]:
-    out, frame = publisher(node, topic), _frame(node)
-    return lambda one: out.publish(convert.magnetic_to_msg(one, frame, SIGMA_FIELD_T))
+    out, write = publisher(node, topic), magnetic_writer(_frame(node), SIGMA_FIELD_T)
+    return lambda one: out.publish(write(one))
 
 
 def _pressure(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[Pressure]], None]:
-    out, frame = publisher(node, topic), _frame(node)
-    return lambda one: out.publish(convert.pressure_to_msg(one, frame, SIGMA_PRESSURE_Pa))
+    out, write = publisher(node, topic), pressure_writer(_frame(node), SIGMA_PRESSURE_Pa)
+    return lambda one: out.publish(write(one))
 
 
 def _temperature(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[Pressure]], None]:
-    out, frame = publisher(node, topic), _frame(node)
+    out, write = publisher(node, topic), temperature_writer(_frame(node))
     turn = 0
 
     def publish(stamped: Stamped[Pressure]) -> None:
         nonlocal turn
         turn = (turn + 1) % TEMPERATURE_EVERY
         if turn == 0:
-            out.publish(convert.temperature_to_msg(stamped, frame))
+            out.publish(write(stamped))
 
     return publish
 
 
 def _echo(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[Echo]], None]:
-    out, frame = publisher(node, topic), _frame(node)
-    return lambda one: out.publish(convert.echo_to_msg(one, frame, PING_LIMITS_m, PING_VIEW_rad))
+    out, write = publisher(node, topic), echo_writer(_frame(node), PING_LIMITS_m, PING_VIEW_rad)
+    return lambda one: out.publish(write(one.stamp, one.reading.range_m))
 
 
 def _profile(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[EchoProfile]], None]:
@@ -139,17 +145,16 @@ def _velocity(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[
 
 
 def _attitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[BottomTrack]], None]:
-    out, frame = publisher(node, topic), _frame(node)
-    return lambda one: out.publish(convert.attitude_to_msg(one, frame, SIGMA_ATTITUDE_rad))
+    out, write = publisher(node, topic), attitude_writer(_frame(node), SIGMA_ATTITUDE_rad)
+    return lambda one: out.publish(write(one))
 
 
 def _altitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[BottomTrack]], None]:
-    out, frame = publisher(node, topic), _frame(node)
+    out, write = publisher(node, topic), echo_writer(_frame(node), DVL_LIMITS_m, DVL_VIEW_rad)
 
     def publish(stamped: Stamped[BottomTrack]) -> None:
         if stamped.reading.altitude_m is not None:
-            echo = Stamped(stamped.stamp, Echo(stamped.reading.altitude_m, 1.0))
-            out.publish(convert.echo_to_msg(echo, frame, DVL_LIMITS_m, DVL_VIEW_rad))
+            out.publish(write(stamped.stamp, stamped.reading.altitude_m))
 
     return publish
 
