@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ from hindrax_bringup.commands import replay as command
 from hindrax_bringup.replay_reference import check_reference, reference_file, write_reference
 from hindrax_bringup.replay_run import replay
 from hindrax_bringup.root import clone_root
+from hindrax_core.errors import HindraxError
 from hindrax_core.topics import RAW_FRAMES, resolved
 from hindrax_drivers.devices import icm20948_registers, ms5837
 from hindrax_drivers.nodes import outlets
@@ -107,6 +110,19 @@ def test_a_changed_navigator_is_found_by_the_command(monkeypatch, capsys):
     assert {(found["topic"], found["field"]) for found in one["differences"]} == {
         ("/hindrax/navigation/status", "depth")
     }
+
+
+def test_a_mistake_in_the_second_stage_is_raised_in_the_first(short, monkeypatch):
+    monkeypatch.setattr(state_stage.StateStage, "_learn", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as caught:
+        replay(short)
+    assert any("state_stage.py" in note for note in caught.value.__notes__)
+
+
+def test_a_second_stage_that_is_killed_is_missed(short, monkeypatch):
+    monkeypatch.setattr(state_stage.StateStage, "_learn", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+    with pytest.raises(HindraxError, match="second stage"):
+        replay(short)
 
 
 def test_wrong_use_is_told_apart(short):

@@ -188,6 +188,12 @@ class Ledger:
         """Note a message without a counterpart."""
         self._differ(topic, f"{MISSING} {said}", stamp, recorded, replayed)
 
+    def add(self, other: Ledger) -> None:
+        """Take over what another has counted, of other topics."""
+        self.fields_compared += other.fields_compared
+        self.messages |= other.messages
+        self._differences |= other._differences
+
     def differences(self) -> list[Difference]:
         """What differs beyond the tolerances, the earliest first."""
         kept = [one for key, one in self._differences.items() if not self._forgiven(*key)]

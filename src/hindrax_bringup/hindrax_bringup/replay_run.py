@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,15 @@ import yaml
 
 from hindrax_bag.compare import Ledger, Loader, Rules, load_rules
 from hindrax_bag.reader import BagMessage, attachments, messages
-from hindrax_bringup.state_stage import StateStage
-from hindrax_bringup.wire_replay import parameters_of
-from hindrax_bringup.wire_stage import Samples, WireStage
+from hindrax_bringup.both_stages import Follower, Heard, hardly_collecting
+from hindrax_bringup.state_stage import HEARD, StateStage
+from hindrax_bringup.wire_replay import Parameters, parameters_of
+from hindrax_bringup.wire_stage import COMPARED, Samples, WireStage
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, parse_vehicle
+
+FOLLOWED = HEARD & COMPARED
+"""Topics of which the first stage tells the second."""
 
 
 @dataclass(slots=True)
@@ -64,17 +69,35 @@ def replay(
     parameters = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
     vehicle = vehicle or _vehicle_of(bag, inside)
     done = Replayed(bag, Ledger(rules or load_rules()))
-    second = StateStage(vehicle, parameters, done.ledger, done.samples)
-    first = WireStage(vehicle, parameters, done.ledger, done.samples, second.hear)
-    for message in renamed(bag, names or {}):
-        first.hear(message)
-    first.finish()
-    second.finish()
-    if results:
-        second.conclude()
+    record = partial(renamed, bag, names or {})
+
+    def follow(heard: Iterator[Heard]) -> tuple[Ledger, Samples]:
+        return _second_stage(heard, vehicle, parameters, done.ledger, results=results)
+
+    with hardly_collecting(), Follower((one for one in record() if one.topic in FOLLOWED), follow) as second:
+        first = WireStage(vehicle, parameters, done.ledger, done.samples, second.tell)
+        for message in record():
+            first.hear(message)
+        first.finish()
+        ledger, samples = second.result()
+    done.ledger.add(ledger)
+    done.samples |= samples
     done.begin, done.vehicle_s = first.begin, first.seconds
     done.wall_s = time.perf_counter() - start
     return done
+
+
+def _second_stage(
+    heard: Iterator[Heard], vehicle: Vehicle, parameters: Parameters, ledger: Ledger, *, results: bool
+) -> tuple[Ledger, Samples]:
+    samples: Samples = {}
+    stage = StateStage(vehicle, parameters, ledger, samples)
+    for message, instead in heard:
+        stage.hear(message, instead)
+    stage.finish()
+    if results:
+        stage.conclude()
+    return ledger, samples
 
 
 def renamed(bag: Path, names: Mapping[str, str]) -> Iterator[BagMessage]:

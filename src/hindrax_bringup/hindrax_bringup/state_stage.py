@@ -14,7 +14,7 @@ from hindrax_bringup.wire_replay import Parameters, knobs_of
 from hindrax_control.navigator import Navigator, NavigatorKnobs
 from hindrax_control.nodes.navigator import AS_BYTES, SOURCES
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.state import Estimate, Navigation
+from hindrax_core.state import Estimate, Navigation, Thrust
 from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, ODOMETRY, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.feed import Feed, Measurement, Sorter
@@ -45,7 +45,7 @@ STATES: dict[str, Callable[[Stamped[Navigation]], Any]] = {
 }
 HEARD = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME}
 """Topics that this stage takes."""
-OBJECTS = HEARD - {resolved(topic) for topic in AS_BYTES} - STATES.keys()
+OBJECTS = HEARD - {resolved(topic) for topic in AS_BYTES} - STATES.keys() - {ALLOCATION_NAME}
 """Those that are unpacked for it; of the others the bytes are read in place."""
 
 
@@ -81,8 +81,6 @@ class StateStage:
             self._check_state(message)
         elif topic == ESTIMATE_NAME:
             self._recorded_estimates.append((said.motion, stamp_from_msg(said.header.stamp), message))
-        elif topic == ALLOCATION_NAME:
-            self._navigator.thrust(stamp_from_msg(said.header.stamp), tuple(said.forces))
         # Of the navigation it hears what was recorded: what it makes of it must be what it made on the day.
         if said is None and topic in BYTES_LISTENERS:
             self._learn(BYTES_LISTENERS[topic](data))
@@ -136,6 +134,8 @@ class StateStage:
             self._samples.setdefault(topic, {})[str(stamp)] = made
 
     def _learn(self, measurement: Stamped[Measurement]) -> None:
+        if isinstance(measurement.reading, Thrust):
+            self._navigator.thrust(measurement.stamp, measurement.reading.forces_N)
         for sorted_ in self._sorter.push(measurement):
             for event in self._feed.step(sorted_):
                 for estimate in self._session.step(event):

@@ -19,7 +19,8 @@ from hindrax_core.topics import NAMESPACE, TOPICS, WATER_TEMPERATURE, resolved
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.nodes.outlets import outlets
 from hindrax_drivers.registry import DEVICES
-from hindrax_ros.convert import stamp_from_msg, temperature_to_msg
+from hindrax_ros.convert import stamp_from_msg
+from hindrax_ros.swift import temperature_writer
 
 Take = Callable[[str, int, Any], None]
 """Told of everything a device publishes: full topic, stamp, message or its CDR bytes."""
@@ -68,12 +69,12 @@ class ReplayedDevice:
         return ReplayedPublisher(topic, _nothing if quiet else self._take)
 
     def _every_temperature(self) -> None:
-        publish, frame = self._outlets[Pressure], f"{self._name}_link"
+        publish, write = self._outlets[Pressure], temperature_writer(f"{self._name}_link")
         temperature = ReplayedPublisher(resolved(WATER_TEMPERATURE), self._take)
 
         def both(stamped: Stamped[Pressure]) -> None:
             publish(stamped)
-            temperature.publish(temperature_to_msg(stamped, frame))
+            temperature.publish(write(stamped))
 
         self._outlets[Pressure] = both
 
