@@ -6,52 +6,55 @@ Topics are found by their types. What cannot be known for sure is decided by the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from hindrax_bag.reader import BagMessage, messages
+from hindrax_bag.reader import messages
+from hindrax_bringup.tracks import (
+    NAMED_VELOCITY_TYPES,
+    PULSE_FIELDS,
+    VELOCITY_TYPES,
+    WRENCH_TYPES,
+    Track,
+    quaternions_of,
+    tilts_of,
+    wrenches_of,
+)
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
-from hindrax_ident.arrays import Array, array
-from hindrax_ident.readers import Recording
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.poses import derived, read_axes, to_body
+from hindrax_ident.readers import HALF_TURN, Recording
 
-VELOCITY_TYPES = (
-    "nav_msgs/msg/Odometry",
-    "geometry_msgs/msg/TwistStamped",
-    "geometry_msgs/msg/TwistWithCovarianceStamped",
-)
-WRENCH_TYPES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
-FRAMES = ("flu", "fsd")
+FRAMES = ("flu", "fsd", "world")
 DOWN_WORDS = {"fsd", "frd", "ned", "sname"}
 """Words in the name of a body frame whose z axis points down."""
 WORLD_WORDS = {"odom", "map", "world", "earth", "enu", "utm", "global"}
-UNKNOWN_VARIANCE = 1e3
-HALF_TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-"""From forward, left, up to forward, starboard, down, and back."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What was asked for: topics by name, or empty to find them by type; body axes, or empty to tell by the frames."""
+    """What was asked for: topics by name, or empty to find them by type; axes, or empty to tell by the frames."""
 
     odometry: str = ""
     wrench: str = ""
     frame: str = ""
 
 
-@dataclass(slots=True)
-class Track:
-    """Rows of one topic: times of the stamps (zero where there are none) and of receipt [ns], values, angles."""
+@dataclass(frozen=True, slots=True)
+class _Axes:
+    """The axes that were asked for, and what is said of those that were taken."""
 
-    topic: str
-    stamped: list[int] = field(default_factory=list)
-    received: list[int] = field(default_factory=list)
-    rows: list[list[float]] = field(default_factory=list)
-    angles: list[tuple[float, float]] = field(default_factory=list)
-    frame: str = ""
+    frame: str
+    said: list[str]
+
+    @property
+    def sure(self) -> bool:
+        """Whether the body axes of all topics were told."""
+        return self.frame in ("flu", "fsd")
 
 
 def topics_of(bag: Path) -> dict[str, str]:
@@ -74,130 +77,154 @@ def is_ours(topics: Mapping[str, str]) -> bool:
     return resolved(ALLOCATION) in topics and resolved(MANEUVER) in topics
 
 
-def read_bag(bag: Path, wanted: Wanted, topics: Mapping[str, str]) -> Recording:
-    """Record of a bag of others. UsageError, with a list of what is there, where topics are missing or ambiguous."""
-    velocity = _choose(bag, topics, VELOCITY_TYPES, wanted.odometry, ("velocity", "--odometry"))
-    wrench = _choose(bag, topics, WRENCH_TYPES, wanted.wrench, ("force", "--wrench"))
-    tracks = {velocity: Track(velocity), wrench: Track(wrench)}
-    for message in messages(bag, {velocity, wrench}):
-        _take(tracks[message.topic], message)
-    return _recording(bag, tracks[velocity], tracks[wrench], wanted.frame)
+def read_bag(bag: Path, wanted: Wanted, topics: Mapping[str, str], vehicle: Vehicle | None = None) -> Recording:
+    """Record of a bag of others. UsageError, with a list of what is there, where topics are missing or ambiguous.
+
+    `vehicle` makes newtons of pulses, where the force is given as pulses.
+    """
+    velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
+    wrench = _choose(bag, topics, (WRENCH_TYPES, tuple(PULSE_FIELDS)), wanted.wrench, ("force", "--wrench"))
+    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench)}
+    for message in messages(bag, set(tracks)):
+        tracks[message.topic].take(message)
+    return _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
 
 
-def _choose(bag: Path, topics: Mapping[str, str], types: tuple[str, ...], named: str, words: tuple[str, str]) -> str:
-    what, option = words
-    fitting = [topic for topic, kind in topics.items() if kind in types]
+def _choose(
+    bag: Path, topics: Mapping[str, str], types: tuple[tuple[str, ...], tuple[str, ...]], named: str,
+    words: tuple[str, str],
+) -> str:  # fmt: skip
+    """The topic that was named, or the only one of the first kind of types; those of the second have to be named."""
+    (sure, perhaps), (what, option) = types, words
+    fitting = sorted(topic for topic, kind in topics.items() if kind in sure)
+    possible = sorted(topic for topic, kind in topics.items() if kind in perhaps)
     there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
-    short = " or ".join(kind.partition("/msg/")[2] for kind in types)
+    short = " or ".join(kind.partition("/msg/")[2] for kind in sure)
     if named:
-        if named in fitting:
+        if named in fitting or named in possible:
             return named
         found = topics.get(named, "no such topic")
         raise UsageError(f"{option} {named}: found {found}, wanted {short}; {bag} holds {there}")
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
+        raise UsageError(f"{bag}: several topics may hold the {what}: {', '.join(fitting)}; name one with {option}")
+    if possible:
+        makeshift = "pulses" if option == "--wrench" else "poses, rates or commands"
         raise UsageError(
-            f"{bag}: several topics may hold the {what}: {', '.join(sorted(fitting))}; name one with {option}"
+            f"{bag}: no topic holds the {what} ({short}); {' or '.join(possible)} may serve if it holds {makeshift}: "
+            f"name it with {option}; the bag holds {there}"
         )
     raise UsageError(f"{bag}: no topic holds the {what} ({short}); it holds {there}")
-
-
-def _take(track: Track, message: BagMessage) -> None:
-    content = message.decoded()
-    header = getattr(content, "header", None)
-    track.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header is not None else 0)
-    track.received.append(message.received)
-    if hasattr(content, "wrench") or hasattr(content, "force"):
-        track.frame = header.frame_id if header is not None else ""
-        track.rows.append(_wrench(getattr(content, "wrench", content)))
-        return
-    track.frame = getattr(content, "child_frame_id", "") or (
-        "" if hasattr(content, "pose") or header is None else header.frame_id
-    )
-    track.rows.append(_twist(content.twist))
-    if hasattr(content, "pose"):
-        track.angles.append(_tilt(content.pose.pose.orientation))
-
-
-def _wrench(content: Any) -> list[float]:
-    f, m = content.force, content.torque
-    return [float(value) for value in (f.x, f.y, f.z, m.x, m.y, m.z)]
-
-
-def _twist(content: Any) -> list[float]:
-    """Six velocities; NaN where the covariance says that one is not measured."""
-    inner = getattr(content, "twist", content)
-    a, b = inner.linear, inner.angular
-    row = [float(value) for value in (a.x, a.y, a.z, b.x, b.y, b.z)]
-    variances = [float(content.covariance[7 * i]) for i in range(6)] if hasattr(content, "covariance") else [0.0] * 6
-    return [
-        v if 0.0 <= variance < UNKNOWN_VARIANCE else float("nan") for v, variance in zip(row, variances, strict=True)
-    ]
-
-
-def _tilt(q: Any) -> tuple[float, float]:
-    """Roll and pitch of a quaternion [rad], in the message's own axes."""
-    size = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z
-    if not size > 0.5:
-        return float("nan"), float("nan")
-    roll = np.arctan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
-    return float(roll), float(np.arcsin(np.clip(2.0 * (q.w * q.y - q.z * q.x), -1.0, 1.0)))
 
 
 # ---- axes and times
 
 
-def _recording(bag: Path, velocity: Track, wrench: Track, frame: str) -> Recording:
-    said: list[str] = []
-    turn_v = _turn(velocity, frame, said)
-    turn_w = turn_v if not wrench.frame and not frame else _turn(wrench, frame, said)
-    if not wrench.frame and not frame:
-        said.append(f"{wrench.topic} names no frame: taken to be in the axes of {velocity.topic}")
-    said.append(f"{wrench.topic} is taken to be the wrench that the thrusters really made, about the center of mass")
-    t_v, t_w = _times(velocity, wrench, said)
+def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: Vehicle | None) -> Recording:
+    axes = _Axes(frame, [])
+    t_v, t_w = _times(velocity, wrench, axes.said)
     origin = min(t_v.min(), t_w.min())
     v, w = np.argsort(t_v, kind="stable"), np.argsort(t_w, kind="stable")
-    seconds_v, seconds_w = 1e-9 * (t_v[v] - origin).astype(float), 1e-9 * (t_w[w] - origin).astype(float)
-    tilts = _tilts(velocity, turn_v)
+    at_v, at_w = (1e-9 * (t[order] - origin).astype(float) for t, order in ((t_v, v), (t_w, w)))
+    poses = _poses(velocity, v)
+    moving_t, moving = _velocities(velocity, v, at_v, poses, axes)
+    turn = _turn(velocity, axes)
+    tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
     return Recording(
         source=str(bag),
-        velocity_t=array(seconds_v),
-        velocity=array((np.array(velocity.rows) * turn_v)[v]),
-        wrench_t=array(seconds_w),
-        wrench=array((np.array(wrench.rows) * turn_w)[w]),
-        attitude_t=array(seconds_v) if len(tilts) else np.zeros(0),
-        attitude=array(tilts[v]) if len(tilts) else np.zeros((0, 3)),
+        velocity_t=moving_t,
+        velocity=array(moving * turn),
+        wrench_t=array(at_w),
+        wrench=_forces(wrench, velocity, turn, axes, vehicle)[w],
+        attitude_t=array(at_v) if poses else np.zeros(0),
+        attitude=array(tilts * np.array([1.0, turn[1], 1.0])),
         origin_s=1e-9 * float(origin),
-        assumptions=tuple(said),
+        assumptions=tuple(axes.said),
     )
 
 
-def _tilts(velocity: Track, turn: Array) -> Array:
-    """Roll, pitch, depth (unknown) per velocity, in SNAME axes; (0, 3) where the topic has no pose."""
-    if len(velocity.angles) != len(velocity.rows):
-        return np.zeros((0, 3))
-    both = np.array(velocity.angles) * np.array([1.0, float(turn[1])])
-    return array(np.column_stack([both, np.full(len(both), np.nan)]))
+def _forces(wrench: Track, velocity: Track, turn: Array, axes: _Axes, vehicle: Vehicle | None) -> Array:
+    """Rows of the wrench in SNAME axes, in the order of the bag."""
+    if wrench.kind in PULSE_FIELDS:
+        forces = wrenches_of(wrench, vehicle)
+        axes.said.append(f"{wrench.topic} holds pulses of the channels, made newtons by the curves of the vehicle file")
+        return forces
+    if wrench.frame or axes.sure:
+        turn = _turn(wrench, axes)
+    else:
+        axes.said.append(f"{wrench.topic} names no frame: taken to be in the axes of {velocity.topic}")
+    axes.said.append(
+        f"{wrench.topic} is taken to be the wrench that the thrusters really made, about the center of mass"
+    )
+    return array(np.array(wrench.rows) * turn)
 
 
-def _turn(track: Track, frame: str, said: list[str]) -> Array:
-    """Signs from the axes of a topic to SNAME: (6,)."""
-    if frame:
-        said.append(f"{track.topic}: taken as {frame.upper()} axes, as told")
-        return array(np.ones(6) if frame == "fsd" else HALF_TURN)
-    name = track.frame.rpartition("/")[2]
-    words = set(name.lower().replace("-", "_").split("_"))
-    if words & WORLD_WORDS:
+def _poses(velocity: Track, order: Index) -> tuple[Array, Array] | None:
+    """Positions (n, 3) and attitudes (n, 4) in the order of time; None where the topic has none."""
+    if not velocity.poses:
+        return None
+    return array(np.array(velocity.poses)[order, :3]), quaternions_of(velocity)[order]
+
+
+def _velocities(
+    track: Track, order: Index, at_s: Array, poses: tuple[Array, Array] | None, axes: _Axes
+) -> tuple[Array, Array]:
+    """Times and velocities (n, 6) in the axes of the body, whichever way they point."""
+    if not track.rows and poses is not None:
+        known = np.isfinite(poses[1]).all(axis=1)
+        if known.sum() < 2:
+            raise UsageError(f"{track.topic}: holds no attitudes, wanted unit quaternions beside the positions")
+        axes.said.append(f"{track.topic} holds no velocities: they are made of the change of its poses")
+        return derived(array(at_s[known]), poses[0][known], poses[1][known])
+    rows = array(np.array(track.rows)[order])
+    if _in_world(track, at_s, rows, poses, axes) and poses is not None:
+        rows = array(np.column_stack([to_body(rows[:, :3], poses[1]), rows[:, 3:]]))
+    return array(at_s), rows
+
+
+def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array] | None, axes: _Axes) -> bool:
+    """Whether velocities have to be turned into the axes of the body."""
+    if axes.sure:
+        return False
+    told = axes.frame == "world" or bool(_words(track.frame) & WORLD_WORDS)
+    if poses is None or not np.isfinite(poses[1]).all(axis=1).any():
+        if told:
+            raise UsageError(
+                f"{track.topic}: is in frame {track.frame!r} without an attitude to turn it by, wanted a frame of the "
+                "body such as base_link; if it is in body axes after all, say so with --frame flu or --frame fsd"
+            )
+        return False
+    found = read_axes(at_s, *poses, rows[:, :3])
+    if not told and found is not None and found.is_neither and found.still > 0.0:
+        axes.said.append(f"{track.topic}: suspect, its positions change otherwise than its velocities say in any axes")
+    if told or (found is not None and found.is_world):
+        why = "as named" if told else f"not in {track.frame or 'those of the body'}: its positions change so"
+        axes.said.append(f"{track.topic}: velocities taken in the axes of the world, {why}, and turned by its attitude")
+        return True
+    return False
+
+
+def _words(frame: str) -> set[str]:
+    return set(frame.rpartition("/")[2].lower().replace("-", "_").split("_"))
+
+
+def _turn(track: Track, axes: _Axes) -> Array:
+    """Signs from the body axes of a topic to SNAME: (6,)."""
+    if axes.sure:
+        axes.said.append(f"{track.topic}: taken as {axes.frame.upper()} axes, as told")
+        return array(np.ones(6) if axes.frame == "fsd" else HALF_TURN)
+    words = _words(track.frame)
+    if words & WORLD_WORDS and track.kind in WRENCH_TYPES:
         raise UsageError(
             f"{track.topic}: is in frame {track.frame!r}, wanted a frame of the body such as base_link; "
             "if it is in body axes after all, say so with --frame flu or --frame fsd"
         )
     if words & DOWN_WORDS:
-        said.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")
+        axes.said.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")
         return array(np.ones(6))
     called = f"frame {track.frame!r}" if track.frame else "no frame is named, so it is"
-    said.append(f"{track.topic}: {called} taken as x forward, y left, z up (REP-103), and turned to z down")
+    axes.said.append(f"{track.topic}: {called} taken as x forward, y left, z up (REP-103), and turned to z down")
     return array(HALF_TURN.copy())
 
 

@@ -76,8 +76,11 @@ class Found:
 # ---- reading
 
 
-def open_source(path: Path, wanted: Wanted) -> Source:
-    """Read a record; UsageError names what is missing or ambiguous. A run folder stands for its bag."""
+def open_source(path: Path, wanted: Wanted, vehicle: Vehicle | None = None) -> Source:
+    """Read a record; UsageError names what is missing or ambiguous. A run folder stands for its bag.
+
+    `vehicle`, where one was named, makes newtons of pulses.
+    """
     bag = path / "bag" if (path / "bag").is_dir() else path
     if not bag.exists():
         raise UsageError(f"{path}: does not exist; name a bag, a run folder or a CSV file")
@@ -86,7 +89,7 @@ def open_source(path: Path, wanted: Wanted) -> Source:
     topics = topics_of(bag)
     if is_ours(topics) and wanted == Wanted():
         return Source(bag, mock=is_mock(bag))
-    return Source(bag, read_bag(bag, wanted, topics))
+    return Source(bag, read_bag(bag, wanted, topics, vehicle))
 
 
 def _text(file: Path) -> str:

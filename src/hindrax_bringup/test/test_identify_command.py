@@ -12,6 +12,8 @@ from mcap_ros2.writer import Writer
 from hindrax_bag.reader import messages
 from hindrax_bringup.cli import main
 from hindrax_bringup.foreign import Wanted, read_bag, topics_of
+from hindrax_bringup.vehicles import default_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.models import Model
 from hindrax_ident.synthetic import back_and_forth, fly
 
@@ -414,6 +416,122 @@ def test_sqlite_bags_open_too(tmp_path, small, capsys):
     from_mcap = identified(capsys, mcap, "--vehicle", small)["motions"]["surge"]
     from_sqlite = identified(capsys, bag, "--vehicle", small)["motions"]["surge"]
     assert from_sqlite["k_q"]["value"] == pytest.approx(from_mcap["k_q"]["value"], rel=1e-9)
+
+
+# ---- what is not there can be made
+
+
+def bag_of(path, topics):
+    """Bag of topics, each (name, type, definition, [(seconds, content)])."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        rows = []
+        for name, kind, definition, told in topics:
+            schema = writer.register_msgdef(kind, definition)
+            rows += [(t, name, schema, content) for t, content in told]
+        for t, name, schema, content in sorted(rows, key=lambda row: row[0]):
+            at = int((START_S + t) * 1e9)
+            writer.write_message(name, schema, content, log_time=at, publish_time=at)
+        writer.finish()
+    return path
+
+
+def thrusts(forces):
+    kind = "geometry_msgs/msg/WrenchStamped"
+    told = [(t, wrench_message(kind, START_S + t, 0, float(f), "base_link")) for t, f in zip(*forces, strict=True)]
+    return "/thrust", kind, DEFINITIONS[kind], told
+
+
+RC_OUT = ("/mavros/rc/out", "mavros_msgs/msg/RCOut", f"std_msgs/Header header\nuint16[] channels\n{HEADER}{TIME_PART}")
+
+
+def pulses_bag(path, channels):
+    """Velocities, and pulses in place of forces."""
+    velocities, forces = flown(end_s=10.0)
+    kind = "nav_msgs/msg/Odometry"
+    moved = [
+        (t, velocity_message(kind, START_S + t, 0, float(v), "base_link")) for t, v in zip(*velocities, strict=True)
+    ]
+    told = [(t, {"header": {"stamp": stamp_of(START_S + t), "frame_id": ""}, "channels": channels}) for t in forces[0]]
+    return bag_of(path, [("/odom", kind, DEFINITIONS[kind], moved), (*RC_OUT, told)])
+
+
+def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path):
+    bag = pulses_bag(tmp_path / "a.mcap", [1700, 1700, 0, 0, 1500, 1500, 1500, 1500])
+    vehicle = load_vehicle(default_vehicle())
+    found = read_bag(bag, Wanted(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
+    branch = vehicle.curves["main"].negative
+    assert found.wrench[:, 0] == pytest.approx(-2.0 * math.cos(math.radians(55.0)) * branch.force_N(1300.0))
+    assert found.wrench[:, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("channels", "words", "wanted"),
+    [
+        ([1700] * 8, [], "name it with --wrench"),
+        ([1700] * 8, ["--wrench", "/mavros/rc/out"], "name a vehicle file with thrusters"),
+        ([1700] * 6, ["--wrench", "/mavros/rc/out", "--vehicle", default_vehicle()], "holds 6 channels, wanted 8"),
+        ([1] * 8, ["--wrench", "/mavros/rc/out", "--vehicle", default_vehicle()], "wanted pulses of 500 to 2500 us"),
+    ],
+)
+def test_pulses_that_do_not_serve_are_refused_with_the_remedy(tmp_path, capsys, channels, words, wanted):
+    code, said = refused(capsys, pulses_bag(tmp_path / "a.mcap", channels), *words)
+    assert code == 2
+    assert wanted in said
+
+
+def test_poses_alone_give_the_velocity(tmp_path, small, capsys):
+    true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
+    _, forces = flown()
+    half = math.radians(30.0)
+    rows = zip(true.grid.times_s[::4].tolist(), true.path.s[::4].tolist(), strict=True)
+    told = [
+        (t, {
+            "header": {"stamp": stamp_of(START_S + t), "frame_id": "mocap"},
+            "pose": {
+                "position": {"x": s * math.cos(2.0 * half), "y": s * math.sin(2.0 * half), "z": 0.0},
+                "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+            },
+        })
+        for t, s in rows
+    ]  # fmt: skip
+    kind = "geometry_msgs/msg/PoseStamped"
+    definition = "std_msgs/Header header\ngeometry_msgs/Pose pose\n" + HEADER + TIME_PART + POSE_PART
+    bag = bag_of(tmp_path / "a.mcap", [("/mocap/rov", kind, definition, told), thrusts(forces)])
+    code, said = refused(capsys, bag, "--vehicle", small)
+    assert code == 2
+    assert "--odometry" in said
+    surge = identified(capsys, bag, "--vehicle", small, "--odometry", "/mocap/rov")["motions"]["surge"]
+    assert surge["identifiable"]
+    assert force_at(surge, 0.4) == pytest.approx(force_at({k: {"value": v} for k, v in TRUTH.items()}, 0.4), rel=0.02)
+
+
+def world_message(t, s, v):
+    """Odometry whose velocity is in the axes of the world, while its frames say that it is not."""
+    east = {"x": 0.0, "y": float(v), "z": 0.0}
+    still = {"x": 0.0, "y": 0.0, "z": 0.0}
+    pose = {"position": {"x": 0.0, "y": float(s), "z": 0.0}}
+    pose["orientation"] = {"x": 0.0, "y": 0.0, "z": math.sqrt(0.5), "w": math.sqrt(0.5)}
+    zeros = [0.0] * 36
+    twist = {"twist": {"linear": east, "angular": still}, "covariance": zeros}
+    header = {"stamp": stamp_of(START_S + t), "frame_id": "odom"}
+    return {
+        "header": header,
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose, "covariance": zeros},
+        "twist": twist,
+    }
+
+
+def test_velocities_in_the_axes_of_the_world_are_found_out(tmp_path, small, capsys):
+    true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
+    (t, v), forces = flown()
+    told = [(one, world_message(one, s, u)) for one, s, u in zip(t.tolist(), true.path.s[::20], v, strict=True)]
+    kind = "nav_msgs/msg/Odometry"
+    bag = bag_of(tmp_path / "a.mcap", [("/odom", kind, DEFINITIONS[kind], told), thrusts(forces)])
+    document = identified(capsys, bag, "--vehicle", small)
+    assert is_true(document["motions"]["surge"])
+    assert any("axes of the world" in one for one in document["assumptions"])
 
 
 # ---- wrong use

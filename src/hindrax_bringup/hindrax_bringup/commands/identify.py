@@ -83,8 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.to_s > arguments.from_s:
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     wanted = Wanted(arguments.odometry, arguments.wrench, arguments.frame)
-    sources = [open_source(path, wanted) for path in arguments.records]
-    vehicle, said = _vehicle(arguments.vehicle, sources[0])
+    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    sources = [open_source(path, wanted, named) for path in arguments.records]
+    vehicle, said = _vehicle(named, sources[0])
     began = time.monotonic()
     found = identify_sources(sources, vehicle, axes_named(arguments.dof), Span(arguments.from_s, arguments.to_s))
     took_s = time.monotonic() - began
@@ -100,11 +101,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _vehicle(named: str | None, source: Source) -> tuple[Vehicle, list[str]]:
+def _vehicle(named: Vehicle | None, source: Source) -> tuple[Vehicle, list[str]]:
     """Vehicle, and what had to be assumed about it."""
-    if named:
-        vehicle = load_vehicle(named)
-        return vehicle, [] if vehicle.thrusters else [NO_THRUSTERS]
+    if named is not None:
+        return named, [] if named.thrusters else [NO_THRUSTERS]
     recorded = recorded_vehicle(source)
     if recorded is not None:
         return recorded, []
