@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_core import topics
+
 ROOT = Path(__file__).parents[2]
 PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
@@ -46,7 +48,7 @@ DEVELOPMENT_MODULES = {
 
 
 def modules_imported(package: Path) -> Iterator[tuple[str, Path]]:
-    for source in (package / package.name).rglob("*.py"):
+    for source in (*(package / package.name).rglob("*.py"), *package.glob("launch/*.py")):
         tree = ast.parse(source.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Import):
@@ -60,14 +62,27 @@ def dependencies(package: Path) -> set[str]:
     return {element.text or "" for kind in ("depend", "exec_depend") for element in manifest.findall(kind)}
 
 
-@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
-def test_every_import_is_a_declared_dependency(package: Path) -> None:
-    declared = dependencies(package)
+def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     for module, source in modules_imported(package):
         if module in sys.stdlib_module_names or module == package.name or module in DEVELOPMENT_MODULES:
             continue
         key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
-        assert key is None or key in declared, f"{source} imports {module}: {package.name}/package.xml lacks {key}"
+        if key is not None:
+            yield key, source
+    if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
+        yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_import_is_a_declared_dependency(package: Path) -> None:
+    declared = dependencies(package)
+    for key, source in keys_needed(package):
+        assert key in declared, f"{source} needs {key}: {package.name}/package.xml lacks it"
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_declared_dependency_is_imported(package: Path) -> None:
+    assert dependencies(package) - {key for key, _ in keys_needed(package)} == set()
 
 
 def test_modules_without_a_rosdep_key_are_locked() -> None:

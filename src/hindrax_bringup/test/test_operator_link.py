@@ -1,4 +1,4 @@
-"""When the operator's end may conclude that a maneuver is over although its result never came."""
+"""The operator's end of the link: when it may conclude that a maneuver is over, and whose heartbeat it sends."""
 
 from types import SimpleNamespace
 
@@ -34,3 +34,15 @@ def unheard(maneuver_age_s, navigation_age_s):
 )
 def test_silence_about_a_maneuver(maneuver_age_s, navigation_age_s, over):
     assert unheard(maneuver_age_s, navigation_age_s) is over
+
+
+def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    with Operator(mock=False) as operator:
+        ticks = []
+        with operator.repeating(0.02, lambda: ticks.append(None)):
+            operator.beat(on=False)
+            operator.wait(lambda: len(ticks) > 2, 10.0, lambda: "the other timer")
+            assert [timer.is_canceled() for timer in operator.node.timers] == [True, False]
+        operator.beat(on=True)
+        assert not any(timer.is_canceled() for timer in operator.node.timers)

@@ -381,8 +381,11 @@ class Flown:
 
     def __init__(self) -> None:
         self.orders = []
-        self.node = type("Node", (), {"timers": []})()
+        self.beats = []
         self.thrusters = object()
+
+    def beat(self, *, on: bool) -> None:
+        self.beats.append(on)
 
     def last(self, link: Link) -> str:
         while "cancelled" not in self.orders:
@@ -411,23 +414,11 @@ def test_a_link_that_ends_gives_up_waiting_once(monkeypatch):
     link._tick()
 
 
-class Timer:
-    def __init__(self) -> None:
-        self.calls = []
-
-    def reset(self) -> None:
-        self.calls.append("reset")
-
-    def cancel(self) -> None:
-        self.calls.append("cancel")
-
-
 def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch):
     monkeypatch.setattr("hindrax_bringup.monitor.link.picture", lambda _operator: Picture())
     looks = [True]
-    link, operator, timer = Link(None, sim_time=False, present=lambda: looks[-1]), Flown(), Timer()
-    operator.node.timers = [timer]
+    link, operator = Link(None, sim_time=False, present=lambda: looks[-1]), Flown()
     link._operator = operator
     for looks[-1] in (True, False, False, True, True):
         link._tick()
-    assert timer.calls == ["cancel", "reset"]
+    assert operator.beats == [False, True]

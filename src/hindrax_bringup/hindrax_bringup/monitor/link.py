@@ -126,15 +126,9 @@ class Link(threading.Thread):
             self._picture = picture(operator)
 
     def _beat(self, operator: Operator) -> None:
-        """Let the heartbeat go on or rest; no order of a view makes a timer, so it is the only one of the node."""
-        if self._present() is self._beating:
-            return
-        self._beating = not self._beating
-        for timer in operator.node.timers:
-            if self._beating:
-                timer.reset()
-            else:
-                timer.cancel()
+        if self._present() is not self._beating:
+            self._beating = not self._beating
+            operator.beat(on=self._beating)
 
     def _obey(self, operator: Operator, order: Order, tell: Tell) -> None:
         try:

@@ -101,7 +101,14 @@ class Operator:
         subscription(self.node, ESTIMATE, self._on_estimate)
         subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
         beat = publisher(self.node, HEARTBEAT, held=False)
-        self.node.create_timer(0.5, lambda: beat.publish(self._heartbeat()))
+        self._beating = self.node.create_timer(0.5, lambda: beat.publish(self._heartbeat()))
+
+    def beat(self, *, on: bool) -> None:
+        """Let the heartbeat go on, or rest: it is the person's, not the program's."""
+        if on:
+            self._beating.reset()
+        else:
+            self._beating.cancel()
 
     def _heartbeat(self) -> Heartbeat:
         message = Heartbeat(sequence=self.next(), source="operator")
