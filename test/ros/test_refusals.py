@@ -34,6 +34,12 @@ def test_an_occupied_folder(capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
+def test_a_fault_that_nobody_knows(capsys, tmp_path):
+    code, said = refuse(capsys, "--mock", "--fault", "gnats:dvl75", "--out", str(tmp_path / "run"))
+    assert code == 2
+    assert "found 'gnats', wanted one of absent, " in said
+
+
 @pytest.mark.root
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
 def test_a_full_disk(capsys, tmp_path):

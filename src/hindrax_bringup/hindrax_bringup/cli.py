@@ -5,17 +5,19 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import difflib
 import importlib
 import importlib.util
 import pkgutil
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from hindrax_bringup import commands
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 
 GROUPS = (
     ("the main job", ("pool-test", "report", "export")),
@@ -46,6 +48,24 @@ class Command(Protocol):
         """Do the work and return the exit code."""
 
 
+class Parser(argparse.ArgumentParser):
+    """What is wrong is said in one sentence, with the word that was perhaps meant; the whole usage is in the help."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say it and end with 2."""
+        stray = re.fullmatch(r"unrecognized arguments: (.*)", message)
+        if stray:
+            word = stray[1].split()[0]
+            message = f"no option {word!r}{meant(word, self._option_string_actions)}"
+        self.exit(UsageError.exit_code, f"{self.prog}: {message}; ./{self.prog} --help shows how\n")
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Question after the known word that is nearest to an unknown one; empty when none is near."""
+    near = difflib.get_close_matches(word.replace("_", "-"), list(known), n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
 def module_names() -> list[str]:
     """Names of all command modules, in the order in which help lists them."""
     return sorted(module.name for module in pkgutil.iter_modules(commands.__path__) if not module.name.startswith("_"))
@@ -64,14 +84,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0 if words else 2
     known = {name.replace("_", "-"): name for name in module_names()}
     if words[0] not in known:
-        print(f"hindrax: no command {words[0]!r}; ./hindrax --help lists them", file=sys.stderr)
-        return 2
+        print(f"hindrax: no command {words[0]!r}{meant(words[0], known)}; ./hindrax --help lists all", file=sys.stderr)
+        return UsageError.exit_code
     return run_command(load(known[words[0]]), words[1:])
 
 
 def parser_of(command: ModuleType) -> argparse.ArgumentParser:
     """Make the parser of one command, with its help and its example."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=f"hindrax {command.NAME}",
         description=command.HELP,
         epilog=f"example:\n  {command.EXAMPLE}",
@@ -84,6 +104,8 @@ def parser_of(command: ModuleType) -> argparse.ArgumentParser:
 def run_command(command: ModuleType, words: list[str]) -> int:
     """Parse the words of one command and run it; HindraxError becomes one sentence and its exit code."""
     parser = parser_of(command)
+    if getattr(command, "PASSES_ON", False) and words[:1] not in (["-h"], ["--help"]):
+        words = ["--", *words]  # argparse would look at the first one
     try:
         return int(command.run(parser.parse_args(words)))
     except HindraxError as error:

@@ -52,7 +52,7 @@ class RunFolder:
 
 
 def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
-    """Make the folder; UsageError when it is occupied, HindraxError when it cannot be made or is full."""
+    """Make the folder; UsageError when it is occupied or cannot be made, HindraxError when the disk is full."""
     path = Path(wanted) if wanted else _dated()
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
@@ -63,7 +63,7 @@ def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
         if free >= FREE_BYTES_WANTED:
             shutil.copyfile(vehicle_file, folder.vehicle)
     except OSError as error:
-        raise HindraxError(
+        raise UsageError(
             f"{path} cannot be written ({error.strerror or error}); name another folder with --out"
         ) from error
     if free < FREE_BYTES_WANTED:

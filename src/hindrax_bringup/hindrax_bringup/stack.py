@@ -20,11 +20,14 @@ from hindrax_bringup.run_folder import RunFolder, write_parameters
 from hindrax_bringup.supervisor import Child, Supervisor
 from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
 from hindrax_bringup.tether import Tether
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 
 MOCK_READY_S = 20.0
 DOMAINS = range(1, 101)
+FAULT_HELP = (
+    "mock: what goes wrong, where, when [s] and for how long: garbage:dvl75@30+5; repeatable, any other word lists all"
+)
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
@@ -103,6 +106,8 @@ def first_line(child: Child, seconds: float, log: Path) -> Mapping[str, object]:
     while time.monotonic() < deadline:
         if select.select([pipe], (), (), 0.1)[0]:
             line = pipe.readline()
+            if not line and child.handle.wait(seconds) == UsageError.exit_code:
+                raise UsageError(f"the mock vehicle refused; {last_words(log)}")
             if not line:
                 break
             found: Mapping[str, object] = json.loads(line)

@@ -22,7 +22,7 @@ EXAMPLE = "./hindrax deploy pi@192.168.2.2 --tether eth0:192.168.2.1 --dry-run"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Where to, and how it runs there."""
-    parser.add_argument("host", help="as ssh takes it: pi@192.168.2.2, or a name of ~/.ssh/config")
+    parser.add_argument("host", metavar="HOST", help="as ssh takes it: pi@192.168.2.2, or a name of ~/.ssh/config")
     parser.add_argument("--dry-run", action="store_true", help="print each step, reach nobody")
     parser.add_argument(
         "--with",

@@ -21,7 +21,7 @@ from hindrax_bringup.doctor.check import Check
 from hindrax_bringup.doctor.pi import board
 from hindrax_bringup.presence import UP, Presence, stacks
 from hindrax_bringup.run_folder import RunFolder
-from hindrax_bringup.stack import MockOptions, Stack, environment
+from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import add_tether, chosen
 from hindrax_bringup.vehicles import default_vehicle
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--topside", action="store_true", help="look at the vehicle from here, over the tether")
     add_tether(parser)
     parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
-    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="mock: absent:dvl75@0+60, ...")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 
 

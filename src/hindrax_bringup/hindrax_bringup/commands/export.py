@@ -18,7 +18,7 @@ from hindrax_ident.exports.model import ExportModel, export_model
 
 NAME = "export"
 HELP = "coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX"
-EXAMPLE = "./hindrax export runs/latest/coefficients.yaml --to gz --out model.sdf"
+EXAMPLE = "./hindrax export runs/2026-05-04_10-00-00 --to gz --out model.sdf"
 
 FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "gz": gz.write,

@@ -20,7 +20,9 @@ OFF = "off"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Axis and value."""
     parser.add_argument("axis", choices=(*AXES, "all"), help="depth and altitude replace each other")
-    parser.add_argument("value", nargs="?", help="degrees or meters; `off` lets go; default: where the vehicle is")
+    parser.add_argument(
+        "value", nargs="?", metavar="VALUE", help="degrees or meters; `off` lets go; default: where the vehicle is"
+    )
     add_stack(parser)
 
 

@@ -7,8 +7,10 @@ import signal
 from pathlib import Path
 
 from hindrax_bringup.pool_run import PoolOptions, run_pool_test
-from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack import FAULT_HELP, MockOptions
 from hindrax_bringup.vehicles import default_vehicle
+from hindrax_control.excitation import EXCITATIONS
+from hindrax_control.maneuvers import PLATEAUS
 from hindrax_core.errors import UsageError
 
 NAME = "pool-test"
@@ -24,11 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dof", nargs="+", default=["surge"], choices=[*MOTIONS, "all"], help="default: surge")
     parser.add_argument("--seed", type=int, default=1, help="of the mock's noise and of the excitation; default 1")
     parser.add_argument(
-        "--rate", type=float, default=0.0, help="mock: times real time at most; default: as honest allows"
+        "--rate", type=float, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
     )
-    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="mock: garbage:dvl75@30+5, ...")
-    parser.add_argument("--excitation", default="plateaus", help="plateaus, steps, doublets, chirp or multisine")
-    parser.add_argument("--on-cancel", choices=("neutral", "hold"), default="neutral", help="after Ctrl-C or a guard")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
+    parser.add_argument(
+        "--on-cancel", choices=("neutral", "hold"), default="neutral", help="after Ctrl-C or a guard; default: neutral"
+    )
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
     parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
     parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
@@ -40,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.mock and (arguments.fault or arguments.rate):
         raise UsageError("--fault and --rate are for --mock only")
     if arguments.rate < 0.0:
-        raise UsageError(f"--rate: found {arguments.rate:g}, wanted 0 (as fast as stays honest) or more")
+        raise UsageError(f"--rate: found {arguments.rate:g}, wanted 0 (as fast as the stack follows) or more")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     motions = list(MOTIONS) if "all" in arguments.dof else list(dict.fromkeys(arguments.dof))
     mock = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault)) if arguments.mock else None

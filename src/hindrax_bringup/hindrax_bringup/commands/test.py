@@ -12,6 +12,7 @@ from hindrax_bringup.root import clone_root
 NAME = "test"
 HELP = "all tests; with arguments only pytest, with those"
 EXAMPLE = "./hindrax test test/golden -k dvl75"
+PASSES_ON = True
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +35,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the checks, then pytest, all to their end; 1 if any failed."""
     root = clone_root()
     failed = []
-    steps = [] if arguments.arguments else checks()
-    for name, command in [*steps, ("tests", [sys.executable, "-m", "pytest", *arguments.arguments])]:
+    words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
+    steps = [] if words else checks()
+    for name, command in [*steps, ("tests", [sys.executable, "-m", "pytest", *words])]:
         begin = time.monotonic()
         print(f"== {name}", flush=True)
         code = subprocess.run(command, cwd=root, check=False, stdin=subprocess.DEVNULL).returncode  # noqa: S603  # our own commands

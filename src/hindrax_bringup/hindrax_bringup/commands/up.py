@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack import FAULT_HELP, MockOptions
 from hindrax_bringup.tether import add_tether, chosen
 from hindrax_bringup.up_run import UpOptions, run_up
 from hindrax_bringup.vehicles import default_vehicle
@@ -36,7 +36,7 @@ def add_mock_options(parser: argparse.ArgumentParser) -> None:
     """How the mock vehicle behaves."""
     parser.add_argument("--seed", type=int, help="mock: of its noise; default 1")
     parser.add_argument("--rate", type=float, help="mock: times real time at most (0: no bound); default 1")
-    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="mock: garbage:dvl75@30+5, ...")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -228,7 +228,7 @@ class Operator:
         self.wait(future.done, ANSWER_S, lambda: "the pilot to answer a goal")
         self._goal = future.result()
         if not self._goal.accepted:
-            raise HindraxError("the pilot refused the maneuver; its reason is in the log of the control process")
+            raise HindraxError("the pilot refused the maneuver; logs/control.log of the run says why")
         result = self._goal.get_result_async()
         try:
             self.wait(lambda: result.done() or self._unheard(), seconds, lambda: "the maneuver to end")
