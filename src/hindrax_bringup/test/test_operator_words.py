@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import signal
 import threading
 from pathlib import Path
@@ -171,6 +172,23 @@ def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path, capsys):
     assert {key: value for key, value in after.items() if key != "curves"} == {
         key: value for key, value in before.items() if key != "curves"
     }
+
+
+@pytest.mark.parametrize(
+    ("offset_N", "volts", "reason"),
+    [
+        (3.0, 15.2, "negative branch gives 0.8.* N at 1470 us, wanted a negative force; tare the load cell"),
+        (0.0, 15200.0, "curves.main.supply_V: found 15200, wanted 5 to 60"),
+    ],
+)
+def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(tmp_path, capsys, offset_N, volts, reason):
+    sweep = tmp_path / "sweep.csv"
+    pulses = np.r_[np.linspace(1100, 1470, 12), np.linspace(1530, 1900, 12)]
+    loads = 2e-7 * (pulses - 1500) ** 3 + 0.07 * (pulses - 1500) + offset_N
+    rows = [f"{pulse},{load},{volts}" for pulse, load in zip(pulses, loads, strict=True)]
+    sweep.write_text("\n".join(["pulse_us,load_N,supply_V", *rows]), encoding="utf-8")
+    assert main(["thruster", "fit", str(sweep)]) == 1
+    assert re.search(reason, capsys.readouterr().err)
 
 
 # ---- up and mock

@@ -7,12 +7,12 @@ band of the speed controller; the cubics do not pass through zero at its edges, 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Protocol
 
-from hindrax_control import cubic
+from hindrax_core import cubic
+from hindrax_core.curves import Branch, Curve, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Branch, Curve, Vehicle
+from hindrax_core.vehicle import Vehicle
 
 HYSTERESIS = 0.1
 """Half width of the hysteresis at the dead band, as a fraction of the smallest running force."""
@@ -148,58 +148,6 @@ def _law(back: Branch, forth: Branch, gap_N: tuple[float, float], near_stop: Pul
         return near_stop(force_N, previous_us)
 
     return law
-
-
-def scaled(branch: Branch, gain: float) -> Branch:
-    """Return the branch with every force multiplied by a gain."""
-    c1, c2, c3, c4 = branch.c
-    return replace(branch, c=(gain * c1, gain * c2, gain * c3, gain * c4))
-
-
-def reflected(branch: Branch, stop_us: float) -> Branch:
-    """Return the branch with its pulses reflected about the stop: G(P) = F(2 stop - P), multiplied out."""
-    c3, c4 = branch.c[2:]
-    a = 2.0 * stop_us
-    c = (cubic.value(branch.c, a), -cubic.slope(branch.c, a), 3.0 * c4 * a + c3, -c4)
-    return replace(branch, c=c, from_us=a - branch.to_us, to_us=a - branch.from_us)
-
-
-def running_branches(curve: Curve) -> tuple[Branch, Branch]:
-    """Negative and positive branch, cut where the dead band begins; a missing positive one is the mirror image."""
-    negative = curve.negative
-    positive = curve.positive or scaled(reflected(negative, curve.stop_us), -1.0)
-    below = min(negative.to_us, curve.stop_us - curve.dead_band_us)
-    above = max(positive.from_us, curve.stop_us + curve.dead_band_us)
-    return replace(negative, to_us=below), replace(positive, from_us=above)
-
-
-def problems_of(curve: Curve) -> list[str]:
-    """Every reason why a curve cannot be a thrust curve, one sentence each; empty when it can."""
-    negative, positive = running_branches(curve)
-    found = [f"negative branch {text}" for text in _branch_problems(negative, -1.0)]
-    found += [f"positive branch {text}" for text in _branch_problems(positive, 1.0)]
-    return found
-
-
-def _branch_problems(branch: Branch, sign: float) -> list[str]:
-    if not all(math.isfinite(number) for number in (*branch.c, branch.from_us, branch.to_us)):
-        return [f"has coefficients {branch.c}, wanted finite numbers"]
-    if branch.from_us >= branch.to_us:
-        return [f"runs from {branch.from_us:g} to {branch.to_us:g} us outside the dead band, wanted a rising range"]
-    wanted = "positive" if sign > 0.0 else "negative"
-    ends = ((pulse_us, branch.force_N(pulse_us)) for pulse_us in (branch.from_us, branch.to_us))
-    wrong = [f"gives {force:.4g} N at {at:g} us, wanted a {wanted} force" for at, force in ends if force * sign < 0.0]
-    return _slope_problems(branch) + wrong
-
-
-def _slope_problems(branch: Branch) -> list[str]:
-    low, high = branch.from_us, branch.to_us
-    turns = [f"{point:.1f}" for point in cubic.stationary_points(branch.c) if low < point < high]
-    if turns:
-        return [f"is not monotone: it turns at {' and '.join(turns)} us, within {low:g} to {high:g} us"]
-    if branch.force_N(low) >= branch.force_N(high):
-        return [f"does not rise from {low:g} to {high:g} us, wanted thrust that grows with the pulse"]
-    return []
 
 
 def thrust_curves(vehicle: Vehicle, supply_V: float | None = None) -> tuple[ThrustCurve, ...]:

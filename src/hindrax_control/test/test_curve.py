@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.cubic import inverse, stationary_points
-from hindrax_control.curve import ThrustCurve, problems_of, reflected
+from hindrax_control.curve import ThrustCurve
+from hindrax_core.cubic import inverse, stationary_points
+from hindrax_core.curves import Branch, Curve, problems_of, reflected
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Branch, Curve
 
 # COB-2023-1394 Table 2.
 NEGATIVE = Branch(c=(927.1827, -2.2726, 0.001794, -4.61e-7), from_us=1100.0, to_us=1475.0)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import yaml
 
+from hindrax_core.curves import Curve, problems_of
 from hindrax_core.devices import SENSORS
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import block, build, choice, fact, knob
@@ -41,40 +42,6 @@ class Pool:
     length_m: float = knob(10.0, 1.0, 1000.0, "length [m]")
     width_m: float = knob(6.0, 1.0, 1000.0, "width [m]")
     depth_m: float = knob(1.8, 0.5, 6000.0, "depth [m]")
-
-
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """One direction of a thrust curve: F = c4 P^3 + c3 P^2 + c2 P + c1, F in N, P in us. COB-2023-1394 eq. 1."""
-
-    c: tuple[float, float, float, float] = fact(meaning="c1, c2, c3, c4 [N, N/us, N/us^2, N/us^3]")
-    from_us: float = fact(500.0, 2500.0, "lower end of validity [us]")
-    to_us: float = fact(500.0, 2500.0, "upper end of validity [us]")
-    sigma: tuple[float, float, float, float] | None = knob(None, meaning="standard deviations of c, where known")
-
-    def force_N(self, pulse_us: float) -> float:
-        """Value of the cubic (Horner); no check of validity."""
-        c1, c2, c3, c4 = self.c
-        return ((c4 * pulse_us + c3) * pulse_us + c2) * pulse_us + c1
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """Thrust of one kind of thruster against the pulse at one supply voltage.
-
-    `positive: null` in the file means the mirror image of the negative branch about the stop pulse: an assumption,
-    and marked as one. Thrust is scaled by (V / supply_V) ** supply_exponent; the default is what the published bollard
-    data of a comparable thruster show at full command from 10 to 20 V (Blue Robotics T200, 2019: 28.7 to 65.9 N).
-    """
-
-    negative: Branch
-    positive: Branch | None = knob(None, meaning="positive branch; null: the mirror image of the negative one")
-    stop_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest [us]")
-    dead_band_us: float = knob(25.0, 0.0, 200.0, "half width of the band about the stop pulse without thrust [us]")
-    supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage at which the curve holds [V]")
-    supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")
-    gain_sigma: float = knob(0.02, 0.0, 0.5, "standard deviation of the gain of the whole curve [-]")
-    source: str = knob("", meaning="where the curve comes from")
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +159,11 @@ class Vehicle:
     output: Output = field(default_factory=Output)
 
     def __post_init__(self) -> None:
-        """Names must be unique and refer to what exists."""
+        """Names must be unique and refer to what exists; a curve must be one of a thruster."""
+        for name, curve in self.curves.items():
+            problems = problems_of(curve)
+            if problems:
+                raise ValueError(f"curves.{name}: {'; '.join(problems)}")
         for name, mount in self.sensors.items():
             _check_sensor(name, mount.device)
         names = [thruster.name for thruster in self.thrusters]

@@ -58,6 +58,17 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2():
         (("thrusters", 0, "position_m"), [1.0], r"here.thrusters\[0\].position_m: found 1 values, wanted 3"),
         (("output", "device"), "arduino", "here.output.device: found 'arduino', wanted one of pca9685, stm32"),
         (("wings",), 2, "here.wings: unknown key"),
+        (
+            # COB-2023-1394 Table 2, positive row as printed.
+            ("curves", "main", "positive"),
+            {"c": [174.3542, -0.3106, 1.82e-4, -3.52e-7], "from_us": 1500.0, "to_us": 1900.0},
+            "here: curves.main: positive branch does not rise from 1525 to 1900 us.*gives -1124 N at 1525 us",
+        ),
+        (
+            ("curves", "main", "negative", "from_us"),
+            1000.0,
+            "curves.main: negative branch is not monotone: it turns at 109",
+        ),
         (("sensors", "ping1d", "device"), "sonar", "here: sensors.ping1d.device: found 'sonar', wanted one of dvl75, "),
         (
             ("sensors", "front"),

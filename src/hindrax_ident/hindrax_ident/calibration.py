@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.vehicle import Branch, Curve, Vehicle
+from hindrax_core.curves import Branch, Curve
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.lag import LaggedThrust
 from hindrax_ident.misfit import per_step

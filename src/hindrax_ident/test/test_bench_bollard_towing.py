@@ -8,9 +8,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hindrax_core.curves import Curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
-from hindrax_core.vehicle import Curve
 from hindrax_ident.bench import bollard, towing
 
 NEGATIVE = (927.1827, -2.2726, 0.001794, -4.61e-7)
@@ -67,10 +67,16 @@ def test_only_the_rising_part_goes_into_the_vehicle_file() -> None:
 
 
 def test_wrong_signs_and_thin_sweeps_are_refused() -> None:
-    with pytest.raises(HindraxError, match=r"turn the load cell's sign|the cubic falls"):
+    with pytest.raises(HindraxError, match=r"does not grow .* turn the sign of the load"):
         bollard.fit(PULSES, -published(PULSES))
     with pytest.raises(HindraxError, match="positive direction: found 2 different pulses"):
         bollard.fit(PULSES[:23], published(PULSES[:23]))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e-6, 10.0])
+def test_pulses_of_another_unit_are_refused(factor: float) -> None:
+    with pytest.raises(HindraxError, match=r"pulse_us runs from .*, wanted microseconds from 500 to 2500"):
+        bollard.fit(PULSES * factor, published(PULSES))
 
 
 @settings(max_examples=30)

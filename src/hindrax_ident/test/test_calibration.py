@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hindrax_core.vehicle import Branch
+from hindrax_core.curves import Branch
 from hindrax_ident.belief import wide_belief
 from hindrax_ident.calibration import (
     branch_covariance,

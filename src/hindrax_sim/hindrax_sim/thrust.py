@@ -5,8 +5,9 @@ Written apart from the allocator's curve on purpose: the mock shares nothing but
 
 from __future__ import annotations
 
+from hindrax_core.curves import Branch, Curve
 from hindrax_core.readings import Vec6
-from hindrax_core.vehicle import Branch, Curve, Thruster, Vehicle
+from hindrax_core.vehicle import Thruster, Vehicle
 
 
 def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:

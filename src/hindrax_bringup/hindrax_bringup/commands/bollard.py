@@ -6,6 +6,7 @@ import argparse
 import sys
 
 import numpy as np
+import yaml
 
 from hindrax_bringup.commands._experiment import (
     add_output,
@@ -16,6 +17,9 @@ from hindrax_bringup.commands._experiment import (
     read_record,
     save_plot,
 )
+from hindrax_core.curves import Curve, problems_of
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.knobs import build
 from hindrax_ident.bench.bollard import COEFFICIENTS, COLUMNS, Direction, ThrustCurve, fit, vehicle_block
 
 NAME = "bollard"
@@ -58,7 +62,19 @@ def fitted(arguments: argparse.Namespace) -> tuple[ThrustCurve, str]:
     )
     thrust = record["load_N"] * arguments.lever_ratio
     save_plot(arguments.plot, "bollard", record["pulse_us"], thrust, curve)
-    return curve, vehicle_block(curve, arguments.name, f"bollard pull, {arguments.record.name}")
+    block = vehicle_block(curve, arguments.name, f"bollard pull, {arguments.record.name}")
+    _check_block(block, arguments.name)
+    return curve, block
+
+
+def _check_block(block: str, name: str) -> None:
+    """HindraxError where a vehicle file with this block would be refused: load cell not tared, volts in millivolts."""
+    try:
+        problems = problems_of(build(Curve, yaml.safe_load(block)["curves"][name], f"curves.{name}"))
+    except UsageError as error:
+        raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}") from error
+    if problems:
+        raise HindraxError(f"bollard: {'; '.join(problems)}; tare the load cell, or widen --dead-band")
 
 
 def tell(arguments: argparse.Namespace, curve: ThrustCurve, block: str) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from hindrax_bringup.reference.knob_table import knob_table
 from hindrax_bringup.reference.markdown import head
-from hindrax_core.vehicle import Branch, Curve, Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
+from hindrax_core.curves import Branch, Curve
+from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
 
 ABOUT = """What a vehicle *is*: one YAML file, `src/hindrax_bringup/vehicles/hindrax.yaml` for the Hindrax. SI
 units, SNAME axes (x forward, y starboard, z down), positions from the body origin, the center of the envelope. A

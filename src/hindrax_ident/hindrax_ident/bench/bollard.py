@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 import yaml
 
+from hindrax_core.curves import Branch
 from hindrax_core.errors import HindraxError
-from hindrax_core.vehicle import Branch
 from hindrax_ident.bench.record import Column
 from hindrax_ident.bench.regression import Array, Value, least_squares
 
@@ -25,6 +25,8 @@ COLUMNS = (
 
 COEFFICIENTS = ("c1", "c2", "c3", "c4")
 HALF_RANGE_us = 400.0
+SERVO_us = (500.0, 2500.0)
+"""No servo pulse is shorter or longer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +91,14 @@ def fit(
 ) -> ThrustCurve:
     """Cubic per direction from a sweep; points inside the dead band belong to neither.
 
-    HindraxError when a direction has fewer than five points or its thrust has the wrong sign.
+    HindraxError when pulses are not in microseconds, or a direction has too few points or thrust of the wrong sign.
     """
+    least_us, most_us = float(pulse_us.min()), float(pulse_us.max())
+    if least_us < SERVO_us[0] or most_us > SERVO_us[1]:
+        raise HindraxError(
+            f"bollard: pulse_us runs from {least_us:g} to {most_us:g}, wanted microseconds "
+            f"from {SERVO_us[0]:.0f} to {SERVO_us[1]:.0f}"
+        )
     thrust = load_N * lever_ratio
     below, above = pulse_us <= stop_us - dead_band_us, pulse_us >= stop_us + dead_band_us
     negative = _direction(pulse_us[below], thrust[below], "negative")
@@ -99,7 +107,7 @@ def fit(
     if ends[0].value >= 0.0 or ends[1].value <= 0.0:
         raise HindraxError(
             f"bollard: thrust is {ends[0].value:.3g} N at {negative.from_us:.0f} us and {ends[1].value:.3g} N at "
-            f"{positive.to_us:.0f} us, wanted below and above 0; turn the load cell's sign or the sweep's direction"
+            f"{positive.to_us:.0f} us, wanted below and above 0; check the sign of the load, and remove outliers"
         )
     relative = max(end.std / abs(end.value) for end in ends)
     return ThrustCurve(negative, positive, stop_us, dead_band_us, supply_V, float(np.hypot(relative, load_cell_sigma)))
@@ -138,7 +146,8 @@ def monotone_range(c: tuple[float, float, float, float], low_us: float, high_us:
     rising = [(a, b) for a, b in pairwise(edges) if float(slope(0.5 * (a + b))) > 0.0]
     if not rising:
         raise HindraxError(
-            f"bollard: the cubic falls from {low_us:.0f} to {high_us:.0f} us; check the signs of the load"
+            f"bollard: thrust does not grow with the pulse from {low_us:.0f} to {high_us:.0f} us; "
+            "turn the sign of the load (positive is forward), and remove outliers"
         )
     return max(rising, key=lambda part: part[1] - part[0])
 
