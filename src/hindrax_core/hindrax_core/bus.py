@@ -38,9 +38,13 @@ class WriteRead:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Let at least this time go by before the next operation; others may use the bus meanwhile."""
+    """Let at least this time go by before the next operation; others may use the bus meanwhile.
+
+    Up to `slack_s` more does no harm, so that a host may wake once for several devices.
+    """
 
     seconds: float
+    slack_s: float = 0.0
 
 
 Transaction: TypeAlias = Write | Read | WriteRead

@@ -15,8 +15,8 @@ from hindrax_drivers.buses.schedule import BusSchedule
 class Converter:
     """Starts a conversion, waits, reads: like a pressure sensor."""
 
-    def __init__(self, address: int, period_s: float, wait_s: float) -> None:
-        self.address, self.period_s, self._wait_s = address, period_s, wait_s
+    def __init__(self, address: int, period_s: float, wait_s: float, slack_s: float = 0.0) -> None:
+        self.address, self.period_s, self._wait_s, self._slack_s = address, period_s, wait_s, slack_s
 
     def configure(self) -> Program[Identity]:
         yield Write(self.address, b"\x1e")
@@ -24,7 +24,7 @@ class Converter:
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         yield Write(self.address, b"\x48")
-        yield Pause(self._wait_s)
+        yield Pause(self._wait_s, self._slack_s)
         raw = yield Read(self.address, 1)
         return [Stamped(stamp, Battery(raw[0]))]
 
@@ -79,6 +79,30 @@ def test_a_pause_counts_from_the_end_of_the_transfers_before_it() -> None:
     schedule.turn(Stamp(0), wire.transfer)  # configured
     schedule.turn(Stamp(0), wire.transfer)  # conversion begun; the transfer took 3 ms
     assert schedule.next_due(stamp_from_s(0.003)) == stamp_from_s(0.013)
+
+
+def wakings(schedule: BusSchedule, wire: Wire, until_s: float) -> list[float]:
+    """Times at which a host that sleeps whenever it may is awake."""
+    found = []
+    while (due := schedule.next_due(wire.now)) <= stamp_from_s(until_s):
+        wire.now = max(wire.now, due)
+        found.append(wire.now / 1e9)
+        schedule.step(wire.now, wire.transfer)
+    return found
+
+
+def test_slack_lets_several_devices_share_the_wakings() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 0.02, 0.009, slack_s=0.011), stamp_from_s(0.003))
+    schedule.add("i", Converter(0x68, 0.02, 0.0), stamp_from_s(0.006))
+    wakings(schedule, wire, 0.05)
+    assert wakings(schedule, wire, 0.15) == pytest.approx([0.06, 0.08, 0.10, 0.12, 0.14])
+
+
+def test_slack_is_not_more_than_was_given() -> None:
+    schedule, wire = BusSchedule(), Wire()
+    schedule.add("p", Converter(0x76, 0.1, 0.009, slack_s=0.004))
+    assert wakings(schedule, wire, 0.2) == pytest.approx([0.0, 0.013, 0.1, 0.113, 0.2])
 
 
 def test_a_beat_that_was_missed_is_left_out_not_made_up_for() -> None:

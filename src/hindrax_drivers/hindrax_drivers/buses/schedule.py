@@ -1,7 +1,8 @@
 """Many programs on one bus, taking turns at their pauses. Pure: the host brings time and transfers.
 
 A device that waits 9 ms for a conversion does not keep the bus: its program sleeps in a heap of wake-ups while others
-run. A program is never cut between two pauses, so a thruster write waits for one burst at most.
+run. A program is never cut between two pauses, so a thruster write waits for one burst at most. Cycles begin at
+multiples of their period, so that those of several devices, and pauses with slack, need one wake-up of the host.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from hindrax_core.bus import DeviceError, Pause, Program, Transaction, Write
 from hindrax_core.device import Identity, RegisterDevice, Trouble
-from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between, stamp_from_s
 from hindrax_core.readings import Reading
 from hindrax_drivers.buses.clock import EPOCH, NEVER
 
@@ -47,6 +48,7 @@ class _Task:
 class _Wake:
     due: Stamp
     serial: int
+    latest: Stamp = field(compare=False)
     task: _Task = field(compare=False)
 
 
@@ -61,7 +63,7 @@ class BusSchedule:
         self._heap: list[_Wake] = []
         self._devices: dict[str, _Task] = {}
         self._requests: list[_Task] = []
-        self._pausing: list[tuple[_Task, float]] = []
+        self._pausing: list[tuple[_Task, Pause]] = []
         self._serial = 0
         self._last = EPOCH
 
@@ -111,9 +113,15 @@ class BusSchedule:
             self._cancel(task)
 
     def next_due(self, now: Stamp) -> Stamp:
-        """Return when the next turn is due (NEVER without devices). Pauses of the last turn count from this `now`."""
+        """Return when to turn next (NEVER without devices); with nothing due yet, slack is used up.
+
+        Pauses of the last turn count from this `now`.
+        """
         self._meet(now)
-        return self._heap[0].due if self._heap else NEVER
+        if not self._heap:
+            return NEVER
+        first = self._heap[0].due
+        return first if first <= now else min(wake.latest for wake in self._heap)
 
     def step(self, now: Stamp, transfer: Transfer) -> list[Result]:
         """Do everything that is due at `now`, for hosts whose transfers take no time (lock-step)."""
@@ -131,12 +139,12 @@ class BusSchedule:
             self._requests.remove(task)
             return []
         try:
-            pause_s = self._advance(task, now, transfer)
+            pause = self._advance(task, now, transfer)
         except StopIteration as stop:
             return self._finished(task, stop.value, now)
         except DeviceError as error:
             return self._failed(task, error, now)
-        self._pausing.append((task, pause_s))
+        self._pausing.append((task, pause))
         return []
 
     def _meet(self, now: Stamp) -> None:
@@ -144,19 +152,19 @@ class BusSchedule:
         if now < self._last:
             back = self._last - now
             for wake in self._heap:
-                wake.due = Stamp(wake.due - back)
+                wake.due, wake.latest = Stamp(wake.due - back), Stamp(wake.latest - back)
             for task in self._devices.values():
                 task.planned = Stamp(task.planned - back)
         self._last = now
-        for task, seconds in self._pausing:
-            self._push(task, after(now, seconds))
+        for task, pause in self._pausing:
+            self._push(task, after(now, pause.seconds), pause.slack_s)
         self._pausing.clear()
 
-    def _push(self, task: _Task, due: Stamp) -> None:
+    def _push(self, task: _Task, due: Stamp, slack_s: float = 0.0) -> None:
         self._serial += 1
-        heapq.heappush(self._heap, _Wake(due, self._serial, task))
+        heapq.heappush(self._heap, _Wake(due, self._serial, after(due, slack_s), task))
 
-    def _advance(self, task: _Task, now: Stamp, transfer: Transfer) -> float:
+    def _advance(self, task: _Task, now: Stamp, transfer: Transfer) -> Pause:
         """Run a task up to its next pause and return that; StopIteration at its end."""
         program = task.program or self._begin(task, now)
         operation = program.send(b"") if task.started else next(program)
@@ -170,13 +178,13 @@ class BusSchedule:
             if self._tap is not None:
                 self._tap(task.name, now, operation, answer)
             operation = program.send(answer)
-        return operation.seconds
+        return operation
 
     def _begin(self, task: _Task, now: Stamp) -> Program[Any]:
         """Start a turn. Beats that were missed altogether are left out, not made up for."""
         assert task.device is not None
         if seconds_between(task.planned, now) > task.device.period_s:
-            task.planned = now
+            task.planned = _beat(now, task.device.period_s)
         task.program = task.device.cycle(now) if task.configured else task.device.configure()
         return task.program
 
@@ -185,11 +193,11 @@ class BusSchedule:
         if task.future is not None:
             self._settle(task).set_result(value)
             return []
+        assert task.device is not None
         if not task.configured:
-            task.configured, task.planned = True, now
+            task.configured, task.planned = True, _beat(now, task.device.period_s)
             self._push(task, now)
             return [(task.name, (value,))]
-        assert task.device is not None
         task.failures = 0
         task.planned = after(task.planned, task.device.period_s)
         self._push(task, max(task.planned, now))
@@ -224,6 +232,11 @@ class BusSchedule:
         self._pausing = [pausing for pausing in self._pausing if pausing[0] is not task]
         if task.program is not None:
             task.program.close()
+
+
+def _beat(now: Stamp, period_s: float) -> Stamp:
+    """Return the last multiple of a period, counted from the epoch."""
+    return Stamp(now - now % stamp_from_s(period_s))
 
 
 def _whole(transaction: Transaction, answer: bytes) -> bytes:

@@ -185,7 +185,8 @@ class Ms5837:
         if self._turn % self._knobs.temperature_every == 0:
             self._d2 = yield from self._convert(self._command_d2)
             begin_s = self._wait_s
-        d1 = yield from self._convert(self._command_d1)
+        slack_s = max(0.0, self._knobs.period_s - begin_s - self._wait_s)
+        d1 = yield from self._convert(self._command_d1, slack_s)
         self._turn += 1
         if self._repeats >= HUNG_AFTER:
             raise DeviceError(f"address {self._address:#04x}: gives the same conversion again and again")
@@ -197,10 +198,10 @@ class Ms5837:
             return [Rejected(valid, reason, d1.to_bytes(3, "big") + self._d2.to_bytes(3, "big"))]
         return [Stamped(valid, reading)]
 
-    def _convert(self, command: int) -> Program[int]:
+    def _convert(self, command: int, slack_s: float = 0.0) -> Program[int]:
         """One conversion. The converter answers 0 when it is read too early, and the conversion is lost."""
         yield Write(self._address, bytes([command]))
-        yield Pause(self._wait_s)
+        yield Pause(self._wait_s, slack_s)
         raw = yield WriteRead(self._address, bytes([ADC_READ]), 3)
         value = int.from_bytes(raw, "big")
         if value == 0:
