@@ -7,21 +7,21 @@ import signal
 import sys
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from hindrax_core.bus import DeviceError, Transaction
-from hindrax_core.device import RegisterDevice, SerialDevice
+from hindrax_core.device import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_core.wire import pack_transaction
 from hindrax_drivers.buses.bus import open_bus
 from hindrax_drivers.buses.clock import open_clock
-from hindrax_drivers.buses.schedule import BusOutput, BusSchedule
+from hindrax_drivers.buses.schedule import BusSchedule
 from hindrax_drivers.buses.serial_thread import SerialThread
 from hindrax_drivers.buses.thread import BusThread
 from hindrax_drivers.nodes.device_node import DeviceNode
@@ -32,7 +32,17 @@ from hindrax_ros.parameters import knobs, text
 from hindrax_ros.polled import PolledNode
 from hindrax_ros.process import spin
 
-RETRY_BUS_S = 1.0
+RETRY_S = 1.0
+
+
+class Served(Protocol):
+    """The thread of a wire."""
+
+    def stop(self) -> None:
+        """End it."""
+
+
+ThreadT = TypeVar("ThreadT", bound=Served)
 
 
 class Wires:
@@ -57,87 +67,100 @@ class Wires:
             self._buses[port].append((node, device))
 
     def _serial(self, node: DeviceNode, port: str, clock_port: str, device: SerialDevice) -> None:
-        clock = open_clock(clock_port, node.get_name())
-        thread = SerialThread(
-            port,
-            device,
-            clock,
-            node.deliver,
-            lambda stamp, sent, data: node.tap.add(stamp, SENT if sent else RECEIVED, data),
-        )
-        node.ready = lambda: thread.ready
-        node.now, node.stop = clock.now, thread.stop
+        def serve() -> SerialThread:
+            clock = open_clock(clock_port, node.get_name())
+            thread = SerialThread(
+                port,
+                device,
+                clock,
+                node.deliver,
+                lambda stamp, sent, data: node.tap.add(stamp, SENT if sent else RECEIVED, data),
+            )
+            node.ready = lambda: thread.ready
+            node.now = clock.now
+            thread.start()
+            return thread
+
+        wire = Wire(port, [node], serve)
         if hasattr(device, "request_profile"):
-            _offer_profile(node, partial(thread.ask, device.request_profile))
-        thread.start()
+            _offer_profile(node, wire, device.request_profile)
+        wire.start()
 
     def open_buses(self) -> None:
-        """Start a thread per bus; a bus that cannot be opened is tried again, and its nodes say why."""
+        """Start a thread per bus; its nodes share it."""
         for port, listeners in self._buses.items():
-            BusHost(port, listeners).start()
+            Wire(port, [node for node, _ in listeners], partial(serve_bus, port, listeners)).start()
 
 
-def _offer_profile(node: DeviceNode, ask: Callable[[], None]) -> None:
-    """Serve `DEVICE/request_profile`: the next echo comes with its profile."""
+class Wire(Generic[ThreadT]):
+    """Serves one wire as soon as it is there: tries again and again, and meanwhile its nodes say why it is not."""
 
-    def answer(_request: Any, response: Any) -> Any:
-        ask()
-        response.success = True
-        return response
-
-    node.create_service(Trigger, f"{node.get_name()}/request_profile", answer)
-
-
-class BusHost:
-    """Opens one register bus, again and again until it is there, and joins its nodes to its thread."""
-
-    def __init__(self, port: str, listeners: Sequence[tuple[DeviceNode, RegisterDevice]]) -> None:
-        self._port, self._listeners = port, listeners
-        self._by_name = {node.get_name(): node for node, _ in listeners}
+    def __init__(self, port: str, nodes: Sequence[DeviceNode], serve: Callable[[], ThreadT]) -> None:
+        self._port, self._nodes, self._serve = port, nodes, serve
         self._stopping = threading.Event()
-        self._thread: BusThread | None = None
-        for node, _ in listeners:
+        self.thread: ThreadT | None = None
+        for node in nodes:
             node.stop = self.stop
 
     def start(self) -> None:
-        """Open now, or keep trying in the background."""
+        """Serve now, or keep trying in the background."""
         if not self._open():
             threading.Thread(target=self._retry, name=f"open {self._port}", daemon=True).start()
 
     def stop(self) -> None:
-        """End the thread of the bus; the second of two nodes finds it ended."""
+        """End the thread of the wire; the second of two nodes finds it ended."""
         self._stopping.set()
-        thread, self._thread = self._thread, None
+        thread, self.thread = self.thread, None
         if thread is not None:
             thread.stop()
 
     def _retry(self) -> None:
-        while not self._stopping.wait(RETRY_BUS_S) and not self._open():
+        while not self._stopping.wait(RETRY_S) and not self._open():
             pass
+        if self._stopping.is_set():  # just as it came up
+            self.stop()
 
     def _open(self) -> bool:
         try:
-            bus = open_bus(self._port, "sensors")
+            self.thread = self._serve()
         except DeviceError as error:
-            for node, _ in self._listeners:
+            for node in self._nodes:
                 node.troubled(str(error))
             return False
-        schedule = BusSchedule(self._tap)
-        for node, device in self._listeners:
-            schedule.add(node.get_name(), device, bus.now())
-            node.ready = partial(schedule.ready, node.get_name())
-            node.now = bus.now
-        self._thread = BusThread(bus, schedule, self._deliver)
-        self._thread.start()
         return True
 
-    def _tap(self, name: str, stamp: Stamp, transaction: Transaction, answer: bytes) -> None:
-        tap = self._by_name[name].tap
-        tap.add(stamp, SENT, pack_transaction(transaction))
-        tap.add(stamp, RECEIVED, answer)
 
-    def _deliver(self, name: str, outputs: Sequence[BusOutput]) -> None:
-        self._by_name[name].deliver(outputs)
+def serve_bus(port: str, listeners: Sequence[tuple[DeviceNode, RegisterDevice]]) -> BusThread:
+    """Open a register bus and begin to serve it. DeviceError when it is not there."""
+    by_name = {node.get_name(): node for node, _ in listeners}
+
+    def tap(name: str, stamp: Stamp, transaction: Transaction, answer: bytes) -> None:
+        by_name[name].tap.add(stamp, SENT, pack_transaction(transaction))
+        by_name[name].tap.add(stamp, RECEIVED, answer)
+
+    bus, schedule = open_bus(port, "sensors"), BusSchedule(tap)
+    for node, device in listeners:
+        schedule.add(node.get_name(), device, bus.now())
+        node.ready = partial(schedule.ready, node.get_name())
+        node.now = bus.now
+    thread = BusThread(bus, schedule, lambda name, outputs: by_name[name].deliver(outputs))
+    thread.start()
+    return thread
+
+
+def _offer_profile(node: DeviceNode, wire: Wire[SerialThread], request: Callable[[], Iterable[Output]]) -> None:
+    """Serve `DEVICE/request_profile`: the next echo comes with its profile."""
+
+    def answer(_request: Any, response: Any) -> Any:
+        thread = wire.thread
+        if thread is None:
+            response.message = "the port is not open yet; /diagnostics says why"
+        else:
+            thread.ask(request)
+            response.success = True
+        return response
+
+    node.create_service(Trigger, f"{node.get_name()}/request_profile", answer)
 
 
 def make_nodes() -> Sequence[Node]:
