@@ -1,4 +1,4 @@
-"""The sensors process by itself: it waits for what is not there yet, and /diagnostics tell what becomes of each device."""
+"""The sensors process by itself: it waits for what is not there yet; /diagnostics tell how each device is."""
 
 import subprocess
 import sys
