@@ -104,7 +104,7 @@ def test_nothing_moves_before_it_is_armed(terminal):
     code, _, said = terminal.run("hold", "heading", "90")
     assert code == 1
     assert "wanted armed; `./hindrax arm` first" in said
-    assert terminal.run("wrench", "5", "0", "0", "0", "0", "0")[0] == 1
+    assert terminal.run("wrench", "5", "0", "0", "0", "0", "0")[:2] == (1, "")
 
 
 @pytest.mark.usefixtures("up")
@@ -119,7 +119,10 @@ def test_armed_it_holds_pushes_and_stops(terminal):
     assert said.startswith("holding heading at ")
     code, said, wrong = terminal.run("hold", "roll", "90")
     assert code == 1
-    assert "waited 5 s for the roll hold to engage; it says: refused: hold roll: found 1.57" in wrong
+    assert "hindrax hold: hold roll: found 90 deg, wanted -55 to 55 deg" in wrong
+    code, said, wrong = terminal.run("wrench", "1000", "0", "0", "0", "0", "0")
+    assert (code, said) == (2, "")
+    assert "wrench X: found 1000, wanted -60 to 60 (limits of the vehicle file)" in wrong
     code, said, wrong = terminal.run("wrench", "10", "0", "0", "0", "0", "0", "--for", "1")
     assert code == 0, wrong
     achieved = float(said.partition("it was X ")[2].split()[0])
@@ -135,7 +138,7 @@ def test_armed_it_holds_pushes_and_stops(terminal):
 @pytest.mark.usefixtures("up")
 def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal):
     code, said, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
-    assert (code, said) == (0, "out of use: T3, T4\n"), wrong
+    assert (code, said) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
     code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
     assert json.loads(said) == {"disabled": ["T3"], "lost_axes": []}, wrong
     code, _, wrong = terminal.run("thruster", "disable", "T12")

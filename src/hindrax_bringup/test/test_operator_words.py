@@ -93,6 +93,23 @@ def test_headings_are_shown_from_0_to_360():
     assert hold.shown("depth", 0.8) == "0.80 m"
 
 
+# ---- joystick
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("dead_man", "--set dead_man: wanted NAME:=VALUE"),
+        ("nobody:=4", "--set.nobody: unknown key, wanted one of dead_man, "),
+        ("dead_man:=banana", "--set.dead_man: found 'banana', wanted int"),
+        ("dead_man:=99", "--set.dead_man: found 99, wanted 0 to 63"),
+    ],
+)
+def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(word, reason, capsys):
+    assert main(["joystick", "--set", word]) == 2
+    assert reason in capsys.readouterr().err
+
+
 # ---- wrench
 
 
@@ -102,6 +119,13 @@ def test_a_wrench_is_six_finite_numbers(capsys):
     assert "wrench Z: found nan, wanted a finite number" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["wrench", "1", "0"])
+
+
+def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused():
+    limits = load_vehicle(default_vehicle()).limits.wrench
+    wrench.require_within(limits, limits)
+    with pytest.raises(UsageError, match=r"wrench N: found -500, wanted -\d+ to \d+ "):
+        wrench.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
 
 
 def test_what_came_of_a_wrench_names_what_lacks():

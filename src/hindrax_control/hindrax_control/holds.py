@@ -152,7 +152,10 @@ class Holds:
             "depth": (0.0, self._depth_m),
             "altitude": (0.0, self._depth_m),
         }[axis]
-        return "" if low <= value <= high else f"hold {axis}: found {value:g}, wanted {low:g} to {high:g}"
+        if low <= value <= high:
+            return ""
+        unit, scale = ("m", 1.0) if axis in ("depth", "altitude") else ("deg", math.degrees(1.0))
+        return f"hold {axis}: found {value * scale:g} {unit}, wanted {low * scale:g} to {high * scale:g} {unit}"
 
     # ---- time
 

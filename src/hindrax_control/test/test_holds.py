@@ -202,9 +202,9 @@ def test_setpoint_of_nan_is_where_the_vehicle_is():
     ("setpoint", "reason"),
     [
         (Setpoint("surge", value=1.0), "unknown, wanted one of heading"),
-        (Setpoint("depth", value=-1.0), "found -1, wanted 0 to 60"),
-        (Setpoint("depth", value=100.0), "found 100, wanted 0 to 60"),
-        (Setpoint("roll", value=2.0), "found 2, wanted"),
+        (Setpoint("depth", value=-1.0), "found -1 m, wanted 0 to 60 m"),
+        (Setpoint("depth", value=100.0), "found 100 m, wanted 0 to 60 m"),
+        (Setpoint("roll", value=2.0), "found 114.592 deg, wanted -55 to 55 deg"),
     ],
 )
 def test_setpoints_out_of_reach_are_refused(setpoint, reason):

@@ -25,8 +25,8 @@ def hovering(hindrax, ideal_vehicle):
 
 def test_a_refused_setpoint_is_shown_for_a_while(hovering):
     hovering.step()
-    assert hovering.pilot.set(Setpoint("roll", value=1.6))
-    assert hovering.step() == {"roll": "refused: hold roll: found 1.6, wanted -0.959931 to 0.959931"}
+    assert hovering.pilot.set(Setpoint("roll", value=1.5))
+    assert hovering.step() == {"roll": "refused: hold roll: found 85.9437 deg, wanted -55 to 55 deg"}
     assert hovering.step(seconds=REFUSAL_S) == {}
 
 

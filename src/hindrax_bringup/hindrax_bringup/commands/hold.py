@@ -46,7 +46,7 @@ def parse(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
         raise UsageError("hold all: only `off` goes for all; name one axis to hold it")
     if text is None:
         return (axis,), math.nan, True
-    unit = "degrees" if axis in ANGLES else "meters"
+    unit = "a number of degrees" if axis in ANGLES else "a number of meters"
     try:
         value = float(text)
     except ValueError:

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
 
 from hindrax_bringup.commands._operator import add_stack, presence_of
 from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.vehicles import default_vehicle
+from hindrax_control.hand import HandKnobs
+from hindrax_core.errors import UsageError
+from hindrax_core.knobs import build
 
 NAME = "joystick"
 HELP = "steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C"
@@ -28,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the node here until a signal."""
+    check(arguments.set)
     found = presence_of(arguments)
     file = arguments.vehicle or (found.vehicle if found else str(default_vehicle()))
     mock = arguments.sim_time or (found is not None and found.mock)
@@ -39,3 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
 
         print("hold the dead-man button and steer; Ctrl-C ends it", flush=True)
         return spin(make_nodes, words)
+
+
+def check(words: Sequence[str]) -> None:
+    """UsageError for a parameter that the node does not have, or cannot have at this value."""
+    given: dict[str, Any] = {}
+    for word in words:
+        name, assigned, value = word.partition(":=")
+        if not assigned:
+            raise UsageError(f"--set {word}: wanted NAME:=VALUE, such as dead_man:=5")
+        try:
+            given[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            given[name] = value
+    build(HandKnobs, given, "--set")

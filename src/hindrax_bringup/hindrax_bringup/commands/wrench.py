@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from hindrax_bringup.commands._experiment import positive
-from hindrax_bringup.commands._operator import add_stack, operator_of
+from hindrax_bringup.commands._operator import add_stack, operator_of, presence_of
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
+from hindrax_core.vehicle import load_vehicle
 
 NAME = "wrench"
 HELP = "push with a wrench for a while, added to the holds; it ends with this command"
@@ -39,9 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Repeat the wrench at 10 Hz until its time is over or Ctrl-C; the vehicle forgets it 0.5 s after the last."""
     wrench = checked([getattr(arguments, symbol) for symbol in SYMBOLS])
-    from hindrax_bringup.nodes.orders import push  # noqa: PLC0415  # wrong words are refused before rclpy is loaded
+    found = presence_of(arguments)
+    if found is not None:
+        require_within(wrench, load_vehicle(found.vehicle).limits.wrench)
+    from hindrax_bringup.nodes.orders import push, require_armed  # noqa: PLC0415  # wrong words cost no rclpy
 
     with operator_of(arguments) as operator:
+        require_armed(operator)
         print(f"pushing {said(wrench)} for {arguments.seconds:g} s; Ctrl-C ends it", flush=True)
         print(outcome(push(operator, wrench, arguments.seconds)))
     return 0
@@ -54,6 +59,15 @@ def checked(values: Sequence[float]) -> Vec6:
             raise UsageError(f"wrench {symbol}: found {value}, wanted a finite number")
     X, Y, Z, K, M, N = values
     return (X, Y, Z, K, M, N)
+
+
+def require_within(wrench: Vec6, limits: Vec6) -> None:
+    """UsageError for an axis beyond the limits of the vehicle file: the vehicle would give less, without a word."""
+    for symbol, value, most in zip(SYMBOLS, wrench, limits, strict=True):
+        if abs(value) > most:
+            raise UsageError(
+                f"wrench {symbol}: found {value:g}, wanted {-most:g} to {most:g} (limits of the vehicle file)"
+            )
 
 
 def said(wrench: Sequence[float]) -> str:

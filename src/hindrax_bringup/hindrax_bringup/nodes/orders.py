@@ -12,7 +12,7 @@ from typing import Any
 
 from hindrax_bringup.nodes.operator import Operator
 from hindrax_core.errors import HindraxError
-from hindrax_core.events import after
+from hindrax_core.events import Stamp, after
 from hindrax_core.readings import Vec6
 from hindrax_core.state import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
@@ -23,6 +23,9 @@ SEEN_S = 5.0
 WRENCH_PERIOD_S = 0.1
 COMMAND_PERIOD_S = 0.05
 AGAIN_S = 0.5
+HEARD_S = 0.8
+"""Time after which the pilot has heard an order and says what came of it."""
+REFUSED = "refused: "
 KEPT_S = 1.0
 """Time in which a pilot that has been started anew is told what is out of use."""
 SLOWEST_PACE = 0.2
@@ -67,19 +70,34 @@ def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool
 
 def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: HoldSetpoint) -> None:
     """Say it again until the pilot shows it: the reader that was found first may have been the recorder."""
+    begun = operator.now()
 
     def say() -> None:
         wanted.sequence = operator.next()
         wanted.header.stamp = stamp_to_msg(operator.now())
         send(wanted)
 
+    def held() -> bool:
+        refused = _refusal(operator.holds, wanted.axis, after(begun, HEARD_S))
+        if refused:
+            raise HindraxError(refused)
+        return _holds_as(operator.holds, wanted)
+
     verb = "engage" if wanted.engaged else "end"
     with operator.repeating(AGAIN_S, say):
         operator.wait(
-            lambda: _holds_as(operator.holds, wanted),
+            held,
             SEEN_S,
             lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}",
         )
+
+
+def _refusal(status: Any, axis: str, since: Stamp) -> str:
+    """Why the pilot refused a setpoint that it has heard for certain; an older refusal may be that of another."""
+    if status is None or axis not in status.axes or stamp_from_msg(status.header.stamp) < since:
+        return ""
+    note: str = status.notes[list(status.axes).index(axis)]
+    return note.partition(REFUSED)[2]
 
 
 def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
@@ -103,8 +121,7 @@ def _note(status: Any, axis: str) -> str:
 
 
 def push(operator: Operator, wrench: Vec6, seconds: float) -> Any:
-    """Ask for a wrench [N, Nm] for a time of the vehicle; returns the last allocation. Ends with a zero wrench."""
-    require_armed(operator)
+    """Ask an armed vehicle for a wrench [N, Nm] for a time of its own; returns the last allocation, ends with zero."""
     operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: "the allocator; is the stack up?")
     with operator.sender(OPERATOR_WRENCH, "the pilot, which takes wrenches by hand") as send:
         end = after(operator.now(), seconds)

@@ -54,12 +54,12 @@ class AllocatorNode(PolledNode):
         self.supply = Supply(vehicle.supply_V, knobs(self, SupplyKnobs))
         self._supply_V: float | None = None
         self._disabled: frozenset[str] = frozenset()
+        self._lost: tuple[str, ...] = self._allocator.lost_axes(self._disabled)
         self._heard = Stamp(0)
         self._sequence = 0
         self._pulses: tuple[int, ...] = ()
         self._plans: OrderedDict[int, Allocation] = OrderedDict()
         self._refused: tuple[str, ...] = ()
-        self._last = NO_PLAN
         self._command = publisher(self, THRUSTER_COMMAND)
         self._status = publisher(self, ALLOCATION)
         self._reporter = Reporter(self)
@@ -100,9 +100,9 @@ class AllocatorNode(PolledNode):
             forces_N=forces,
             saturated=plan.saturated or (False,) * len(forces),
             disabled=tuple(sorted(self._disabled)),
+            lost_axes=self._lost,
             refused=(*self._refused, *plan.refused),
         )
-        self._last = plan
         for hear in self.hearers:
             hear(applied.stamp, said)
         self._publish(applied, said)
@@ -132,6 +132,7 @@ class AllocatorNode(PolledNode):
 
     def _on_health(self, message: Any) -> None:
         self._disabled = frozenset(message.disabled)
+        self._lost = self._allocator.lost_axes(self._disabled)
 
     def _on_battery(self, message: Any) -> None:
         self.supply.hear(float(message.voltage), self._heard)
@@ -142,8 +143,7 @@ class AllocatorNode(PolledNode):
             self._applied = Applied(self._vehicle, supply_V)
 
     def _report(self) -> None:
-        lost = self._last.lost_axes
-        wrong = [f"axes lost: {', '.join(lost)}"] if lost else list(self._refused)
+        wrong = [f"axes lost: {', '.join(self._lost)}"] if self._lost else list(self._refused)
         wrong += filter(None, [self.supply.complaint(self._heard)])
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         values = {"supply [V]": self.supply.words(self._heard), "disabled": ", ".join(sorted(self._disabled))}
