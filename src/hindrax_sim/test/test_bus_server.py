@@ -123,6 +123,22 @@ def test_an_awake_client_holds_the_time_and_others_can_change_their_mind(world: 
     lazy.close()
 
 
+def test_whose_sleep_is_cut_short_is_served_and_sleeps_again(world: World, bus: VirtualBus) -> None:
+    holder = open_clock(f"mock:{world.path}", "holder")
+    holder.sleep_until(Stamp(2_000))
+    for byte in range(3):
+        bus.wake()
+        bus.sleep_until(Stamp(10**15))
+        bus.transfer(Write(0x42, bytes([byte])))
+        assert bus.transfer(Read(0x42, 2)) == bytes([byte, 0xEE])
+    bus.wake()
+    bus.sleep_until(Stamp(10**15))
+    assert bus.now() == 2_000
+    threading.Timer(0.05, holder.close).start()
+    bus.sleep_until(Stamp(10**15))  # the answer to the sleep before does not end this one
+    assert bus.now() == 10**15
+
+
 def test_a_client_is_roused_by_name(tmp_path: Path) -> None:
     with BusServer(str(tmp_path / "bus"), VirtualI2c().transfer) as server:
         done: list[Stamp] = []

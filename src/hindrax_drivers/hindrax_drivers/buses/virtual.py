@@ -10,6 +10,7 @@ import mmap
 import select
 import socket
 import time
+from collections import deque
 from pathlib import Path
 
 from hindrax_core.bus import DeviceError, Read, Transaction, WriteRead
@@ -32,7 +33,7 @@ class VirtualClock:
     def __init__(self, path: str, name: str = "") -> None:
         self._path, self._name = path, name
         self._alarm = Alarm()
-        self._frames = Frames()
+        self._frames, self._heard, self._owed = Frames(), deque[tuple[Kind, bytes]](), False
         self._socket: socket.socket | None = None
         try:
             self._page = _map_page(path)
@@ -72,14 +73,20 @@ class VirtualClock:
         self._alarm.close()
 
     def _sleep(self, readable: int | None) -> None:
+        """Until the mock answers. Who is needed before does not wait for the answer to the sleep that is cut short."""
         link = self._connected()
         wanted = [link.fileno(), self._alarm.fileno()]
-        ready, _, _ = select.select(wanted if readable is None else [*wanted, readable], (), ())
-        if self._alarm.fileno() in ready:
-            self._alarm.hush()
-        if link.fileno() not in ready:
-            self._send(protocol.frame(Kind.WAKE))
-        self._answer()
+        while not self._heard:
+            ready, _, _ = select.select(wanted if readable is None else [*wanted, readable], (), ())
+            if self._alarm.fileno() in ready:
+                self._alarm.hush()
+            if link.fileno() in ready:
+                self._hear(link)
+            if not self._heard and ready != [link.fileno()]:
+                self._send(protocol.frame(Kind.WAKE))
+                self._owed = True
+                return
+        self._heard.clear()
 
     def _ask(self, question: bytes) -> tuple[Kind, bytes]:
         self._connected()
@@ -94,15 +101,22 @@ class VirtualClock:
 
     def _answer(self) -> tuple[Kind, bytes]:
         link = self._connected()
+        while not self._heard:
+            self._hear(link)
+        return self._heard.popleft()
+
+    def _hear(self, link: socket.socket) -> None:
+        """Take what has come; the answer to a sleep that was cut short is for nobody any more."""
         try:
-            while True:
-                data = link.recv(65536)
-                if not data:
-                    raise self._lost(None)
-                for found in self._frames.feed(data):
-                    return found
+            data = link.recv(65536)
+            if not data:
+                raise self._lost(None)
+            self._heard += self._frames.feed(data)
         except (OSError, protocol.ProtocolError) as error:
             raise self._lost(error) from error
+        if self._owed and self._heard:
+            self._heard.popleft()
+            self._owed = False
 
     def _connected(self) -> socket.socket:
         if self._socket is None:
@@ -117,7 +131,8 @@ class VirtualClock:
     def _connect(self) -> None:
         link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         link.settimeout(ANSWER_TIMEOUT_S)
-        self._frames = Frames()
+        self._frames, self._owed = Frames(), False
+        self._heard.clear()
         try:
             link.connect(self._path)
             link.sendall(protocol.hello(self._name))
