@@ -57,7 +57,7 @@ def make(version: int) -> None:
         if "raw/" not in message.topic and message.received - begin < SPAN_NS:
             data = _encoded(message.type, definition(message.type, lookup), message.decoded())
             bag.write(
-                Channel(message.topic, message.type, qualities[message.topic]), data, message.received, message.sent
+                Channel(message.topic, message.type, (qualities[message.topic],)), data, message.received, message.sent
             )
     bag.close()
 

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
+from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import Quality
 
 METADATA_VERSION = 9
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
+SHORTEST_FOREVER_S = 2_000_000_000
+"""A duration this long is no limit: middlewares and versions of rosbag2 have several."""
 NAME = "metadata.yaml"
+OFFERED = "offered_qos_profiles"
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One recorded topic: full name, type as `package/msg/Type`, quality offered, RIHS01 hash (or empty)."""
+    """One recorded topic: full name, type as `package/msg/Type`, qualities offered, RIHS01 hash (or empty)."""
 
     topic: str
     type: str
-    quality: Quality = field(default_factory=Quality)
+    offered: tuple[Quality, ...] = (Quality(),)
     type_hash: str = ""
 
 
@@ -72,7 +76,7 @@ def _topic(channel: Channel, count: int) -> dict[str, Any]:
             "name": channel.topic,
             "type": channel.type,
             "serialization_format": "cdr",
-            "offered_qos_profiles": [qos_map(channel.quality)],
+            OFFERED: [qos_map(one) for one in channel.offered],
             "type_description_hash": channel.type_hash,
         },
         "message_count": count,
@@ -103,10 +107,33 @@ def qos_map(quality: Quality) -> dict[str, Any]:
     }
 
 
+def qualities_of(text: str) -> tuple[Quality, ...]:
+    """Qualities out of what rosbag2 wrote beside a channel; none where that is nothing we know."""
+    try:
+        return tuple(_quality(one) for one in yaml.safe_load(text) or ())
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+        return ()
+
+
+def _quality(found: Mapping[str, Any]) -> Quality:
+    """Undo `qos_map`; versions before 9 wrote numbers for the words."""
+    return Quality(
+        reliable=found["reliability"] not in {"best_effort", 2},
+        depth=int(found["depth"]) or Quality().depth,
+        latched=found["durability"] in {"transient_local", 1},
+        deadline_s=_seconds(found["deadline"]),
+        lifespan_s=_seconds(found["lifespan"]),
+    )
+
+
+def _seconds(found: Mapping[str, int]) -> float:
+    return 0.0 if found["sec"] >= SHORTEST_FOREVER_S else found["sec"] + found["nsec"] / NS_PER_S
+
+
 def channel_metadata(channel: Channel) -> dict[str, str]:
     """What rosbag2 writes beside a channel inside an MCAP file."""
     return {
-        "offered_qos_profiles": yaml.safe_dump([qos_map(channel.quality)], sort_keys=False),
+        OFFERED: yaml.dump([qos_map(one) for one in channel.offered], Dumper=_NoAliases, sort_keys=False),
         "topic_type_hash": channel.type_hash,
     }
 

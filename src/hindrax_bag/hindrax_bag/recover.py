@@ -10,7 +10,7 @@ from mcap.records import Attachment, Message, Metadata, Schema
 from mcap.records import Channel as ChannelRecord
 
 from hindrax_bag.mcap_records import Damage, records
-from hindrax_bag.metadata import NAME, Channel, Contents, metadata_text
+from hindrax_bag.metadata import NAME, OFFERED, Channel, Contents, metadata_text, qualities_of
 from hindrax_bag.part import Part
 from hindrax_bag.reader import bag_files
 from hindrax_core.errors import HindraxError, UsageError
@@ -116,8 +116,8 @@ class _Copy:
 
     def _channel(self, record: ChannelRecord, schema: Schema | None) -> str:
         """Note a channel; it is opened when the first of its messages is kept."""
-        quality = QUALITIES.get(record.topic, Quality())
-        channel = Channel(record.topic, schema.name if schema else "", quality, record.metadata.get(HASH, ""))
+        offered = qualities_of(record.metadata.get(OFFERED, "")) or (QUALITIES.get(record.topic, Quality()),)
+        channel = Channel(record.topic, schema.name if schema else "", offered, record.metadata.get(HASH, ""))
         text = schema.data.decode("utf-8", "replace") if schema else ""
         self._noted[record.topic] = (channel, text, schema.encoding if schema else "")
         return record.topic

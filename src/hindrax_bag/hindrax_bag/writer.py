@@ -12,8 +12,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mcap.writer import CompressionType
-
 from hindrax_bag.definitions import Lookup, definition, share_lookup
 from hindrax_bag.limits import Limits, free_bytes
 from hindrax_bag.metadata import NAME, Channel, Contents, metadata_text
@@ -30,7 +28,6 @@ class BagWriter:
 
     folder: Path
     lookup: Lookup = share_lookup
-    compression: CompressionType = CompressionType.ZSTD
     limits: Limits = field(default_factory=Limits)
     counts: Counter[str] = field(default_factory=Counter)
     stopped: str = ""
@@ -108,7 +105,7 @@ class BagWriter:
     def _next_part(self) -> None:
         path = self.folder / f"{self.folder.name}_{self._begun}.mcap"
         self._begun += 1
-        part = Part(path, self.compression)
+        part = Part(path)
         for extra in self._extras:
             extra(part)
         self._part = part

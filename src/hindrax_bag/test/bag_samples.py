@@ -16,8 +16,8 @@ DEFINITIONS = {
     ("std_msgs", "Header"): "builtin_interfaces/Time stamp\nstring frame_id\n",
     ("builtin_interfaces", "Time"): "int32 sec\nuint32 nanosec\n",
 }
-LEVEL = Channel("/demo/level", "demo_msgs/msg/Level", SENSOR, "RIHS01_" + "ab" * 32)
-WORD = Channel("/demo/word", "demo_msgs/msg/Word", LATCHED)
+LEVEL = Channel("/demo/level", "demo_msgs/msg/Level", (SENSOR,), "RIHS01_" + "ab" * 32)
+WORD = Channel("/demo/word", "demo_msgs/msg/Word", (LATCHED,))
 
 
 def lookup(package: str, name: str) -> str:

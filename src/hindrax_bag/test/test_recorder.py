@@ -7,18 +7,33 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Self
 
 import pytest
 
 pytest.importorskip("rclpy")
 pytest.importorskip("hindrax_msgs")
 
-from hindrax_bag.nodes.recorder import parameter_file, type_hash
-from hindrax_bag.reader import attachments, messages
+from mcap.reader import make_reader
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rosbags.rosbag2 import Reader
+
+from hindrax_bag.gaps import Gaps
+from hindrax_bag.nodes.recorder import QUEUE, offered_quality, parameter_file, type_hash
+from hindrax_bag.reader import BagMessage, attachments, messages
+from hindrax_bag.recover import recover
+from hindrax_bag.software import software_version
+from hindrax_core.topics import SENSOR, Quality
 
 COUNT = 300
+RECORDER = ("-m", "hindrax_bag.nodes.recorder")
+IMU_TOPIC = "/hindrax/icm20948/data_raw"
 PUBLISH = """
+import sys
 import time
 import rclpy
 from rclpy.node import Node
@@ -27,6 +42,15 @@ from sensor_msgs.msg import Imu
 from hindrax_core.topics import IMU
 from hindrax_ros.graph import publisher
 
+def say(count, pause_s):
+    global sent
+    for sent in range(sent + 1, sent + 1 + count):
+        message.header.stamp.sec, message.angular_velocity.x = sent, sent * 0.25
+        data = serialize_message(message)
+        out.publish(data)
+        said.append(data.hex())
+        time.sleep(pause_s)
+
 rclpy.init()
 node = Node("load", namespace="/hindrax")
 out = publisher(node, IMU)
@@ -34,16 +58,76 @@ deadline = time.monotonic() + 20.0
 while out.get_subscription_count() == 0 and time.monotonic() < deadline:
     time.sleep(0.05)
 time.sleep(0.3)
-message = Imu()
+sent, said, message = 0, [], Imu()
 message.header.frame_id = "icm20948_link"
-for index in range({count}):
-    message.header.stamp.sec, message.angular_velocity.x = index + 1, index * 0.25
-    data = serialize_message(message)
-    out.publish(data)
-    print(data.hex())
-    time.sleep(0.003)
-time.sleep(1.5)
+for line in sys.stdin:
+    count, pause_s = line.split()
+    said.clear()
+    say(int(count), float(pause_s))
+    print(*said, flush=True)
 """
+STUCK = """
+import sys
+import time
+from pathlib import Path
+from hindrax_bag.nodes import recorder
+
+class Stuck(recorder.Recorder):
+    def _flush(self):
+        while Path(sys.argv[-1]).exists():
+            time.sleep(0.01)
+        super()._flush()
+
+recorder.Recorder = Stuck
+recorder.main()
+"""
+
+
+class Rig:
+    """A recorder and a publisher beside it, as processes."""
+
+    def __init__(
+        self, folder: Path, domain: int, recorder: Sequence[str] = ("-m", "hindrax_bag.nodes.recorder")
+    ) -> None:
+        self.bag = folder / "bag"
+        parameters = folder / "parameters.yaml"
+        parameters.write_text("/**:\n  ros__parameters:\n    notes: a test\n")
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        words = ["--ros-args", "--params-file", str(parameters), "-p", f"bag:={self.bag}", "--", str(folder / "stuck")]
+        self.recorder = subprocess.Popen([sys.executable, *recorder, *words], env=environment)
+        self._publisher = subprocess.Popen(
+            [sys.executable, "-c", PUBLISH],
+            env=environment,
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in (self.recorder, self._publisher):
+            process.kill()
+            process.wait()
+
+    def order(self, count: int, pause_s: float) -> None:
+        """Have messages published."""
+        self._publisher.stdin.write(f"{count} {pause_s}\n")
+        self._publisher.stdin.flush()
+
+    def published(self) -> list[bytes]:
+        """What was published of an order, once it is done."""
+        return [bytes.fromhex(word) for word in self._publisher.stdout.readline().split()]
+
+    def end(self, number: int) -> None:
+        """End the recorder."""
+        self.recorder.send_signal(number)
+        self.recorder.wait(10)
+
+    def recorded(self) -> list[BagMessage]:
+        """What is in the bag of what was published."""
+        return list(messages(self.bag, {IMU_TOPIC}))
 
 
 def test_names_of_hashes_and_parameter_files():
@@ -58,28 +142,94 @@ def test_names_of_hashes_and_parameter_files():
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_what_is_published_is_recorded(tmp_path: Path, end: int):
-    parameters = tmp_path / "parameters.yaml"
-    parameters.write_text("/**:\n  ros__parameters:\n    notes: a test\n")
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(150 + end), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    words = ["--ros-args", "--params-file", str(parameters), "-p", f"bag:={tmp_path / 'bag'}"]
-    recorder = subprocess.Popen([sys.executable, "-m", "hindrax_bag.nodes.recorder", *words], env=environment)
-    try:
-        script = [sys.executable, "-c", PUBLISH.format(count=COUNT)]
-        said = subprocess.run(script, env=environment, capture_output=True, text=True, timeout=40, check=True)
-        recorder.send_signal(end)
-        recorder.wait(10)
-    finally:
-        recorder.kill()
-    published = [bytes.fromhex(line) for line in said.stdout.split()]
+def test_what_is_published_is_recorded(tmp_path: Path):
+    with Rig(tmp_path, 152) as rig:
+        rig.order(COUNT, 0.003)
+        published = rig.published()
+        time.sleep(0.5)
+        rig.end(signal.SIGINT)
+    found = rig.recorded()
     assert len(published) == COUNT
-    found = [one for one in messages(tmp_path / "bag") if one.topic == "/hindrax/icm20948/data_raw"]
     assert [one.data for one in found] == published
     assert [one.sent for one in found] == [(index + 1) * 1_000_000_000 for index in range(COUNT)]
     assert abs(found[-1].received - time.time_ns()) < 60e9
-    assert found[7].decoded().angular_velocity.x == 1.75
-    assert b"a test" in attachments(tmp_path / "bag")["parameters.yaml"]
-    assert (tmp_path / "bag" / "metadata.yaml").exists() == (end == signal.SIGINT)
-    if end == signal.SIGINT:
-        assert "RIHS01_" in (tmp_path / "bag" / "metadata.yaml").read_text()
+    assert found[7].decoded().angular_velocity.x == 2.0
+    assert b"a test" in attachments(rig.bag)["parameters.yaml"]
+    with Reader(rig.bag) as reader:
+        (connection,) = [one for one in reader.connections if one.topic == IMU_TOPIC]
+        (offered,) = connection.ext.offered_qos_profiles
+    assert connection.digest.startswith("RIHS01_")
+    assert (offered.depth, offered.reliability.name, offered.durability.name) == (50, "RELIABLE", "VOLATILE")
+    with rig.bag.joinpath("bag_0.mcap").open("rb") as stream:
+        inside = {one.name: one.metadata for one in make_reader(stream).iter_metadata()}
+    assert inside["hindrax"]["version"] == software_version()
+
+
+@pytest.mark.ros
+def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path):
+    with Rig(tmp_path, 159) as rig:
+        rig.order(100_000, 0.003)
+        deadline = time.monotonic() + 30.0
+        while time.monotonic() < deadline and not (any(rig.bag.glob("*.mcap")) and len(rig.recorded()) > COUNT):
+            time.sleep(0.1)
+        time.sleep(0.45)
+        killed = time.time_ns()
+        rig.end(signal.SIGKILL)
+    found = rig.recorded()
+    assert killed - found[-1].received < 1_000_000_000
+    assert [one.sent for one in found] == [found[0].sent + index * 1_000_000_000 for index in range(len(found))]
+    assert not (rig.bag / "metadata.yaml").exists()
+    made = recover(rig.bag, tmp_path / "recovered")
+    assert [one.data for one in messages(made.output, {IMU_TOPIC})] == [one.data for one in found]
+
+
+@pytest.mark.ros
+def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path):
+    stuck = tmp_path / "stuck"
+    with Rig(tmp_path, 158, ("-c", STUCK)) as rig:
+        rig.order(10, 0.01)
+        published = rig.published()
+        stuck.touch()
+        time.sleep(0.6)
+        rig.order(2 * QUEUE, 0.0)
+        published += rig.published()
+        stuck.unlink()
+        time.sleep(0.3)
+        rig.order(10, 0.01)
+        published += rig.published()
+        time.sleep(2.0)
+        rig.end(signal.SIGINT)
+    lost = len(published) - len(rig.recorded())
+    assert lost >= QUEUE // 2
+    told = [status for one in messages(rig.bag, {"/diagnostics"}) for status in one.decoded().status]
+    (words,) = [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1:]
+    assert words["lost: icm20948/data_raw"] == str(lost)
+
+
+def test_offered_quality_is_that_of_the_publisher():
+    offered = SimpleNamespace(
+        depth=0, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.TRANSIENT_LOCAL
+    )
+    offered.deadline = Duration(seconds=0.25)
+    offered.lifespan = Duration(seconds=2_147_483_647)
+    wanted = Quality(reliable=False, depth=50, latched=True, deadline_s=0.25)
+    assert offered_quality(offered, SENSOR) == wanted
+
+
+@pytest.mark.parametrize(
+    ("publishers", "numbers", "lost"),
+    [
+        (1, [1, 2, 3], 0),
+        (1, [7, 8, 9], 0),  # heard from the middle on
+        (1, [1, 2, 5, 6], 2),
+        (1, [1, 2, 3, 1, 2, 4], 1),  # begun anew
+        (2, [4, 1, 2, 5, 3, 6, 9, 4], 2),
+        (2, [1, 1, 2, 2, 3, 3], 0),
+        (2, [5, 6, 9, 7, 10, 8], 0),  # the other began later
+    ],
+)
+def test_gaps_in_the_numbers_are_counted(publishers, numbers, lost):
+    gaps = Gaps(lambda: publishers)
+    for number in numbers:
+        gaps.hear(number)
+    assert gaps.lost == lost

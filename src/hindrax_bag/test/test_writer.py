@@ -8,16 +8,21 @@ import pytest
 import yaml
 from bag_samples import LEVEL, WORD, level, lookup, small_bag, word, writer
 from mcap.reader import make_reader
+from mcap.records import DataEnd
+from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from hindrax_bag.definitions import definition
 from hindrax_bag.limits import Limits
 from hindrax_bag.mcap_records import Damage
+from hindrax_bag.metadata import Channel, qualities_of
 from hindrax_bag.reader import bag_files, messages
+from hindrax_bag.recover import recover
 from hindrax_bag.writer import BagWriter
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import LATCHED, Quality
 
 
 def test_definition_brings_every_dependency_once():
@@ -56,6 +61,51 @@ def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path)
     assert attachments[0].data == b"name: sample\n"
     assert metadata[0].metadata == {"notes": "sample"}
     assert decoded == [0.0, 0.5, 1.0, 1.5, 2.0]
+
+
+def test_mcap_reader_verifies_every_checksum_and_finds_messages_by_their_index(tmp_path):
+    path = small_bag(tmp_path / "bag", count=3000, per_flush=1000)
+    with path.open("rb") as stream:
+        records = list(StreamReader(stream, validate_crcs=True).records)
+        assert next(one for one in records if isinstance(one, DataEnd)).data_section_crc
+        stream.seek(0)
+        reader = make_reader(stream, validate_crcs=True)
+        begin, end = NS_PER_S + 50 * 10_000_000, NS_PER_S + 1060 * 10_000_000
+        found = [one for _, _, one in reader.iter_messages([LEVEL.topic], starting_at=begin, ending_before=end)]
+        summary = reader.get_summary()
+    assert [one.data for one in found] == [level(NS_PER_S + i * 10_000_000, i * 0.5) for i in range(50, 1060)]
+    counts = summary.statistics.channel_message_counts
+    assert {summary.channels[number].topic: count for number, count in counts.items()} == {
+        LEVEL.topic: 3000,
+        WORD.topic: 1,
+    }
+    assert summary.statistics.message_start_time == NS_PER_S
+    assert summary.statistics.message_end_time == NS_PER_S + 2999 * 10_000_000 + 1_000_000
+
+
+def test_qualities_of_the_publishers_survive_a_recovery(tmp_path):
+    several = Channel("/demo/word", "demo_msgs/msg/Word", (LATCHED, Quality(reliable=False, depth=3, deadline_s=0.25)))
+    bag = writer(tmp_path / "bag")
+    bag.write(several, word("a"), 1, 1)
+    bag.close()
+    recover(tmp_path / "bag", tmp_path / "out")
+    assert (tmp_path / "out" / "metadata.yaml").read_text().count("keep_last") == 2
+    with Reader(tmp_path / "out") as reader:
+        (one,) = reader.connections
+        assert [quality.reliability.name for quality in one.ext.offered_qos_profiles] == ["RELIABLE", "BEST_EFFORT"]
+        assert [quality.depth for quality in one.ext.offered_qos_profiles] == [1, 3]
+        assert one.ext.offered_qos_profiles[1].deadline.nsec == 250_000_000
+
+
+@pytest.mark.parametrize("text", ["", "- 1", "7", "- {reliability: 1}", "{"])
+def test_unknown_words_on_quality_are_passed_over(text):
+    assert qualities_of(text) == ()
+
+
+def test_numbers_of_older_bags_are_the_same_qualities():
+    forever = "{sec: 2147483647, nsec: 4294967295}"
+    text = f"- {{history: 3, depth: 0, reliability: 1, durability: 1, deadline: {forever}, lifespan: {forever}}}"
+    assert qualities_of(text) == (Quality(latched=True),)
 
 
 def test_rosbags_reads_the_folder(tmp_path):

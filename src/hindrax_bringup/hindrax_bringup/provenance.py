@@ -1,11 +1,9 @@
-"""Where a result comes from: the software's version, the date of a record, and whether the record is of the mock."""
+"""Where a record comes from: its date, and whether it is of the mock."""
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 
 from mcap.records import Message, Metadata
@@ -15,26 +13,6 @@ from hindrax_bag.reader import bag_files, messages
 
 FIRST_YEAR = 2000
 """A mock's clock starts in 1970; then the date is that of the file."""
-PACKAGE = "hindrax_ident"
-UNPACKAGED = "0.1.0"
-
-
-def software_version() -> str:
-    """`git describe` of the clone where there is one, else the version of the package."""
-    here = Path(__file__).resolve().parent
-    words = ["git", "-C", str(here), "describe", "--always", "--dirty", "--tags"]
-    try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=10.0, check=False)  # noqa: S603  # fixed words
-    except (OSError, subprocess.TimeoutExpired):
-        return f"hindrax {_packaged()}"
-    return f"hindrax {_packaged()} ({done.stdout.strip()})" if done.returncode == 0 else f"hindrax {_packaged()}"
-
-
-def _packaged() -> str:
-    try:
-        return metadata.version(PACKAGE)
-    except metadata.PackageNotFoundError:
-        return UNPACKAGED
 
 
 def date_of(bag: Path) -> str:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from hindrax_bag.reader import bag_files, messages
-from hindrax_bringup.provenance import date_of, software_version
+from hindrax_bag.software import software_version
+from hindrax_bringup.provenance import date_of
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_core.topics import ESTIMATE, resolved

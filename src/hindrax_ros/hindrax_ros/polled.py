@@ -71,8 +71,9 @@ class PolledNode(Node):
         """Give every message that waits to its callback, topic by topic in the order of subscription."""
         for one in list(super().subscriptions):
             take, kind, raw = one.handle.take_message, one.msg_type, one.raw
+            count = 2 if one._callback_type is Subscription.CallbackType.WithMessageInfo else 1  # noqa: SLF001  # as rclpy
             while (found := take(kind, raw)) is not None:
-                one.callback(found[0])
+                one.callback(*found[:count])
 
 
 def events_executor(context: Context | None = None) -> Executor:

@@ -11,24 +11,31 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from hindrax_bag import __version__
+from hindrax_bag.gaps import Gaps
 from hindrax_bag.limits import Limits, free_bytes
+from hindrax_bag.metadata import SHORTEST_FOREVER_S
+from hindrax_bag.software import software_version
 from hindrax_bag.stamps import stamp_of
 from hindrax_bag.writer import BagWriter, Channel
-from hindrax_core.events import Stamp
-from hindrax_core.topics import TOPICS, Topic, resolved
+from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.topics import TOPICS, Quality, Topic, resolved
 from hindrax_ros.graph import message_class, profile
 from hindrax_ros.health import Reporter, status
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.polled import PolledNode
 from hindrax_ros.process import spin
 
+MessageInfo = dict[str, Any]
+"""What rclpy tells beside a message."""
 FLUSH_S = 0.5
 SYNC_EVERY = 2
 QUEUE = 1000
@@ -47,7 +54,7 @@ class Recorder(PolledNode):
         self._bag.open()
         self._describe(notes, vehicle)
         self._reporter = Reporter(self)
-        self._lost: Counter[str] = Counter()
+        self._gaps: dict[str, Gaps] = {}
         self._early: list[tuple[Channel, bytes, int]] = []
         self._flushes = 0
         for topic in TOPICS:
@@ -61,36 +68,31 @@ class Recorder(PolledNode):
 
     def _describe(self, notes: str, vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")
-        self._bag.describe("hindrax", {"notes": notes, "version": __version__, "rmw": rmw})
+        self._bag.describe("hindrax", {"notes": notes, "version": software_version(), "rmw": rmw})
         files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
         for name, path in files.items():
             if path:
                 self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self._now())
 
     def _listen(self, topic: Topic) -> None:
-        """Subscribe with a deep queue of our own, and count what is lost on the way."""
+        """Subscribe with a deep queue of our own."""
+        self._gaps[topic.name] = Gaps(partial(self.count_publishers, resolved(topic)))
+        quality = replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)
+        self.create_subscription(message_class(topic.type), topic.name, self._keeper(topic), profile(quality), raw=True)
 
-        def lost(event: object) -> None:
-            self._lost[topic.name] += int(getattr(event, "total_count_change", 0))
-
-        self.create_subscription(
-            message_class(topic.type),
-            topic.name,
-            self._keeper(topic),
-            profile(replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
-        )
-
-    def _keeper(self, topic: Topic) -> Callable[[bytes], None]:
+    def _keeper(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         stamped = starts_with_stamp(topic)
         write, now, early = self._bag.write, self.get_clock().handle.get_now, self._early
+        hear = self._gaps[topic.name].hear
         channel: Channel | None = None
 
-        def keep(data: bytes) -> None:
+        def keep(data: bytes, info: MessageInfo) -> None:
             nonlocal channel
             if channel is None:
                 channel = self._channel(topic)
+            number = info["publication_sequence_number"]
+            if number is not None:
+                hear(number)
             received = now().nanoseconds
             if not received:
                 # The mock's clock has not been heard yet: these messages wait for its first word.
@@ -108,10 +110,12 @@ class Recorder(PolledNode):
         self._early.clear()
 
     def _channel(self, topic: Topic) -> Channel:
-        """Describe a topic as its publisher does, once there is one."""
+        """Describe a topic as its publishers do, once there is one; as the table does where none is seen."""
         name = resolved(topic)
         found = self.get_publishers_info_by_topic(name)
-        return Channel(name, topic.type, topic.quality, type_hash(found[0].topic_type_hash) if found else "")
+        offered = dict.fromkeys(offered_quality(one.qos_profile, topic.quality) for one in found)
+        told = next(filter(None, (type_hash(one.topic_type_hash) for one in found)), "")
+        return Channel(name, topic.type, tuple(offered) or (topic.quality,), told)
 
     def _flush(self) -> None:
         self._flushes += 1
@@ -121,7 +125,7 @@ class Recorder(PolledNode):
             self._report()
 
     def _report(self) -> None:
-        bag, lost = self._bag, self._lost
+        bag, lost = self._bag, Counter({name: gaps.lost for name, gaps in self._gaps.items() if gaps.lost})
         values = {
             "messages": str(bag.counts.total()),
             "lost": str(lost.total()),
@@ -145,6 +149,22 @@ def starts_with_stamp(topic: Topic) -> bool:
     """Whether the first field of the type is a std_msgs/Header."""
     fields = message_class(topic.type).get_fields_and_field_types()
     return next(iter(fields.values()), "") == "std_msgs/Header"
+
+
+def offered_quality(found: QoSProfile, said: Quality) -> Quality:
+    """Quality that a publisher offers; how deep its queue is the graph does not tell: as the table has it."""
+    return Quality(
+        reliable=found.reliability == ReliabilityPolicy.RELIABLE,
+        depth=found.depth or said.depth,
+        latched=found.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline_s=_limited_s(found.deadline),
+        lifespan_s=_limited_s(found.lifespan),
+    )
+
+
+def _limited_s(found: Duration) -> float:
+    """Seconds of a duration; 0 where it is without end."""
+    return 0.0 if found.nanoseconds >= SHORTEST_FOREVER_S * NS_PER_S else found.nanoseconds / NS_PER_S
 
 
 def type_hash(found: object) -> str:

@@ -59,7 +59,7 @@ def rows() -> list[dict[str, Any]]:
 def _ours(folder: Path) -> tuple[Write, Flush]:
     bag = BagWriter(folder, limits=Limits(keep_free_MB=0.0))
     bag.open()
-    channel = Channel(resolved(IMU), IMU.type, IMU.quality)
+    channel = Channel(resolved(IMU), IMU.type, (IMU.quality,))
     return lambda data, stamp: bag.write(channel, data, stamp, stamp), bag.flush
 
 

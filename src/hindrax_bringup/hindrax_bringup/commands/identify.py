@@ -10,9 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hindrax_bag.software import software_version
 from hindrax_bringup.foreign import FRAMES, Wanted
 from hindrax_bringup.identification import show
-from hindrax_bringup.provenance import date_of, software_version
+from hindrax_bringup.provenance import date_of
 from hindrax_bringup.recordings import (
     Found,
     Source,
