@@ -152,6 +152,19 @@ discard() {
 
 # --- The parts -------------------------------------------------------------------------------------------------------
 
+# Zip archives, and git where core.symlinks is off, leave plain files where the links of this clone belong.
+restore_links() {
+  local link
+  for link in ros_ws/src=../src src/hindrax_sim/hindrax_sim/firmware=../../../firmware/hindrax_mcu; do
+    [ -d "$root/${link%=*}" ] && continue
+    say "making ${link%=*} the link that it has to be"
+    rm -f "$root/${link%=*}"
+    ln -s "${link#*=}" "$root/${link%=*}" 2>>"$log" \
+      || fail "$root/${link%=*} has to be a link to ${link#*=}, and none can be made there:" \
+        "clone with git onto a disk that has symbolic links"
+  done
+}
+
 make_bootstrap() {
   local identity
   identity="$python $(sha256sum <"$root/setup/bootstrap.lock")"
@@ -312,6 +325,7 @@ make_everything() {
   rm -f "$state/ready"
   : >"$log"
   say "setting hindrax up in $root (once; later runs skip this)"
+  restore_links
   make_bootstrap
   make_environment
   build_workspace

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from stand_in_clone import ROOT, STAND_IN, Clone
+from stand_in_clone import LINKS, ROOT, STAND_IN, Clone
 
 ALL_STEPS = ["venv", "pip", "uv-venv", "install", "colcon", "try"]
 
@@ -223,6 +223,38 @@ def test_a_place_that_colcon_does_not_bear_is_named(clone: Clone) -> None:
     assert outcome.returncode == 1
     assert "/a clone' holds a space" in outcome.stderr
     assert clone.steps() == []
+
+
+def plain_file(link: Path) -> None:
+    """As a zip archive leaves it."""
+    target = str(link.readlink())
+    link.unlink()
+    link.write_text(target, encoding="utf-8")
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_link_that_came_as_a_plain_file_becomes_a_link_again(clone: Clone, link: str) -> None:
+    plain_file(clone.root / link)
+    outcome = clone.run("setup")
+    assert outcome.returncode == 0
+    assert f"making {link} the link that it has to be" in outcome.stderr
+    assert (clone.root / link).readlink() == (ROOT / link).readlink()
+
+
+def test_a_disk_without_links_is_named(clone: Clone) -> None:
+    plain_file(clone.root / LINKS[0])
+    clone.tool("ln", "#!/bin/sh\nexit 1\n")
+    outcome = clone.run("pool-test")
+    assert outcome.returncode == 1
+    assert "ros_ws/src has to be a link to ../src, and none can be made there: clone with git" in outcome.stderr
+    assert clone.steps() == []
+
+
+def test_the_links_of_this_clone_are_those_that_are_looked_after() -> None:
+    listed = subprocess.run(["git", "ls-files", "-s"], capture_output=True, text=True, check=False, cwd=ROOT)
+    if listed.returncode != 0:
+        pytest.skip("needs git and a clone to list the links of")
+    assert {line.split("\t")[1] for line in listed.stdout.splitlines() if line.startswith("120000")} == set(LINKS)
 
 
 def test_everything_missing_is_named_at_once(clone: Clone) -> None:
