@@ -302,7 +302,7 @@ sourced_workspace() {
 # --- The whole -------------------------------------------------------------------------------------------------------
 
 set_up() {
-  mkdir -p "$state" 2>/dev/null || fail "$(id -un) may not write to $root: sudo chown -R $(id -un) $root"
+  { mkdir -p "$state" && : >"$state/lock"; } 2>/dev/null || fail "$(unwritable)"
   exec 9>"$state/lock"
   flock -n 9 || { say "another set-up works here; waiting for it" && flock 9; }
   # Ctrl-C ends the set-up even where a builder takes it for itself and ends as if it had failed.

@@ -46,6 +46,8 @@ compiles() (
 
 free_mb() { df -Pm "$root" | awk 'NR == 2 {print $4}'; }
 
+unwritable() { echo "$(id -un) may not write to $root: clone elsewhere, or sudo chown -R $(id -un) $root"; }
+
 plain() { [[ ! $1 =~ [[:space:]:\"\'\$] ]]; }
 
 holds() { if "$@" >/dev/null; then echo true; else echo false; fi; }
@@ -75,7 +77,7 @@ needs() {
   need place "$(holds plain "$root")" "$root" \
     "'$root' holds a space, quote, colon or dollar sign, which colcon's scripts do not bear: move the clone"
   need permission "$(holds [ -w "$root" ])" "$root is writable" \
-    "$(id -un) may not write to $root: sudo chown -R $(id -un) $root"
+    "$(unwritable)"
 }
 
 need_ros() {

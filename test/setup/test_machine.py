@@ -225,6 +225,14 @@ def test_a_place_that_colcon_does_not_bear_is_named(clone: Clone) -> None:
     assert clone.steps() == []
 
 
+def test_a_place_that_cannot_be_written_is_named(clone: Clone) -> None:
+    (clone.root / ".hindrax/lock").mkdir(parents=True)  # as little to be written as on a read-only disk
+    outcome = clone.run("pool-test")
+    assert outcome.returncode == 1
+    assert f"may not write to {clone.root}: clone elsewhere, or sudo chown" in outcome.stderr
+    assert len(outcome.stderr.splitlines()) == 1
+
+
 def plain_file(link: Path) -> None:
     """As a zip archive leaves it."""
     target = str(link.readlink())
