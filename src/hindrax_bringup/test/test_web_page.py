@@ -68,6 +68,9 @@ def test_the_page_in_a_browser(tmp_path):
         for scheme in ("light", "dark"):
             seen.look(390, 844, scheme)
             assert seen.run("document.documentElement.scrollWidth") <= 390
+            assert seen.run(
+                "[...document.querySelectorAll('.scroll')].every(one => one.scrollWidth <= one.clientWidth)"
+            )
             seen.picture(tmp_path / f"phone-{scheme}.png")
         assert not seen.complaints
 

@@ -37,7 +37,7 @@ ul{margin:0;padding:0;list-style:none}li{overflow-wrap:anywhere;padding:1px 0}a{
 #pool{display:block;width:100%;max-height:520px}.water{fill:var(--water);stroke:var(--soft);stroke-width:.06}
 .trace{fill:none;stroke:var(--a);stroke-width:.05;stroke-linejoin:round}.meter{stroke:var(--rule);stroke-width:.02}
 .hull{fill:var(--ink)}.bow{fill:var(--b)}
-.thruster{display:grid;grid-template-columns:2.2em 1fr 4.6em 4em;gap:8px;align-items:center}
+.thruster{display:grid;grid-template-columns:1.8em 1fr 4.5em 4.4em;gap:8px;align-items:center}
 .thruster b+span{position:relative;height:12px;background:var(--grid);border-radius:3px;overflow:hidden}
 .thruster i{position:absolute;top:0;bottom:0;background:var(--a)}.thruster.full i{background:var(--bad)}
 .thruster span:nth-child(n+3){text-align:right;white-space:nowrap}
@@ -56,5 +56,7 @@ th,td,.coefficient{text-align:left}td.many{white-space:normal}.coefficient{displ
 margin-right:18px}th{color:var(--soft);font-weight:600}
 @media(max-width:1100px){main{grid-template-columns:1fr 1fr}}
 @media(max-width:640px){main{grid-template-columns:minmax(0,1fr);padding:8px}section.wide{grid-column:auto}section.tall{grid-row:auto}
-header{padding:8px}#title{flex-basis:100%;order:9;font-size:.85rem}.plots{grid-template-columns:1fr}}
+header{padding:8px}#title{flex-basis:100%;order:9;font-size:.85rem}.plots{grid-template-columns:1fr}
+#estimates{font-size:.86rem}
+#estimates :is(th,td):nth-child(3){display:none}#estimates :is(th,td){padding:3px 4px}.coefficient{margin-right:4px}}
 """
