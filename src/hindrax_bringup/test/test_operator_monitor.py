@@ -1,10 +1,19 @@
-"""The live view, headless: everything is on the screen at 80 columns, and the keys order what they say."""
+"""The live view: everything is on the screen at 80 columns, and the keys order what they say."""
 
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import math
+import os
+import pty
+import select
+import struct
+import subprocess
+import sys
+import termios
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace as Message
 
 import pytest
@@ -105,6 +114,8 @@ def screen(shown: Picture, keys: tuple[str, ...] = (), size: tuple[int, int] = (
         async with app.run_test(size=size) as pilot:
             await pilot.press(*keys)
             await pilot.pause()
+            while len(vehicle.orders) < len(keys):  # a busy machine is slow to pass keys on
+                await pilot.pause(0.02)
             return "\n".join(
                 "".join(segment.text for segment in line) for line in app.screen._compositor.render_strips()
             )
@@ -147,6 +158,44 @@ def test_a_wider_screen_tells_also_why_nothing_is_learnt():
 def test_keys_order_what_the_footer_says():
     assert screen(FULL, ("s",))[1].orders == ["stop"]
     assert screen(FULL, ("d", "s"))[1].orders == ["disarm", "stop"]
+
+
+ON_A_TERMINAL = """
+import sys
+from test_operator_monitor import FULL, Fake
+from hindrax_bringup.monitor.app import Monitor
+vehicle = Fake(FULL)
+Monitor(vehicle).run()
+print(",".join(vehicle.orders))
+"""
+
+
+def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back():
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+    before = termios.tcgetattr(theirs)
+    environment = dict(
+        os.environ, TERM="xterm-256color", PYTHONPATH=os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    )
+    command = [sys.executable, "-c", ON_A_TERMINAL]
+    child = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=theirs, text=True, env=environment)
+    try:
+        shown = b""
+        for key, awaited in ((b"d", b"STOP"), (b"s", b"disarming"), (b"q", b"stopping")):
+            while awaited not in shown:
+                assert select.select([ours], (), (), 60.0)[0], f"waited 60 s for {awaited!r}"
+                shown += os.read(ours, 1 << 16)
+            os.write(ours, key)
+        while child.poll() is None:
+            if select.select([ours], (), (), 0.1)[0]:
+                os.read(ours, 1 << 16)
+    finally:
+        child.kill()
+    assert child.communicate()[0] == "disarm,stop\n"
+    assert child.returncode == 0
+    assert termios.tcgetattr(theirs) == before
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same():

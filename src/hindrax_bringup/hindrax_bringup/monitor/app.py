@@ -45,6 +45,7 @@ class Monitor(App[None]):
     CSS = """
     Screen { background: $background; }
     #headline { height: 1; padding: 0 1; }
+    Screen.old .section, Screen.old #estimates { opacity: 45%; }
     .row { height: auto; }
     .row Static { width: 1fr; }
     .section { border-top: solid $primary; border-title-color: $text; border-title-style: bold;
@@ -92,6 +93,7 @@ class Monitor(App[None]):
         """Draw what is known now."""
         picture = self._vehicle.picture()
         places = self._places
+        self.screen.set_class(picture.silent_s > draw.SILENT_s, "old")
         places["headline"].update(draw.headline(picture, self._vehicle.title))
         for name, section in draw.SECTIONS.items():
             places[name].update(section(picture))

@@ -188,7 +188,7 @@ def _grid(*least: int) -> Table:
     """Columns that are at least so wide; the last one gives way when there is not enough room."""
     table = Table.grid(padding=(0, 1, 0, 0))
     for width in least:
-        table.add_column(no_wrap=True, min_width=width or None)
+        table.add_column(no_wrap=bool(width), min_width=width or None)  # the free one gives way
     return table
 
 
