@@ -114,8 +114,9 @@ def screen(shown: Picture, keys: tuple[str, ...] = (), size: tuple[int, int] = (
         async with app.run_test(size=size) as pilot:
             await pilot.press(*keys)
             await pilot.pause()
-            while len(vehicle.orders) < len(keys):  # a busy machine is slow to pass keys on
-                await pilot.pause(0.02)
+            for _ in range(500):  # a busy machine is slow to pass keys on
+                if len(vehicle.orders) < len(keys):
+                    await pilot.pause(0.02)
             return "\n".join(
                 "".join(segment.text for segment in line) for line in app.screen._compositor.render_strips()
             )

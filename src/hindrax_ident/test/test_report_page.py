@@ -18,7 +18,7 @@ from hindrax_ident.report.comparison import spread_of
 from hindrax_ident.report.dimensionless import dimensionless
 from hindrax_ident.report.figures import Flown, charts_of, comparable
 from hindrax_ident.report.forest import Entry, forest
-from hindrax_ident.report.page import plus_minus
+from hindrax_ident.report.page import plus_minus, table
 from hindrax_ident.report.scale import Scale, spread, thinned, tick_text, ticks
 from hindrax_ident.report.tables import table_methods
 from hindrax_ident.results import DragBand, MotionResult, Number, with_truth
@@ -226,6 +226,11 @@ def test_every_chart_has_units_and_one_sentence(report, vehicle):
         assert "[" in chart.y_label, chart.title
         assert re.fullmatch(r"[A-Z].*\.", chart.caption), chart.title
         assert not re.search(r"\. [A-Z]", chart.caption), chart.title
+
+
+def test_on_a_phone_every_number_stands_under_its_heading():
+    page = table(["run", "k<sub>q</sub>", "verdict"], [["first", "66.5", ""]])
+    assert '<td><span class="head">k<sub>q</sub></span>66.5</td><td></td>' in page
 
 
 def test_the_page_needs_nothing_but_itself(report):

@@ -33,14 +33,16 @@ def table(
 ) -> str:
     """Table of cells that are HTML already; the rows in `own` stand out, the columns in `words` begin at the left.
 
-    It scrolls by itself on a narrow screen.
+    A phone shows each row as a card, every number under its heading.
     """
     sides = [' class="left"' if column in words else "" for column in range(len(headings))]
     head = "".join(f"<th{side}>{heading}</th>" for side, heading in zip(sides, headings, strict=True))
+    again = ["", *(f'<span class="head">{heading}</span>' for heading in headings[1:])]
     lines = []
     for index, row in enumerate(rows):
         mark = ' class="own"' if index in own else ""
-        cells = "".join(f"<td{side}>{cell}</td>" for side, cell in zip(sides, row, strict=True))
+        named = [one + cell if cell else "" for one, cell in zip(again, row, strict=True)]
+        cells = "".join(f"<td{side}>{cell}</td>" for side, cell in zip(sides, named, strict=True))
         lines.append(f"<tr{mark}>{cells}</tr>")
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
 

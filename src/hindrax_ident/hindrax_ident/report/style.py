@@ -28,7 +28,7 @@ table{border-collapse:collapse;width:100%;font-size:.9rem}
 th,td{padding:6px 12px;text-align:right;white-space:nowrap;border-bottom:1px solid var(--rule)}
 tr:last-child td{border-bottom:0}th{color:var(--soft);font-weight:600;font-size:.82rem}
 td.left,th.left{text-align:left}td small{color:var(--soft);display:block;line-height:1.3}
-tr.own td{font-weight:600}tr.own small{font-weight:400}
+tr.own td{font-weight:600}tr.own small{font-weight:400}.head{display:none}
 .plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,430px),1fr));gap:16px;margin:12px 0}
 figure{margin:0;padding:14px 14px 10px;background:var(--card);border:1px solid var(--rule);border-radius:10px;
 min-width:0;break-inside:avoid}
@@ -58,7 +58,11 @@ dd{margin:0;overflow-wrap:anywhere}
 @media(max-width:720px){.scroll th:first-child,.scroll td:first-child{position:sticky;left:0;background:var(--card);
 box-shadow:1px 0 var(--rule);white-space:normal;min-width:7em}}
 @media(max-width:520px){main{padding:16px 12px 48px}h1{font-size:1.4rem}figure{padding:10px 8px 8px}
-th,td{padding:5px 9px}
+thead{display:none}tr{display:grid;grid-template-columns:1fr 1fr;gap:4px 14px;padding:8px 12px;
+border-bottom:1px solid var(--rule)}tr:last-child{border-bottom:0}
+.scroll td,.scroll td:first-child{display:block;padding:0;border:0;text-align:left;white-space:normal;position:static;
+box-shadow:none;overflow-wrap:anywhere}.scroll td:first-child{grid-column:1/-1}.scroll td:empty{display:none}
+.head{display:block;color:var(--soft);font-size:.8rem;font-weight:400}
 svg text{font-size:14px}svg text.label,svg text.name{font-size:14.5px}
 dl{grid-template-columns:1fr}dt{margin-top:6px}}
 @media print{:root{color-scheme:light;--ground:#fff;--card:#fff;--ink:#000;--soft:#444;--rule:#bbb;--grid:#ddd;

@@ -43,7 +43,7 @@ def table_3(results: Results) -> str:
         if motion in PUBLISHED:
             pairs = PUBLISHED[motion].in_our_axes
             printed = [as_printed(*pairs[name]) if name in pairs else "" for name in COLUMNS]
-            rows.append(["<small>COB-2023-1394</small>", *(f"<small>{cell}</small>" for cell in printed), ""])
+            rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
     return table(["motion", *HEADINGS, "verdict"], rows, own)
 
 
@@ -51,6 +51,10 @@ def as_printed(value: float, std: float) -> str:
     """A published pair with the digits it was printed with, at least two of them behind the point."""
     digits = max(2, *(len(f"{one:.6f}".rstrip("0").partition(".")[2]) for one in (value, std)))
     return f"{number(value, digits)} \u00b1 {number(std, digits)}"
+
+
+def _small(cell: str) -> str:
+    return f"<small>{cell}</small>" if cell else ""
 
 
 def _cell(found: Number | None) -> str:
@@ -84,7 +88,7 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
             if motion in PUBLISHED:
                 paper = PUBLISHED[motion]
                 cells = [as_printed(*paper.drag_coefficient), "", _range(*paper.reynolds)]
-                rows.append(["<small>COB-2023-1394</small>", *(f"<small>{cell}</small>" for cell in cells)])
+                rows.append(["<small>COB-2023-1394</small>", *map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
     return table(heads, rows, own) if rows else ""
 
