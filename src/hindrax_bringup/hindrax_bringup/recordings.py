@@ -29,6 +29,7 @@ from hindrax_ident.report import Trace
 from hindrax_ident.report.comparison import Spread, spread_of
 from hindrax_ident.results import MotionResult, Results, with_truth
 from hindrax_ident.session import Outcome, Session
+from hindrax_ident.suspicion import suspected
 from hindrax_ident.tuning import Tuning
 
 APART_S = 1000.0
@@ -110,18 +111,31 @@ def _text(file: Path) -> str:
 # ---- identification
 
 
-def identify_sources(sources: Sequence[Source], vehicle: Vehicle, axes: Sequence[int], span: Span) -> Found:
-    """Identify the axes (none: all that the records hold) over one record or several pooled."""
-    chosen = axes or range(6)
-    whole = _together(sources, vehicle, chosen, span, asked=bool(axes))
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is asked of records: axes (none: all that they hold), a part of each, and knobs for records of others.
+
+    Where the mass is not known, nobody can say how much of the total is added mass.
+    """
+
+    axes: tuple[int, ...] = ()
+    span: Span = Span()
+    mass_known: bool = True
+    tuning: Tuning = field(default_factory=Tuning)
+
+
+def identify_sources(sources: Sequence[Source], vehicle: Vehicle, task: Task) -> Found:
+    """Do a task over one record, or over several pooled."""
+    whole = _together(sources, vehicle, task)
     if len(sources) == 1:
         return whole
-    runs = tuple(_together([one], vehicle, chosen, span, asked=bool(axes)).identified.results for one in sources)
+    runs = tuple(_together([one], vehicle, task).identified.results for one in sources)
     results, spreads = _with_spread(whole.identified.results, runs)
     return replace(whole, identified=replace(whole.identified, results=results), runs=runs, spreads=spreads)
 
 
-def _together(sources: Sequence[Source], vehicle: Vehicle, axes: Sequence[int], span: Span, *, asked: bool) -> Found:
+def _together(sources: Sequence[Source], vehicle: Vehicle, task: Task) -> Found:
+    axes, span = task.axes or tuple(range(6)), task.span
     if len(sources) == 1 and sources[0].recording is None and span.whole:
         found = Found(identify_bag(sources[0].path, vehicle, mock=sources[0].mock))
         return replace(found, identified=_only(found.identified, axes))
@@ -139,7 +153,12 @@ def _together(sources: Sequence[Source], vehicle: Vehicle, axes: Sequence[int], 
         results = with_truth(outcome.results, vehicle) if mock else outcome.results
         return Found(_only(Identified(outcome, results, mock), axes))
     recordings = [source.recording.between(span.from_s, span.to_s) for source in sources if source.recording]
-    return _foreign(recordings, vehicle, axes, asked=asked)
+    if not any(len(one.velocity_t) or len(one.attitude_t) for one in recordings):
+        lasts = max(source.recording.end_s for source in sources if source.recording)
+        raise UsageError(
+            f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"
+        )
+    return _foreign(recordings, vehicle, task)
 
 
 def _only(identified: Identified, axes: Sequence[int]) -> Identified:
@@ -179,9 +198,9 @@ def _cut(found: Iterator[Stamped[IdentEvent]], span: Span, begin: Stamp) -> Iter
         yield moved
 
 
-def _foreign(recordings: Sequence[Recording], vehicle: Vehicle, axes: Sequence[int], *, asked: bool) -> Found:
+def _foreign(recordings: Sequence[Recording], vehicle: Vehicle, task: Task) -> Found:
     """Every axis by a session of its own: in such a record all of them may move at once."""
-    tuning = tuned(recordings)
+    tuning, axes = tuned(recordings, task.tuning), task.axes or tuple(range(6))
     motions: dict[str, MotionResult] = {}
     conclusions: dict[int, Conclusion] = {}
     traces: dict[str, Trace] = {}
@@ -189,10 +208,10 @@ def _foreign(recordings: Sequence[Recording], vehicle: Vehicle, axes: Sequence[i
         usable = [one for one in recordings if not objection(one, axis)]
         if usable:
             outcome, seen = _axis(usable, vehicle, axis, tuning)
-            motions |= outcome.results.motions
+            motions |= {name: suspected(one, vehicle) for name, one in outcome.results.motions.items()}
             conclusions |= outcome.conclusions
             traces |= seen
-        elif asked or any(holds(one, axis) for one in recordings):
+        elif task.axes or any(holds(one, axis) for one in recordings):
             motions |= _objected(recordings[0], axis)
     if not motions:
         # Nothing was excited: then the verdict on every axis that was measured is worth telling.
@@ -202,8 +221,16 @@ def _foreign(recordings: Sequence[Recording], vehicle: Vehicle, axes: Sequence[i
             for name, one in _objected(recordings[0], axis).items()
             if measured(recordings[0], axis)
         }
+    if not motions:
+        raise UsageError(f"{recordings[0].source}: holds no axis with both velocities and forces that are numbers")
+    if not task.mass_known:
+        motions = {name: _without_mass(one) for name, one in motions.items()}
     results = Results(motions, vehicle)
     return Found(Identified(Outcome(results, conclusions), results, mock=False), traces)
+
+
+def _without_mass(result: MotionResult) -> MotionResult:
+    return replace(result, coefficients={key: one for key, one in result.coefficients.items() if key != "added_mass"})
 
 
 def _objected(recording: Recording, axis: int) -> dict[str, MotionResult]:

@@ -215,6 +215,30 @@ def test_pauses_part_the_record(tmp_path, small, capsys):
     assert is_true(surge)
 
 
+@pytest.mark.parametrize(("speed", "force"), [(1000.0, 1.0), (1.0, 0.01), (0.01, 1.0)])
+def test_wrong_units_are_suspected(tmp_path, small, capsys, speed, force):
+    (t, v), (t_w, w) = flown()
+    record = as_csv(tmp_path / "a.csv", (t, speed * v), (t_w, force * w))
+    surge = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
+    assert not surge["identifiable"]
+    assert any("check the units" in reason for reason in surge["reasons"])
+
+
+@pytest.mark.parametrize(("words", "share"), [([], 0.05), (["--gain-sigma", 0.2], 0.2)])
+def test_the_gain_of_a_wrench_is_never_taken_as_exact(tmp_path, small, capsys, words, share):
+    record = as_csv(tmp_path / "a.csv", *flown(gain=1.15, end_s=60.0))
+    document = identified(capsys, record, "--vehicle", small, *words)
+    k_q = document["motions"]["surge"]["k_q"]
+    assert k_q["std_calibrated"] == pytest.approx(math.hypot(k_q["std"], share * k_q["value"]), rel=0.1)
+    assert any("--gain-sigma" in one for one in document["assumptions"])
+
+
+def test_stamps_of_others_leave_the_added_mass_in_doubt(tmp_path, small, capsys):
+    (t, v), forces = flown()
+    late = identified(capsys, as_csv(tmp_path / "a.csv", (t + 0.1, v), forces), "--vehicle", small)["motions"]["surge"]
+    assert abs(late["added_mass"]["value"] - TRUTH["added_mass"]) < 3.0 * late["added_mass"]["std"]
+
+
 # ---- several records
 
 
@@ -543,6 +567,12 @@ def test_a_record_that_does_not_exist(tmp_path, capsys):
     assert "does not exist" in said
 
 
+def test_a_span_beyond_the_record(tmp_path, capsys):
+    code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 50)
+    assert code == 2
+    assert "the record lasts" in said
+
+
 def test_a_span_that_is_none(tmp_path, capsys):
     code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 5, "--to", 2)
     assert code == 2
@@ -552,4 +582,5 @@ def test_a_span_that_is_none(tmp_path, capsys):
 def test_without_a_vehicle_file_the_assumption_is_said(tmp_path, capsys):
     document = identified(capsys, as_csv(tmp_path / "a.csv", *flown()))
     assert any("--vehicle" in one for one in document["assumptions"])
+    assert "added_mass" not in document["motions"]["surge"]
     assert math.isclose(document["motions"]["surge"]["k_q"]["value"], TRUTH["k_q"], rel_tol=0.05)

@@ -79,10 +79,13 @@ def conclude(
             fit, covariance=fit.covariance + current.current**2 * np.outer(current.per_unit, current.per_unit)
         )
     unseen = by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + lag.covariance(tuning.timing_sigma_s)
+    unseen = unseen + tuning.stamp_doubt_s**2 * np.outer(lag.per_s, lag.per_s)
     systematic = by_tilt(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
     fit = replace(fit, covariance=fit.covariance + unseen)
     calibrated = with_calibration(vehicle, record, fit) + systematic
     calibrated = with_velocity_gain(calibrated, fit, tuning.velocity_gain_sigma)
+    # Every term of the equation of motion scales with the wrench, so every parameter does.
+    calibrated = array(calibrated + tuning.wrench_gain_sigma**2 * np.outer(fit.theta, fit.theta))
     return Conclusion(
         record=record,
         fit=fit,

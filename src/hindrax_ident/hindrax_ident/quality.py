@@ -205,7 +205,8 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
     if evidence.k[0] < -3.0 * sigma:
         out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): the record is not drag alone")
     if evidence.mass_gap < -3.0:
-        out.append(f"the mass comes out below the body's own by {-evidence.mass_gap:.1f} standard deviations")
+        below = f"the mass comes out below the body's own by {-evidence.mass_gap:.3g} standard deviations"
+        out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")
     if evidence.offset > OFFSET_SHARE * force:
         beside = f"a constant force of {evidence.offset:.2g} or more, {evidence.offset / force:.0%} of the largest drag"
         out.append(f"{beside}, acts besides: a current, the tether, or thrust where there is none")

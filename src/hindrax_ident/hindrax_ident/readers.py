@@ -27,6 +27,8 @@ LEAST_RELATIVE = 1e-6
 
 SLOWEST_S = 5.0
 """Median time between velocities above which the times of a record are not taken to be in seconds."""
+STAMP_DOUBT_S = 0.03
+"""How well stamps of different topics are believed to agree: delays, jitter and slow sampling look like a lag."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -64,6 +66,11 @@ class Recording:
         """Time of the first measurement."""
         return self._measured[0]
 
+    @property
+    def end_s(self) -> float:
+        """Time of the last measurement."""
+        return self._measured[1]
+
     def between(self, start_s: float, end_s: float) -> Recording:
         """Part of a record; the force in force at its beginning stays known."""
         v, a = (_inside(t, start_s, end_s) for t in (self.velocity_t, self.attitude_t))
@@ -99,21 +106,39 @@ def _inside(t: Array, start_s: float, end_s: float) -> slice:
 
 def objection(recording: Recording, axis: int) -> str:
     """Why nothing can be learned about an axis, in one sentence; empty where it is worth trying."""
+    return next(_objections(recording, axis), "")
+
+
+def _objections(recording: Recording, axis: int) -> Iterator[str]:
+    """Every objection; those that come later take for granted that there was none before."""
     speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
     step_s = _period(recording.velocity_t)
     if step_s > SLOWEST_S:
-        return (
-            f"velocities are {step_s:.3g} s apart: if the times are not in seconds, name the unit in the header (t_ms)"
-        )
+        yield f"velocities are {step_s:.3g} s apart: name the unit of the times if it is not s, such as t_ms"
     if len(speeds) < FEWEST:
-        return f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
+        yield f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
     if not len(forces):
-        return f"the record holds no {'moment' if axis >= 3 else 'force'} on {AXES[axis]}"
+        yield f"the record holds no {'moment' if axis >= 3 else 'force'} on {AXES[axis]}"
+        return
+    late_s = float(recording.wrench_t[0]) - recording.end_s
+    if late_s > 0.0:
+        yield f"the first force comes {late_s:.3g} s after the last velocity: check the times of both"
     if float(np.ptp(forces)) <= LEAST_RELATIVE * float(np.abs(forces).max()):
-        return f"the thrust on {AXES[axis]} never changes: nothing was excited"
+        yield f"the thrust on {AXES[axis]} never changes{_elsewhere(recording.wrench)}: nothing was excited"
     if float(np.ptp(speeds)) == 0.0:
-        return f"the velocity of {AXES[axis]} never changes: it was not measured, or the vehicle did not move"
-    return ""
+        where = _elsewhere(recording.velocity)
+        yield f"the velocity of {AXES[axis]} never changes{where}: it was not measured, or the vehicle did not move"
+
+
+def _elsewhere(table: Array) -> str:
+    """On which axes there are changes."""
+    changing = [name for name, column in zip(AXES, table.T, strict=True) if _changes(column)]
+    return f" (on {' and '.join(changing)} it does)" if changing else ""
+
+
+def _changes(column: Array) -> bool:
+    known = _finite(column)
+    return bool(len(known) and np.ptp(known) > 0.0)
 
 
 def holds(recording: Recording, axis: int) -> bool:
@@ -137,12 +162,15 @@ def _finite(values: Array) -> Array:
 
 
 def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuning:
-    """Knobs that fit the rates of the records: a slow topic is not a pause."""
+    """Knobs that fit the rates of the records: a slow topic is not a pause, and the stamps of others are not ours."""
     base = tuning or Tuning()
     slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
     slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
     return replace(
-        base, gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)), thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w)
+        base,
+        gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)),
+        thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w),
+        stamp_doubt_s=max(base.stamp_doubt_s, STAMP_DOUBT_S),
     )
 
 

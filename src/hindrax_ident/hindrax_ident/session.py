@@ -36,6 +36,7 @@ Prior = Mapping[str, Mapping[str, tuple[float, float]]]
 
 JOIN_S = 1.0
 """A pause between two legs that is shorter does not part them: the equation holds while the vehicle turns back."""
+NO_FIT = "no coefficients make this motion of this force: check axes, signs and times of both"
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,8 @@ class Session:
             try:
                 conclusions[axis] = self._conclude(axis)
             except ValueError as error:
-                motions |= {motion.name: unidentified(motion, str(error)) for motion in flown}
+                why = NO_FIT if isinstance(error, np.linalg.LinAlgError) else str(error)
+                motions |= {motion.name: unidentified(motion, why) for motion in flown}
                 continue
             for motion in self._told_apart(axis, conclusions[axis]):
                 motions[motion.name] = result_of(motion, self.vehicle, conclusions[axis], self.tuning)

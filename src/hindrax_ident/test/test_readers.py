@@ -95,11 +95,18 @@ def test_a_cut_keeps_the_force_in_force():
         (lambda i: (0.1 * i, 0.3, 0.0), "thrust on surge never changes"),
         (lambda i: (0.1 * i, 0.0, i % 3), "velocity of surge never changes"),
         (lambda i: (0.1 * i, 0.1 * i if i < FEWEST - 1 else "", i), f"wanted {FEWEST}"),
+        (lambda i: (100 * i, i % 3, i % 5), "name the unit of the times"),
+        (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), "after the last velocity"),
     ],
 )
 def test_why_nothing_can_be_learned_is_said(row, said):
     text = "t,u,X\n" + "\n".join(",".join(map(str, row(i))) for i in range(40))
     assert said in objection(read_csv(text, "x.csv"), 0)
+
+
+def test_axes_that_do_not_meet_are_named():
+    text = "t,u,X,Y\n" + "\n".join(f"{0.1 * i},{i % 7},0,{i % 3}" for i in range(40))
+    assert "(on sway it does)" in objection(read_csv(text, "x.csv"), 0)
 
 
 def test_a_record_that_moves_has_no_objection():

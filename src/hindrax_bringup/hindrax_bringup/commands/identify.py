@@ -18,6 +18,7 @@ from hindrax_bringup.recordings import (
     Found,
     Source,
     Span,
+    Task,
     axes_named,
     identify_sources,
     open_source,
@@ -33,6 +34,7 @@ from hindrax_ident.columns import COLUMNS
 from hindrax_ident.models import MOTIONS
 from hindrax_ident.report import RunReport
 from hindrax_ident.results import Results
+from hindrax_ident.tuning import Tuning
 
 NAME = "identify"
 HELP = "the identification over recorded data: our bags, bags of others, CSV"
@@ -41,20 +43,22 @@ EXAMPLE = (
 )
 
 NO_VEHICLE = (
-    "no --vehicle was named: mass, volume and size of the Hindrax are used; of the results only the added mass "
-    "and the dimensionless numbers depend on them"
+    "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
+    "a file with name, mass_kg, volume_m3 and envelope_m is enough"
 )
-NO_THRUSTERS = (
-    "the vehicle file has no thrusters: the wrench is taken as exact, so the band with calibration is that of the noise"
-)
+GAIN_SIGMA = 0.05
+"""How well a wrench is believed that no curve of the vehicle file stands behind [-]."""
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """
 Bags of this stack give the numbers of their pool test again. In the bags of others (MCAP or sqlite3) velocities are
 found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchStamped or Wrench. Body axes are told by
-the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides.
+the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Pulses
+(UInt16MultiArray, mavros RCOut and the like) are made newtons by the curves of the vehicle file, and poses are made
+velocities, where --wrench and --odometry name them.
 Several records of one vehicle are pooled, and the spread between them is shown.
 
-columns of a CSV record (SNAME axes, SI units; empty cells where a row says nothing; others are ignored):
+columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
+names like vx, surge_force or those of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
 """
 
 
@@ -67,16 +71,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
     parser.add_argument(
-        "--frame", choices=FRAMES, default="", help="body axes of both topics, whatever they are called"
+        "--frame", choices=FRAMES, default="", help="axes, whatever they are called; world: velocities of an odometry"
     )
     parser.add_argument(
         "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved"
+    )
+    parser.add_argument(
+        "--gain-sigma",
+        type=_share,
+        metavar="SHARE",
+        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
     )
     parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
     parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
     parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def _share(text: str) -> float:
+    """Argument type: a part of one."""
+    number = float(text)
+    if not 0.0 <= number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not from 0 to 1")
+    return number
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -88,7 +106,11 @@ def run(arguments: argparse.Namespace) -> int:
     sources = [open_source(path, wanted, named) for path in arguments.records]
     vehicle, said = _vehicle(named, sources[0])
     began = time.monotonic()
-    found = identify_sources(sources, vehicle, axes_named(arguments.dof), Span(arguments.from_s, arguments.to_s))
+    gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
+    span = Span(arguments.from_s, arguments.to_s)
+    tuning = Tuning(wrench_gain_sigma=gain_sigma)
+    task = Task(tuple(axes_named(arguments.dof)), span, mass_known=NO_VEHICLE not in said, tuning=tuning)
+    found = identify_sources(sources, vehicle, task)
     took_s = time.monotonic() - began
     told = _conditions(vehicle, sources, found, said)
     if arguments.report:
@@ -105,11 +127,21 @@ def run(arguments: argparse.Namespace) -> int:
 def _vehicle(named: Vehicle | None, source: Source) -> tuple[Vehicle, list[str]]:
     """Vehicle, and what had to be assumed about it."""
     if named is not None:
-        return named, [] if named.thrusters else [NO_THRUSTERS]
+        return named, []
     recorded = recorded_vehicle(source)
     if recorded is not None:
         return recorded, []
-    return load_vehicle(default_vehicle()), [NO_VEHICLE]
+    ours = load_vehicle(default_vehicle())
+    return Vehicle(ours.name, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
+
+
+def _gain_sigma(told: float | None, vehicle: Vehicle, source: Source, said: list[str]) -> float:
+    """Deviation of the wrench's gain in records of others, beyond what the curves of the vehicle file say."""
+    if source.recording is None or (told is None and vehicle.thrusters):
+        return 0.0
+    believed = GAIN_SIGMA if told is None else told
+    said.append(f"the gain of the wrench is believed to within {believed:.0%} (--gain-sigma): see the calibrated band")
+    return believed
 
 
 def _conditions(vehicle: Vehicle, sources: list[Source], found: Found, said: list[str]) -> Conditions:
