@@ -22,7 +22,7 @@ def test_a_wrong_vehicle_file(capsys, tmp_path):
     file.write_text("name: x\nmass_kg: -3\n")
     code, said = refuse(capsys, "--mock", "--vehicle", str(file))
     assert code == 2
-    assert said.strip().endswith("bad.yaml.mass_kg: found -3, wanted 0.1 to 100000 (mass [kg])")
+    assert said.strip().endswith("bad.yaml: mass_kg: found -3, wanted 0.1 to 100000 (mass [kg])")
     assert len(said.splitlines()) == 1
 
 

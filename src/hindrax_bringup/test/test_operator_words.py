@@ -101,7 +101,7 @@ def test_headings_are_shown_from_0_to_360():
     [
         ("dead_man", "--set dead_man: wanted NAME:=VALUE"),
         ("nobody:=4", "--set.nobody: unknown key, wanted one of dead_man, "),
-        ("dead_man:=banana", "--set.dead_man: found 'banana', wanted int"),
+        ("dead_man:=banana", "--set.dead_man: found 'banana', wanted a whole number"),
         ("dead_man:=99", "--set.dead_man: found 99, wanted 0 to 63"),
     ],
 )

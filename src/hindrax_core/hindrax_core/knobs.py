@@ -18,6 +18,7 @@ from hindrax_core.errors import UsageError
 T = TypeVar("T")
 
 META = "hindrax"
+_WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,23 +67,30 @@ def _hints(cls: Any) -> dict[str, Any]:
 
 
 def build(cls: type[T], data: object, path: str) -> T:
-    """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong."""
+    """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong.
+
+    The path of a file ends with a colon, so that the keys inside stand apart from its name.
+    """
     if not isinstance(data, Mapping):
-        raise UsageError(f"{path}: found {data!r}, wanted a block of keys for {cls.__name__}")
+        raise UsageError(f"{path.removesuffix(':')}: found {data!r}, wanted a block of keys for {cls.__name__}")
     declared = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]  # T is a dataclass by contract
     unknown = [str(key) for key in data if key not in declared]
     if unknown:
-        raise UsageError(f"{path}.{unknown[0]}: unknown key, wanted one of {', '.join(declared)}")
+        raise UsageError(f"{_inside(path, unknown[0])}: unknown key, wanted one of {', '.join(declared)}")
     values = {}
     for name, one in declared.items():
         if name in data:
-            values[name] = _value(_hints(cls)[name], one, data[name], f"{path}.{name}")
+            values[name] = _value(_hints(cls)[name], one, data[name], _inside(path, name))
         elif one.default is MISSING and one.default_factory is MISSING:
-            raise UsageError(f"{path}.{name}: missing, wanted {knob_of(one).meaning or 'a value'}")
+            raise UsageError(f"{_inside(path, name)}: missing, wanted {knob_of(one).meaning or 'a value'}")
     try:
         return cls(**values)
     except ValueError as error:
-        raise UsageError(f"{path}: {error}") from error
+        raise UsageError(f"{path.removesuffix(':')}: {error}") from error
+
+
+def _inside(path: str, name: str) -> str:
+    return f"{path} {name}" if path.endswith(":") else f"{path}.{name}"
 
 
 def _value(hint: Any, declared: Field[Any], data: object, path: str) -> Any:
@@ -127,7 +135,7 @@ def _scalar(kind: Any, knob: Knob, data: object, path: str) -> Any:
         if knob.choices and data not in knob.choices:
             raise UsageError(f"{path}: found {data!r}, wanted one of {', '.join(knob.choices)}")
         return data
-    raise UsageError(f"{path}: found {data!r}, wanted {kind.__name__} ({knob.meaning})")
+    raise UsageError(f"{path}: found {data!r}, wanted {_WORDS[kind]} ({knob.meaning})")
 
 
 def _in_range(number: float, knob: Knob, path: str) -> float:

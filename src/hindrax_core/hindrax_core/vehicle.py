@@ -222,7 +222,7 @@ def _check_sensor(name: str, device: str) -> None:
 
 def parse_vehicle(data: object, source: str) -> Vehicle:
     """Check plain data (as YAML gives it) and make a Vehicle; errors name `source` and the key path."""
-    return build(Vehicle, data, source)
+    return build(Vehicle, data, f"{source}:")
 
 
 def load_vehicle(path: str | Path) -> Vehicle:

@@ -39,11 +39,11 @@ def test_defaults_and_values():
     ("data", "sentence"),
     [
         ({}, "file.mass_kg: missing, wanted mass"),
-        ({"mass_kg": "heavy"}, "file.mass_kg: found 'heavy', wanted float"),
-        ({"mass_kg": True}, "file.mass_kg: found True, wanted float"),
+        ({"mass_kg": "heavy"}, "file.mass_kg: found 'heavy', wanted a number"),
+        ({"mass_kg": True}, "file.mass_kg: found True, wanted a number"),
         ({"mass_kg": 1000.0}, "file.mass_kg: found 1000, wanted 0.1 to 100"),
         ({"mass_kg": float("nan")}, "file.mass_kg: found nan, wanted 0.1 to 100"),
-        ({"mass_kg": 1, "count": 1.5}, "file.count: found 1.5, wanted int"),
+        ({"mass_kg": 1, "count": 1.5}, "file.count: found 1.5, wanted a whole number"),
         ({"mass_kg": 1, "mode": "mad"}, "file.mode: found 'mad', wanted one of fast, slow"),
         ({"mass_kg": 1, "inner": {"place": [1, 2]}}, "file.inner.place: found 2 values, wanted 3"),
         ({"mass_kg": 1, "inner": {"place": [1, 2, 99]}}, r"file.inner.place\[2\]: found 99, wanted -9 to 9"),
@@ -64,3 +64,11 @@ def test_a_knob_knows_its_unit():
     assert declared["mass_kg"].unit == "kg"
     assert declared["mode"].unit == ""
     assert declared["on"].meaning == ""
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"), [({}, "^/a/b.yaml: mass_kg: missing"), ([], r"^/a/b.yaml: found \[\], wanted a block of keys")]
+)
+def test_the_keys_of_a_file_stand_apart_from_its_name(data, sentence):
+    with pytest.raises(UsageError, match=sentence):
+        build(Outer, data, "/a/b.yaml:")

@@ -48,16 +48,16 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2():
 @pytest.mark.parametrize(
     ("path", "value", "sentence"),
     [
-        (("mass_kg",), -1.0, "here.mass_kg: found -1, wanted 0.1 to"),
+        (("mass_kg",), -1.0, "here: mass_kg: found -1, wanted 0.1 to"),
         (
             ("thrusters", 2, "curve"),
             "other",
             r"here: thrusters\[2\].curve: found 'other', wanted one of curves \(main\)",
         ),
         (("thrusters", 3, "name"), "T1", "name T1 is used 2 times, wanted once"),
-        (("thrusters", 0, "position_m"), [1.0], r"here.thrusters\[0\].position_m: found 1 values, wanted 3"),
-        (("output", "device"), "arduino", "here.output.device: found 'arduino', wanted one of pca9685, stm32"),
-        (("wings",), 2, "here.wings: unknown key"),
+        (("thrusters", 0, "position_m"), [1.0], r"here: thrusters\[0\].position_m: found 1 values, wanted 3"),
+        (("output", "device"), "arduino", "here: output.device: found 'arduino', wanted one of pca9685, stm32"),
+        (("wings",), 2, "here: wings: unknown key"),
         (
             # COB-2023-1394 Table 2, positive row as printed.
             ("curves", "main", "positive"),
