@@ -224,11 +224,6 @@ def test_options_of_the_mock_need_the_mock(option, capsys):
     assert "for --mock only" in capsys.readouterr().err
 
 
-def test_a_pace_below_zero_is_refused(capsys):
-    assert main(["up", "--mock", "--rate", "-1"]) == 2
-    assert "found -1, wanted 0" in capsys.readouterr().err
-
-
 def test_up_says_how_to_reach_it(tmp_path):
     presence = Presence(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
     said = welcome(presence, RunFolder(tmp_path), record=True)
@@ -280,3 +275,20 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["mock", "--folder", str(tmp_path / "file" / "mock")]) == 2
     assert "choose another with --folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["pool-test", "up", "mock"])
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--rate", "nan"], "--rate: found nan, wanted 0 (no bound) or more"),
+        (["--rate", "-1"], "--rate: found -1, wanted"),
+        (["--seed", "-1"], "--seed: found -1, wanted 0 to 4294967295"),
+        (["--seed", str(1 << 32)], "--seed: found 4294967296"),
+    ],
+)
+def test_neither_a_pace_nor_a_seed_is_refused_before_anything_starts(command, words, reason, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([command, *([] if command == "mock" else ["--mock"]), *words])
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err

@@ -6,6 +6,7 @@ import argparse
 import signal
 from pathlib import Path
 
+from hindrax_bringup.commands._experiment import pace, seed
 from hindrax_bringup.pool_run import PoolOptions, run_pool_test
 from hindrax_bringup.stack import FAULT_HELP, MockOptions
 from hindrax_bringup.vehicles import default_vehicle
@@ -24,9 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Vehicle or mock, motions, where to put the results."""
     parser.add_argument("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine")
     parser.add_argument("--dof", nargs="+", default=["surge"], choices=[*MOTIONS, "all"], help="default: surge")
-    parser.add_argument("--seed", type=int, default=1, help="of the mock's noise and of the excitation; default 1")
+    parser.add_argument("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1")
     parser.add_argument(
-        "--rate", type=float, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
+        "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
     )
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
@@ -43,8 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Check the words, then fly."""
     if not arguments.mock and (arguments.fault or arguments.rate):
         raise UsageError("--fault and --rate are for --mock only")
-    if arguments.rate < 0.0:
-        raise UsageError(f"--rate: found {arguments.rate:g}, wanted 0 (as fast as the stack follows) or more")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     motions = list(MOTIONS) if "all" in arguments.dof else list(dict.fromkeys(arguments.dof))
     mock = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault)) if arguments.mock else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from hindrax_bringup.commands._experiment import pace, seed
 from hindrax_bringup.stack import FAULT_HELP, MockOptions
 from hindrax_bringup.tether import add_tether, chosen
 from hindrax_bringup.up_run import UpOptions, run_up
@@ -34,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
     """How the mock vehicle behaves."""
-    parser.add_argument("--seed", type=int, help="mock: of its noise; default 1")
-    parser.add_argument("--rate", type=float, help="mock: times real time at most (0: no bound); default 1")
+    parser.add_argument("--seed", type=seed, help="mock: of its noise; default 1")
+    parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
 
 
@@ -53,6 +54,4 @@ def run(arguments: argparse.Namespace) -> int:
 def mock_options(arguments: argparse.Namespace) -> MockOptions:
     """What the words say about the mock; a person at the keys wants real time."""
     rate = 1.0 if arguments.rate is None else arguments.rate
-    if rate < 0.0:
-        raise UsageError(f"--rate: found {rate:g}, wanted 0 (no bound) or more")
     return MockOptions(1 if arguments.seed is None else arguments.seed, rate, tuple(arguments.fault))
