@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -14,6 +15,7 @@ from hindrax_bag.stamps import stamp_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 
+MOST_NAMED = 12
 TIME = ("time_s", "stamp_ns")
 
 
@@ -24,7 +26,6 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         return _extract(bag, folder, topics)
     except OSError as error:
         raise HindraxError(f"{folder}: cannot be written ({error.strerror or error}); name another") from error
@@ -41,6 +42,7 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
             row = dict(flat(message.decoded()))
             table = tables.get(message.topic)
             if table is None:
+                folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
                 table = tables[message.topic] = _Table(path, list(row))
             stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
@@ -49,8 +51,11 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
         for table in tables.values():
             table.close()
     missing = sorted(set(topics or ()) - tables.keys())
-    if missing:
-        raise UsageError(f"{bag}: no message on {missing[0]}; `hindrax bag info {bag}` lists the topics")
+    if missing or not tables:
+        for table in tables.values():
+            table.path.unlink()
+        lacking = f"no message on {missing[0]}" if missing else "holds no message"
+        raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 
@@ -114,5 +119,7 @@ def _number(row: Mapping[str, Any], name: str, topic: str) -> float:
     value = row.get(name)
     if not isinstance(value, int | float):
         numbers = [key for key, one in row.items() if isinstance(one, int | float)]
-        raise UsageError(f"{topic}: no number called {name!r}; there are {', '.join(numbers[:12])}")
+        alike = [key for key in numbers if key.startswith(f"{name}[")] or get_close_matches(name, numbers, 3)
+        there = ", ".join((alike or numbers)[:MOST_NAMED]) or "none in its messages"
+        raise UsageError(f"{topic}: no number called {name!r}; there is {there}")
     return float(value)

@@ -67,7 +67,7 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
     with file.open("rb") as stream:
         start = stream.read(len(MAGIC))
         if not MAGIC.startswith(start):
-            raise UsageError(f"{file}: is not an MCAP file (its first bytes are not those of one)")
+            raise UsageError(f"{file}: is no MCAP file, by its first bytes; name a bag or an .mcap or .db3 file")
         stream.seek(0)
         finished = False
         if start == MAGIC:

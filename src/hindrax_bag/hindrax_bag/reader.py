@@ -20,6 +20,8 @@ from hindrax_bag.migrations import added_by, steps_of
 from hindrax_core.errors import UsageError
 
 PATTERNS = ("*.mcap", "*.db3")
+RUN_BAG = "bag"
+"""Where the bag lies in the folder of a run."""
 COMPRESSED = (".zstd", ".zst", ".lz4")
 
 
@@ -92,19 +94,29 @@ class BagMessage(NamedTuple):
 
 
 def bag_files(path: str | Path) -> list[Path]:
-    """Files of a bag given as a file or as a folder, in order; UsageError when there is none."""
+    """Files of a bag given as a file or as a folder, in order; UsageError when there is none.
+
+    The folder of a run stands for the bag in it.
+    """
     place = Path(path)
     if place.is_file():
         return [place]
-    for pattern in PATTERNS:
-        files = sorted(place.glob(pattern), key=_part_number)
-        if files:
-            return files
-    what = "nothing"
-    if place.is_dir():
-        packed = [file.name for file in place.iterdir() if file.suffix in COMPRESSED]
-        what = f"only {packed[0]}, compressed as a whole (unpack it)" if packed else "an empty folder"
-    raise UsageError(f"{place}: found {what}, wanted a bag: a folder with .mcap or .db3 files, or such a file")
+    for folder in (place, place / RUN_BAG):
+        for pattern in PATTERNS:
+            files = sorted(folder.glob(pattern), key=_part_number)
+            if files:
+                return files
+    raise UsageError(f"{place}: {_found(place)}, wanted a bag: a folder with .mcap or .db3 files, or such a file")
+
+
+def _found(place: Path) -> str:
+    if not place.is_dir():
+        return "does not exist"
+    names = sorted(file.name for file in place.iterdir())
+    packed = [name for name in names if name.endswith(COMPRESSED)]
+    if packed:
+        return f"found only {packed[0]}, which is compressed as a whole (unpack it)"
+    return f"found a folder with {names[0]}{' and others' * (len(names) > 1)}" if names else "found an empty folder"
 
 
 def _part_number(path: Path) -> tuple[int, str]:

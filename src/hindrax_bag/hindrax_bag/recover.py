@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +10,12 @@ from pathlib import Path
 from mcap.records import Attachment, Message, Metadata, Schema
 from mcap.records import Channel as ChannelRecord
 
+from hindrax_bag.definitions import share_lookup
 from hindrax_bag.mcap_records import Damage, records
 from hindrax_bag.metadata import NAME, OFFERED, Channel, Contents, metadata_text, qualities_of
 from hindrax_bag.part import Part
 from hindrax_bag.reader import bag_files
+from hindrax_bag.sqlite_file import rows
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import TOPICS, Quality, resolved
@@ -49,8 +52,6 @@ def recover(
     UsageError when the output exists or the bag is none; HindraxError when it cannot be written.
     """
     files = bag_files(bag)
-    if files[0].suffix != ".mcap":
-        raise UsageError(f"{files[0]}: only MCAP bags can be recovered; sqlite3 repairs its own files as it opens them")
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
         raise UsageError(f"{output} exists already; name another folder with --out")
     damage = Damage()
@@ -60,6 +61,9 @@ def recover(
         for number, file in enumerate(files):
             copy.file(file, output / f"{output.name}_{number}.mcap")
         copy.finish(output)
+    except UsageError:
+        shutil.rmtree(output)
+        raise
     except OSError as error:
         raise HindraxError(
             f"{output}: cannot be written ({error.strerror or error}); name another with --out"
@@ -79,8 +83,22 @@ class _Copy:
         self._files: list[Contents] = []
 
     def file(self, source: Path, target: Path) -> None:
-        """Copy what can be read of one file."""
+        """Copy what can be read of one file; that of an sqlite3 bag becomes MCAP."""
         part = Part(target)
+        if source.suffix == ".db3":
+            self._rows(source, part)
+        else:
+            self._records(source, part)
+        part.close()
+        self._files.append(part.contents)
+
+    def _rows(self, source: Path, part: Part) -> None:
+        for topic, schema, _, data, stamp in rows(source, None, share_lookup):
+            if topic not in self._noted:
+                self._channel(ChannelRecord(0, topic, "cdr", {}, schema.id), schema)
+            self._message(part, topic, Message(0, stamp, data, stamp, 0))
+
+    def _records(self, source: Path, part: Part) -> None:
         schemas: dict[int, Schema] = {}
         topics: dict[int, str] = {}
         for record in records(source, self._damage):
@@ -94,8 +112,6 @@ class _Copy:
                 part.attach(record.name, record.media_type, record.data, record.create_time)
             elif isinstance(record, Metadata):
                 part.describe(record.name, record.metadata)
-        part.close()
-        self._files.append(part.contents)
 
     def finish(self, output: Path) -> None:
         """Write metadata.yaml."""

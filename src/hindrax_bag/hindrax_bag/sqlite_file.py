@@ -22,7 +22,7 @@ def rows(file: Path, topics: Collection[str] | None, lookup: Lookup) -> Iterator
         with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
             yield from _rows(file, database, topics, lookup)
     except sqlite3.DatabaseError as error:
-        raise UsageError(f"{file}: cannot be read as a sqlite3 bag ({error})") from error
+        raise UsageError(f"{file}: cannot be read as a sqlite3 bag ({error}); copy it anew, or name another") from error
 
 
 def _rows(file: Path, database: sqlite3.Connection, topics: Collection[str] | None, lookup: Lookup) -> Iterator[Row]:

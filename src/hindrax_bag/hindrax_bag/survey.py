@@ -9,12 +9,14 @@ from typing import Any
 
 import yaml
 
-from hindrax_bag.mcap_records import Damage
+from hindrax_bag.mcap_records import MAGIC, Damage
 from hindrax_bag.metadata import NAME
 from hindrax_bag.reader import PATTERNS, attachments, bag_files, messages
+from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 
 EVERY = 10_000
+SQLITE = b"SQLite format 3\x00"
 
 
 @dataclass(slots=True)
@@ -92,31 +94,50 @@ def survey(bag: Path, progress: Callable[[int], None] = lambda _count: None) -> 
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """A bag as a list shows it, from its metadata.yaml; unfinished where there is none."""
+    """A bag as a list shows it, from its metadata.yaml; without one, as its files look."""
 
     bag: Path
     bytes: int
     finished: bool
     seconds: float = 0.0
     messages: int = 0
+    note: str = ""
+    """What is to be said instead of length and messages."""
 
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
-        words = {"bag": str(self.bag), "bytes": self.bytes, "finished": self.finished}
+        words = {"bag": str(self.bag), "bytes": self.bytes, "finished": self.finished, "note": self.note}
         return {**words, "seconds": self.seconds, "messages": self.messages}
 
 
 def find_bags(folder: Path) -> list[Listed]:
-    """Bags in a folder and all folders below it, by name."""
+    """Bags in a folder and all folders below it, by name; UsageError when it is none."""
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is no folder; name one that holds bags or runs")
     places = {file.parent for pattern in PATTERNS for file in folder.rglob(pattern)}
     return [_listed(place) for place in sorted(places)]
 
 
 def _listed(bag: Path) -> Listed:
-    size = sum(file.stat().st_size for file in bag_files(bag))
+    files = bag_files(bag)
+    size = sum(file.stat().st_size for file in files)
     try:
         data = yaml.safe_load((bag / NAME).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         seconds = data["duration"]["nanoseconds"] / NS_PER_S
         return Listed(bag, size, finished=True, seconds=seconds, messages=int(data["message_count"]))
     except (OSError, yaml.YAMLError, KeyError, TypeError):
-        return Listed(bag, size, finished=False)
+        whole, note = _looks(files[-1])
+        return Listed(bag, size, whole, note=note)
+
+
+def _looks(file: Path) -> tuple[bool, str]:
+    """Whether a file is whole, by its first and last bytes, and what is to be said of it."""
+    with file.open("rb") as stream:
+        head = stream.read(len(SQLITE))
+        stream.seek(max(0, file.stat().st_size - len(MAGIC)))
+        tail = stream.read()
+    if head == SQLITE or (head.startswith(MAGIC) and tail == MAGIC):
+        return True, f"no {NAME}: bag info reads it"
+    if MAGIC.startswith(head[: len(MAGIC)]):
+        return False, "unfinished: bag recover"
+    return False, f"{file.name} is no bag"

@@ -70,7 +70,7 @@ def test_a_file_that_is_no_bag_is_refused(tmp_path):
             list(messages(tmp_path / name))
     with pytest.raises(UsageError, match="an empty folder"):
         bag_files(_folder(tmp_path / "empty"))
-    with pytest.raises(UsageError, match="found nothing"):
+    with pytest.raises(UsageError, match="does not exist"):
         bag_files(tmp_path / "none")
 
 

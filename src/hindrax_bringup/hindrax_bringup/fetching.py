@@ -12,9 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 
 BLOCK = 1 << 18
+SSH_FAILED = 255
+"""Exit code of ssh when it came to no connection."""
 SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
 Progress = Callable[[str, int, int], None]
 """Told of a file, the bytes of it that are here, and its size."""
@@ -36,11 +38,25 @@ class Remote:
         try:
             done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
         except OSError as error:
-            raise HindraxError(f"{self.command[0]}: cannot be run ({error.strerror})") from error
+            raise HindraxError(
+                f"{self.command[0]}: cannot be run ({error.strerror}); install it, or name another with --ssh"
+            ) from error
         if done.returncode != 0:
-            words = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            raise HindraxError(f"{' '.join(self.command[-1:])}:{self.folder}: cannot be read ({words})")
+            words = (done.stderr.strip().splitlines() or [f"{self.command[0] if self.command else 'sh'} said nothing"])[
+                -1
+            ]
+            raise HindraxError(f"{self.name}: cannot be read ({words}); {self._remedy(done.returncode)}")
         return done.stdout
+
+    @property
+    def name(self) -> str:
+        """How it is called in messages."""
+        return ":".join((*self.command[-1:], self.folder))
+
+    def _remedy(self, code: int) -> str:
+        if self.command and code == SSH_FAILED:
+            return f"is it on the network, and does `ssh {self.command[-1]}` ask for no password?"
+        return "--remote names the folder"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +70,8 @@ class Fetched:
 
 def remote_of(host: str, folder: str, ssh: Sequence[str] = SSH) -> Remote:
     """A host as `name` or `user@name`; anything with a slash is a folder of this machine and `folder` is within it."""
+    if not host:
+        raise UsageError("HOST is empty; name the vehicle, such as pi@rov.local, or a folder")
     if "/" in host:
         return Remote((), str(PurePosixPath(host) / folder) if folder else host)
     return Remote((*ssh, host), folder)
@@ -61,7 +79,14 @@ def remote_of(host: str, folder: str, ssh: Sequence[str] = SSH) -> Remote:
 
 def fetch(remote: Remote, out: Path, progress: Progress = lambda _name, _here, _size: None) -> list[Fetched]:
     """Copy all files below the remote folder that are not here yet; HindraxError when one cannot be had whole."""
-    return [_fetch_one(remote, name, size, out, progress) for name, size in _listing(remote)]
+    found = _listing(remote)
+    if not found:
+        raise HindraxError(f"{remote.name}: holds no file; --remote names the folder of the bags")
+    try:
+        return [_fetch_one(remote, name, size, out, progress) for name, size in found]
+    except OSError as error:
+        place = error.filename or out
+        raise HindraxError(f"{place}: cannot be written ({error.strerror}); name another with --out") from error
 
 
 def _listing(remote: Remote) -> list[tuple[str, int]]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 import stat
 import struct
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from hindrax_bag import limits
 from hindrax_bag.limits import Limits
@@ -100,7 +103,7 @@ def test_plot(bag, tmp_path, capsys):
     assert "<svg" in out.read_text()
     for wrong in ("/demo/point", "/demo/point:z", "/none:x"):
         assert cli.main(["bag", "plot", str(bag), wrong, "--out", str(out)]) == 2
-    assert "there are x, y[0], y[1]" in capsys.readouterr().err
+    assert "there is x, y[0], y[1]" in capsys.readouterr().err
 
 
 def test_export_keeps_topics_and_span(bag, tmp_path, capsys):
@@ -157,9 +160,60 @@ def test_every_word_has_help_with_an_example(word, capsys):
     assert f"./hindrax bag {word} " in capsys.readouterr().out
 
 
-def test_what_is_no_bag_is_wrong_use(tmp_path, capsys):
-    assert cli.main(["bag", "info", str(tmp_path)]) == 2
-    assert "an empty folder" in capsys.readouterr().err
+SAID = [
+    ("info {dir}/none", 2, "does not exist, wanted a bag"),
+    ("info {dir}/empty", 2, "an empty folder"),
+    ("info {dir}/texts", 2, "a folder with a.txt"),
+    ("info {dir}/texts/a.txt", 2, "is no MCAP file"),
+    ("info {dir}/db3", 2, "cannot be read as a sqlite3 bag"),
+    ("info {dir}/runs", 0, "110 messages"),  # the folder of a run
+    ("list {dir}/none", 2, "is no folder"),
+    ("list {dir}/empty", 0, "no bags below"),
+    ("list {dir}/db3", 0, "x.db3 is no bag"),
+    ("list {dir}/moved", 0, "no metadata.yaml: bag info reads it"),
+    ("recover {dir}/texts/a.txt --out {dir}/new", 2, "is no MCAP file"),
+    ("recover {bag} --out {dir}/texts", 2, "exists already"),
+    ("recover {bag} --out /proc/new", 1, "cannot be written"),
+    ("extract {bag} --csv {dir}/new --topics /demo/point /none", 2, "no message on /none"),
+    ("extract {bag} --csv {dir}/texts/a.txt", 1, "cannot be written"),
+    ("extract {dir}/none --csv {dir}/new", 2, "does not exist"),
+    ("plot {bag} /demo/word:text --out {dir}/a.png", 2, "there is none in its messages"),
+    ("plot {bag} /demo/point:y --out {dir}/a.png", 2, "there is y[0], y[1]"),
+    ("plot {bag} /demo/point:x --out {dir}/none/a.png", 1, "cannot be written"),
+    ("plot {bag} /demo/point --out {dir}/a.png", 2, "wanted TOPIC:FIELD"),
+    ("export {bag} --topics /none --out {dir}/new", 2, "none of its messages was wanted"),
+    ("export {bag} --from 3 --to 1 --out {dir}/new", 2, "a span: --to after --from"),
+    ("fetch {dir}/none --remote '' --out {dir}/new", 1, "--remote names the folder"),
+    ("fetch {dir}/empty --remote '' --out {dir}/new", 1, "holds no file"),
+    ("fetch {dir}/runs/ --remote '' --out {dir}/texts/a.txt", 1, "name another with --out"),
+    ("fetch '' --out {dir}/new", 2, "HOST is empty"),
+    ("fetch rov --ssh 'sh -c \"exit 255\"' --out {dir}/new", 1, "is it on the network"),
+]
+
+
+@pytest.mark.parametrize("told", SAID, ids=[line for line, _, _ in SAID])
+def test_good_and_bad_use_is_told_in_a_sentence(bag, tmp_path, capsys, told):
+    line, code, said = told
+    for name in ("empty", "texts", "db3", "moved"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "texts" / "a.txt").write_text("a text that is no bag")
+    (tmp_path / "db3" / "x.db3").write_text("a text that is no bag")
+    (tmp_path / "moved" / "x.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())
+    assert cli.main(["bag", *shlex.split(line.format(dir=tmp_path, bag=bag))]) == code
+    captured = capsys.readouterr()
+    assert said in " ".join((captured.err if code else captured.out).split())
+    assert not (tmp_path / "new").exists() or not any((tmp_path / "new").iterdir())
+
+
+def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path, capsys):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "theirs", version=9, storage_plugin=StoragePlugin.SQLITE3) as theirs:
+        connection = theirs.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
+        theirs.write(connection, 5, b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00")
+    made = _json(capsys, "export", tmp_path / "theirs", "--out", tmp_path / "out")
+    (found,) = messages(made["output"])
+    assert (found.topic, found.received, found.decoded().data) == ("/chatter", 5, "hi")
+    assert (tmp_path / "out" / "out_0.mcap").is_file()
 
 
 def test_fetch_shows_a_bar_per_file(bag, tmp_path, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -27,7 +28,7 @@ from hindrax_bag.columns import Series, extract, series
 from hindrax_bag.recover import recover
 from hindrax_bag.survey import Survey, find_bags, survey
 from hindrax_bringup.fetching import SSH, fetch, remote_of
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"
@@ -96,7 +97,7 @@ def listed(arguments: argparse.Namespace) -> dict[str, Any]:
     found = find_bags(arguments.folder)
     if not arguments.json:
         for one in found:
-            state = f"{one.seconds:8.1f} s {one.messages:9d} messages" if one.finished else "   unfinished: bag recover"
+            state = f"   {one.note}" if one.note else f"{one.seconds:8.1f} s {one.messages:9d} messages"
             print(f"{one.bag}  {_mb(one.bytes):>10}  {state}")
         if not found:
             print(f"no bags below {arguments.folder}")
@@ -148,12 +149,19 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
         panel.grid(visible=True, alpha=0.3)
     panels[-1, 0].set_xlabel("time since the first message [s]")
     figure.suptitle(title, fontsize=9)
-    figure.savefig(out, dpi=120)
+    try:
+        figure.savefig(out, dpi=120)
+    except OSError as error:
+        raise HindraxError(f"{out}: cannot be written ({error.strerror or error}); name another with --out") from error
 
 
 def exported(arguments: argparse.Namespace) -> dict[str, Any]:
     """A smaller bag: some topics, or a span of time."""
     wanted = set(arguments.topics or ())
+    if arguments.begin >= arguments.end:
+        raise UsageError(
+            f"found --from {arguments.begin:g} and --to {arguments.end:g}, wanted a span: --to after --from"
+        )
 
     def keep(topic: str, after_s: float) -> bool:
         return (not wanted or topic in wanted) and arguments.begin <= after_s <= arguments.end
@@ -161,7 +169,8 @@ def exported(arguments: argparse.Namespace) -> dict[str, Any]:
     bag: Path = arguments.bag
     made = recover(bag, arguments.out or bag.with_name(f"{bag.stem}_export"), Ticker("messages written"), keep)
     if not made.messages:
-        raise UsageError(f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` lists the topics")
+        shutil.rmtree(made.output)
+        raise UsageError(f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length")
     if not arguments.json:
         print(f"{made.output}: {made.messages} messages")
     return {"messages": made.messages, "output": str(made.output)}

@@ -79,6 +79,11 @@ def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
     vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     names = {} if arguments.all else names_of(bag, arguments.remap)
     replayed = replay(bag, load_rules(arguments.tolerances), vehicle, results=arguments.all, names=names)
+    if not replayed.ledger.messages and not replayed.ledger.differences():
+        raise UsageError(
+            f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
+            f" navigation; `hindrax bag info {bag}` lists its topics"
+        )
     if arguments.all:
         file = reference_file(bag, references())
         if arguments.update_refs:
