@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import random
 
 import pytest
-from bag_samples import small_bag
+from bag_samples import LEVEL, level, small_bag, writer
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
+from hindrax_bag.limits import Limits
 from hindrax_bag.reader import messages
 from hindrax_bag.recover import recover
 from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S
+
+
+@pytest.fixture(autouse=True)
+def no_waiting_for_the_disk(monkeypatch):
+    """Hundreds of bags are made here, and none is to survive this machine."""
+    monkeypatch.setattr(os, "fsync", lambda _number: None)
 
 
 def _chunk_ends(path) -> list[int]:
@@ -41,6 +50,40 @@ def test_cut_at_any_byte(tmp_path):
             summary = make_reader(stream, validate_crcs=True).get_summary()
             assert summary.statistics.message_count == flushed
             assert bool(summary.chunk_indexes) == bool(flushed)
+
+
+def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path):
+    bag = writer(tmp_path / "bag", Limits(split_s=1.0, keep_free_MB=0.0))
+    for index in range(340):
+        bag.write(LEVEL, level(index, index * 0.5), NS_PER_S + index * 10_000_000, index)
+        if index % 20 == 19:
+            bag.flush()
+    files, last = sorted((tmp_path / "bag").glob("*.mcap")), bag.path
+    bag.close()
+    everything = [one.data for one in messages(tmp_path / "bag")]
+    assert (len(files), len(everything)) == (3, 340)
+    whole, ends = last.read_bytes(), _chunk_ends(last)
+    before = sum(1 for file in files[:-1] for _ in messages(file))
+    for offset in random.Random(7).sample(range(len(whole)), 30):
+        last.write_bytes(whole[:offset])
+        made = recover(tmp_path / "bag", tmp_path / f"out{offset}")
+        held = sum(1 for end in ends if end <= offset)
+        kept = [one.data for one in messages(made.output)]
+        assert kept == everything[: before + 20 * held], offset
+        with Reader(made.output) as reader:
+            assert reader.message_count == made.messages == len(kept)
+        assert len(list(made.output.glob("*.mcap"))) == 3
+
+
+def test_a_damaged_chunk_costs_itself_only(tmp_path):
+    path = small_bag(tmp_path / "bag")
+    data, ends = bytearray(path.read_bytes()), _chunk_ends(path)
+    data[ends[5] - 40] ^= 0xFF
+    path.write_bytes(data)
+    made = recover(path, tmp_path / "out")
+    assert made.messages == 301 - 20
+    assert made.lost_s == pytest.approx(0.19)
+    assert "a chunk is damaged" in made.notes[0]
 
 
 def test_recovered_bag_opens_elsewhere_and_keeps_everything(tmp_path):

@@ -64,3 +64,26 @@ def test_every_panel_has_its_place_and_every_place_its_panel():
     tabs = [name for tab in PANELS["Tab!main"]["tabs"] for name in panels(tab["layout"])]
     assert LAYOUT["layout"] == "Tab!main"
     assert sorted([*tabs, "Tab!main"]) == sorted(PANELS)
+
+
+def test_it_has_what_foxglove_asks_of_a_layout():
+    """Its import wants these five, and places that are panels or two halves; types are those of its own panels."""
+    assert LAYOUT.keys() >= {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
+    assert LAYOUT["playbackConfig"]["speed"] > 0
+    kinds = {name.partition("!")[0] for name in PANELS}
+    assert kinds <= {"Plot", "Tab", "StateTransitions", "Gauge", "DiagnosticSummary", "RawMessages"}
+    assert all(name.partition("!")[2] for name in PANELS)
+    for path in (path for panel in PANELS.values() for path in panel.get("paths", ())):
+        assert path["timestampMethod"] in {"receiveTime", "headerStamp"}
+    tabs = PANELS["Tab!main"]
+    assert 0 <= tabs["activeTabIdx"] < len(tabs["tabs"])
+    for tab in tabs["tabs"]:
+        check_place(tab["layout"])
+
+
+def check_place(layout) -> None:
+    if isinstance(layout, dict):
+        assert layout["direction"] in {"row", "column"}
+        assert 0 < layout.get("splitPercentage", 50) < 100
+        check_place(layout["first"])
+        check_place(layout["second"])
