@@ -166,6 +166,17 @@ def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twi
     assert reasons(outputs) == []
 
 
+def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_same():
+    driver = started()
+    body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
+    stand = sentence(f"DVPDX,{body},2,1.5,-0.5,1.250")
+    outputs = driver.feed(sentence(f"DVPDL,{body}") + stand + stand, Stamp(0))
+    assert [type(one) for one in readings(outputs)] == [BottomVelocity, Echo]
+    velocity, echo = (one for one in outputs if isinstance(one, Stamped))
+    assert velocity.stamp == echo.stamp
+    assert reasons(outputs) == ["DVPDX: repeated"]
+
+
 def test_text_with_and_without_a_checksum():
     outputs = started().feed(b"$DVTXT,Lost lock, searching\n" + sentence("DVTXT,Hello") + b"Booting v1.2\n", Stamp(7))
     assert [one.text for one in readings(outputs, DeviceText)] == ["Lost lock, searching", "Hello", "Booting v1.2"]

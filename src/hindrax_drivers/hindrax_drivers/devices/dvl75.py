@@ -142,7 +142,9 @@ class Dvl75:
         if now_us == self._last_us:
             if tag == self._last_tag:
                 raise SentenceError("repeated")
-            return []
+            self._counts[tag] += 1
+            self._last_tag = tag
+            return self._standoff(fields, percent, self._last_stamp) if tag == b"DVPDX" else []
         if 0 < now_us - self._last_us < 0.9 * span_us and self._last_us >= 0:
             raise SentenceError("overlap")
         reading = self._velocity(moved, span_us, percent, now_us)
@@ -152,11 +154,16 @@ class Dvl75:
         self._moved = self._vigil.understood = stamp
         self._tries = 0
         outputs: list[Output] = [Stamped(at, reading)]
-        if tag == b"DVPDX" and reading.velocity_mps is not None:
-            outputs.append(Stamped(at, Echo(protocol.standoff(fields), reading.confidence)))
+        if tag == b"DVPDX":
+            outputs += self._standoff(fields, percent, at)
         if not self._identity:
             outputs += self._identify("DVL-75" if tag == b"DVPDL" else "Tracker 650")
         return outputs
+
+    def _standoff(self, fields: list[bytes], percent: int, at: Stamp) -> list[Output]:
+        """Altitude of a Tracker 650: a $DVPDX tells it, for as long as the bottom is followed."""
+        confidence = percent * 0.01
+        return [Stamped(at, Echo(protocol.standoff(fields), confidence))] if confidence >= self._min_confidence else []
 
     def _middle(self, end_us: int, span_us: int, arrival: Stamp) -> Stamp:
         """Middle of an interval of which the device says when it ended; never before the one before."""

@@ -149,12 +149,15 @@ def _attitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[
     return lambda one: out.publish(write(one))
 
 
-def _altitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[BottomTrack]], None]:
+def _altitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[BottomTrack | Echo]], None]:
+    """A DVL-75 tells it beside its attitude, a Tracker 650 by itself."""
     out, write = publisher(node, topic), echo_writer(_frame(node), DVL_LIMITS_m, DVL_VIEW_rad)
 
-    def publish(stamped: Stamped[BottomTrack]) -> None:
-        if stamped.reading.altitude_m is not None:
-            out.publish(write(stamped.stamp, stamped.reading.altitude_m))
+    def publish(stamped: Stamped[BottomTrack | Echo]) -> None:
+        found = stamped.reading
+        altitude_m = found.range_m if isinstance(found, Echo) else found.altitude_m
+        if altitude_m is not None:
+            out.publish(write(stamped.stamp, altitude_m))
 
     return publish
 
@@ -185,6 +188,6 @@ _OUTLETS: dict[str, tuple[tuple[type, ...], Callable[[Node, Topic, Vehicle], Cal
     "profile": ((EchoProfile,), _profile),
     "velocity": ((BottomVelocity,), _velocity),
     "attitude": ((BottomTrack,), _attitude),
-    "altitude": ((BottomTrack,), _altitude),
+    "altitude": ((BottomTrack, Echo), _altitude),
     "detail": ((BottomVelocity, BottomTrack), _detail),
 }
