@@ -219,7 +219,7 @@ def test_without_a_stack_commands_say_what_is_missing(tmp_path, terminal):
     alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": "101"}, tmp_path)
     code, _, said = alone.run("disarm")
     assert code == 1
-    assert "the thrusters node to offer thrusters/arm; is it running?" in said
+    assert "the thrusters node to offer thrusters/arm; `./hindrax up` starts the stack" in said
     code, _, said = alone.run("stop")
     assert code == 1
     assert "cut the power" in said

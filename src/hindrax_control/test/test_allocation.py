@@ -176,11 +176,12 @@ def test_out_of_reach_the_first_priority_keeps_its_direction(wrench, excess):
 
 
 def test_heave_and_attitude_go_before_surge_and_sway():
-    wanted = (100.0, 50.0, 20.0, 2.0, 1.0, 4.0)
+    # Of the 23.3 Nm in yaw nearly all: served first, they leave little thrust for surge and sway.
+    wanted = (100.0, 50.0, 20.0, 2.0, 1.0, 20.0)
     given_wrench = B @ np.array(ALLOCATOR.forces(wanted))
     assert given_wrench[2:] == pytest.approx(wanted[2:], abs=0.02)
     assert given_wrench[0] / given_wrench[1] == pytest.approx(2.0, rel=1e-3)
-    assert 15.0 < given_wrench[0] < 35.7
+    assert 4.0 < given_wrench[0] < 6.0
 
 
 def test_reach_of_each_axis():

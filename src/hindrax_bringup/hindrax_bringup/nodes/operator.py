@@ -38,6 +38,7 @@ from hindrax_ros.convert import estimate_from_msg, navigation_from_msg, stamp_fr
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.polled import PolledNode, events_executor
 
+UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
 LINK_S = 0.3
 """Time for what was published last to reach its readers, before the node goes away."""
@@ -163,7 +164,7 @@ class Operator:
         """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
         out = publisher(self.node, topic, held=False)
         try:
-            self.wait(lambda: out.get_subscription_count() > 0, ANSWER_S, lambda: f"{reader}; is the stack up?")
+            self.wait(lambda: out.get_subscription_count() > 0, ANSWER_S, lambda: f"{reader}; {UP}")
             yield out.publish
             self.pause(LINK_S)
         finally:
@@ -201,9 +202,7 @@ class Operator:
 
     def arm(self, *, arm: bool = True, seconds: float = 30.0) -> None:
         """Arm or disarm; waits until the thrusters say so (arming holds neutral for the ESC's time first)."""
-        self.wait(
-            self._arm.service_is_ready, ANSWER_S, lambda: "the thrusters node to offer thrusters/arm; is it running?"
-        )
+        self.wait(self._arm.service_is_ready, ANSWER_S, lambda: f"the thrusters node to offer thrusters/arm; {UP}")
         request = Arm.Request(arm=arm, sequence=self.next())
         request.stamp = stamp_to_msg(self.now())
         future = self._arm.call_async(request)
@@ -220,7 +219,7 @@ class Operator:
 
     def fly(self, motions: list[str], *, excitation: str, seed: int, on_cancel: str, seconds: float) -> str:
         """Fly motions to their end; returns the guard's sentence, empty when all was flown. Ctrl-C cancels."""
-        self.wait(self._fly.server_is_ready, ANSWER_S, lambda: "the pilot to offer maneuver/fly; is control running?")
+        self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
         goal = FlyManeuver.Goal(motions=motions, excitation=excitation, seed=seed, on_cancel=on_cancel)
         goal.stamp = stamp_to_msg(self.now())
         self.maneuver = None

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from hindrax_bringup.nodes.operator import Operator
+from hindrax_bringup.nodes.operator import UP, Operator
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, after
 from hindrax_core.readings import Vec6
@@ -48,7 +48,7 @@ def stop(operator: Operator) -> list[str]:
 
 def require_armed(operator: Operator) -> None:
     """HindraxError unless the thrusters are armed and nothing is being flown."""
-    operator.wait(lambda: operator.thrusters is not None, SEEN_S, lambda: "the thrusters; is the stack up?")
+    operator.wait(lambda: operator.thrusters is not None, SEEN_S, lambda: f"the thrusters; {UP}")
     if not operator.thrusters.armed:
         state, reason = operator.thrusters.state, operator.thrusters.reason
         raise HindraxError(f"the thrusters are {state} ({reason}), wanted armed; `./hindrax arm` first")
@@ -122,7 +122,7 @@ def _note(status: Any, axis: str) -> str:
 
 def push(operator: Operator, wrench: Vec6, seconds: float) -> Any:
     """Ask an armed vehicle for a wrench [N, Nm] for a time of its own; returns the last allocation, ends with zero."""
-    operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: "the allocator; is the stack up?")
+    operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: f"the allocator; {UP}")
     with operator.sender(OPERATOR_WRENCH, "the pilot, which takes wrenches by hand") as send:
         end = after(operator.now(), seconds)
         try:
@@ -171,7 +171,7 @@ def _list_in_force(operator: Operator) -> Any:
     operator.wait(
         lambda: operator.allocation is not None and operator.health is not None,
         SEEN_S,
-        lambda: "the allocator and the pilot; is the stack up?",
+        lambda: f"the allocator and the pilot; {UP}",
     )
     if stamp_from_msg(operator.health.header.stamp) == 0:
         operator.pause(KEPT_S)
