@@ -88,6 +88,8 @@ def finish(identified: Identified, folder: RunFolder, flight: Flight) -> None:
         print(f"aborted by {flight.aborted}", file=sys.stderr)
         for line in flight.ailments:
             print(f"  {line}", file=sys.stderr)
+    if flight.facts.get("wall_hits"):
+        print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
     print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
     for path in (folder.report, folder.coefficients, folder.bag):
         print(f"  {path}")

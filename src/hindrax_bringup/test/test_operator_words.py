@@ -18,6 +18,7 @@ from hindrax_bringup import mock_devices
 from hindrax_bringup.cli import main
 from hindrax_bringup.commands import hold, lights, wrench
 from hindrax_bringup.one_thruster import pulses_of
+from hindrax_bringup.pool_run import Flight, finish
 from hindrax_bringup.presence import FOLDER, Presence
 from hindrax_bringup.run_folder import RunFolder
 from hindrax_bringup.stack import MockOptions
@@ -213,6 +214,17 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(tmp_path, c
     sweep.write_text("\n".join(["pulse_us,load_N,supply_V", *rows]), encoding="utf-8")
     assert main(["thruster", "fit", str(sweep)]) == 1
     assert re.search(reason, capsys.readouterr().err)
+
+
+# ---- pool-test
+
+
+def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path, capsys):
+    nothing = Message(results=Message(motions={}))
+    finish(nothing, RunFolder(tmp_path), Flight(facts={"wall_hits": 0}))
+    assert capsys.readouterr().err == ""
+    finish(nothing, RunFolder(tmp_path), Flight(facts={"wall_hits": 2}))
+    assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
 
 
 # ---- up and mock
