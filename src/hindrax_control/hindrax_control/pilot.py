@@ -24,7 +24,9 @@ from hindrax_core.state import NAN, ZERO6, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 
 REFUSAL_S = 5.0
-"""Time for which a refused setpoint is shown."""
+"""Time for which a refused setpoint or wrench is shown."""
+HAND = "hand"
+"""Whose refusals are not those of a hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class PilotKnobs:
 class Flight:
     """One cycle: the wrench for the allocator [N, Nm], every hold, the maneuver (None: none), what the guards say.
 
+    `refused` says what was lately refused of the wrenches by hand, and why.
     `suspicion` names a thruster in use that does not seem to push: whoever decides may take it out.
     """
 
@@ -54,6 +57,7 @@ class Flight:
     maneuver: ManeuverOutput | None
     guards: tuple[str, ...]
     suspicion: Suspicion | None = None
+    refused: str = ""
 
 
 class Pilot:
@@ -101,13 +105,15 @@ class Pilot:
     def by_hand(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[str, ...]:
         """Add a wrench by hand to the holds until it is stale; returns what of it is refused, and why."""
         judged = self._guard.step(wrench, frame, stamp, now)
-        if judged.wrench is None:
-            return judged.refused
-        if self._flying:
-            return ("wrench: a maneuver is being flown; cancel it first",)
-        self._keeping = False
-        self._by_hand = (stamp, judged.wrench)
-        return judged.refused
+        refused = judged.refused
+        if judged.wrench is not None and self._flying:
+            refused = ("wrench: a maneuver is being flown; cancel it first",)
+        elif judged.wrench is not None:
+            self._keeping = False
+            self._by_hand = (stamp, judged.wrench)
+        if refused:
+            self.refuse(HAND, "; ".join(refused))
+        return refused
 
     def disable(self, disabled: frozenset[str]) -> None:
         """Tell which thrusters must not be used."""
@@ -168,14 +174,20 @@ class Pilot:
         held = self._holds.step(navigation, stamp, shortfall, armed=armed)
         states = tuple(map(self._with_refusal, held.states)) if self._refused else held.states
         if not armed:
-            return Flight(ZERO6, states, flown, self._guards)
+            return Flight(ZERO6, states, flown, self._guards, refused=self._refusal(HAND))
         total = _sum(_sum(held.wrench, wrench), self._hand(stamp))
-        return Flight(total, states, flown, self._guards, self._suspicion(navigation, stamp, allocation))
+        suspicion = self._suspicion(navigation, stamp, allocation)
+        return Flight(total, states, flown, self._guards, suspicion, self._refusal(HAND))
+
+    def _refusal(self, axis: str) -> str:
+        """Why something was refused, for a while."""
+        made, reason = self._refused.get(axis, (self._stamp, ""))
+        return reason if seconds_between(made, self._stamp) <= REFUSAL_S else ""
 
     def _with_refusal(self, state: HoldState) -> HoldState:
         """Let the state of a hold say for a while that a setpoint was refused."""
-        made, reason = self._refused.get(state.axis, (self._stamp, ""))
-        if not reason or seconds_between(made, self._stamp) > REFUSAL_S:
+        reason = self._refusal(state.axis)
+        if not reason:
             return state
         return replace(state, note=f"{state.note}; refused: {reason}" if state.note else f"refused: {reason}")
 

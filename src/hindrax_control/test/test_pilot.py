@@ -1,5 +1,7 @@
 """What the pilot tells of what it was told: a setpoint that is refused is seen in the state of its hold."""
 
+import math
+
 import pytest
 
 from hindrax_control.holds import Setpoint
@@ -12,9 +14,12 @@ class Hovering:
     def __init__(self, vehicle, ideal):
         self.pilot, self.ideal = Pilot(vehicle), ideal
 
-    def step(self, *, armed=True, seconds=0.02):
+    def fly(self, *, armed=True, seconds=0.02):
         self.ideal.time_s += seconds
-        flight = self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed)
+        return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed)
+
+    def step(self, *, armed=True, seconds=0.02):
+        flight = self.fly(armed=armed, seconds=seconds)
         return {state.axis: state.note for state in flight.holds if state.note}
 
 
@@ -48,3 +53,16 @@ def test_what_others_refuse_is_shown_too(hovering):
     hovering.step()
     hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
     assert hovering.step() == {"heading": "refused: hold heading: 3.0 s old"}
+
+
+def test_a_wrench_by_hand_that_is_refused_is_shown_for_a_while(hovering):
+    hovering.step()
+    stamp = hovering.ideal.stamp
+    assert hovering.fly().refused == ""
+    hovering.pilot.by_hand((5.0, math.nan, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)
+    flight = hovering.fly()
+    assert flight.refused == "Y: found nan, wanted a finite number"
+    assert flight.wrench[0] == 5.0
+    hovering.pilot.by_hand((5.0,) * 6, "map", stamp, stamp)
+    assert hovering.fly(armed=False).refused.startswith("wrench: found frame 'map'")
+    assert hovering.fly(seconds=REFUSAL_S + 0.1).refused == ""

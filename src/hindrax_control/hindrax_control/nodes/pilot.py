@@ -247,7 +247,8 @@ class PilotNode(PolledNode):
 
     def _report(self, flight: Flight, stamp: Stamp) -> None:
         notes = (f"{state.axis} hold: {state.note}" for state in flight.holds if state.note)
-        wrong = (*flight.guards, *notes)
+        refused = [f"by hand: {flight.refused}"] if flight.refused else []
+        wrong = (*flight.guards, *notes, *refused)
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in flight.holds if state.engaged)
