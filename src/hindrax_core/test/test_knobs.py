@@ -67,7 +67,8 @@ def test_a_knob_knows_its_unit():
 
 
 @pytest.mark.parametrize(
-    ("data", "sentence"), [({}, "^/a/b.yaml: mass_kg: missing"), ([], r"^/a/b.yaml: found \[\], wanted a block of keys")]
+    ("data", "sentence"),
+    [({}, "^/a/b.yaml: mass_kg: missing"), ([], r"^/a/b.yaml: found \[\], wanted a block of keys")],
 )
 def test_the_keys_of_a_file_stand_apart_from_its_name(data, sentence):
     with pytest.raises(UsageError, match=sentence):
