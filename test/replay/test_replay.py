@@ -6,22 +6,29 @@ import dataclasses
 import json
 import os
 import signal
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
 
 from hindrax_bag.compare import Ledger, Rules, load_rules
-from hindrax_bag.reader import attachments, messages
+from hindrax_bag.limits import Limits
+from hindrax_bag.metadata import Channel
+from hindrax_bag.reader import BagMessage, attachments, messages
 from hindrax_bag.recover import recover
+from hindrax_bag.writer import BagWriter
 from hindrax_bringup import cli, state_stage
 from hindrax_bringup.commands import replay as command
 from hindrax_bringup.replay_reference import check_reference, reference_file, write_reference
 from hindrax_bringup.replay_run import replay
 from hindrax_bringup.root import clone_root
 from hindrax_core.errors import HindraxError
-from hindrax_core.topics import RAW_FRAMES, resolved
+from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
 from hindrax_drivers.devices import icm20948_registers, ms5837
 from hindrax_drivers.nodes import outlets
+from hindrax_ros.convert import navigation_from_msg, odometry_to_msg
+from hindrax_ros.serialized import serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
@@ -143,6 +150,30 @@ def test_messages_alone_are_replayed_from_their_topics(tmp_path):
     done = replay(bag)
     assert set(done.ledger.messages) == {"/hindrax/navigation/status"}
     assert done.ledger.differences() == []
+
+
+def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path):
+    """Where bytes come a quarter of a second at a time, so do navigation states, and odometry lies before status."""
+    bag = BagWriter(tmp_path / "bursts", limits=Limits(keep_free_MB=0.0))
+    bag.open()
+    for name, data in attachments(SURGE).items():
+        bag.attach(name, "application/yaml", data, 0)
+    bursts: list[tuple[int, str, BagMessage]] = []
+    begin = next(messages(SURGE)).received
+    for one in takewhile(lambda one: one.received < begin + 14 * NS_PER_S, messages(SURGE)):
+        burst = one.received * 4 // NS_PER_S
+        if one.topic != resolved(NAVIGATION):
+            bursts.append((burst, "", one))
+            continue
+        odometry = serialized(odometry_to_msg(navigation_from_msg(one.decoded())))
+        twin = one._replace(topic=resolved(ODOMETRY), type=ODOMETRY.type, data=odometry)
+        bursts += [(burst, twin.topic, twin), (burst, one.topic, one)]
+    for _, _, one in sorted(bursts, key=lambda entry: entry[:2]):
+        bag.write(Channel(one.topic, one.type), one.data, one.received, one.sent)
+    bag.close()
+    replayed = replay(bag.folder).ledger
+    assert replayed.messages[resolved(NAVIGATION)] == replayed.messages[resolved(ODOMETRY)] > 15
+    assert replayed.differences() == []
 
 
 def test_an_unfinished_bag_is_replayed_up_to_its_cut(short, tmp_path):

@@ -31,6 +31,8 @@ SAME_NS = 1000
 """Times between samples are reckoned from where the identification began, and rounded: they differ by a nanosecond."""
 STATE_NS = NS_PER_S // 10
 """Distance of the navigation states that are compared."""
+LATEST = 1000
+"""Navigation states that are kept: what was recorded of one came seldom later than a second."""
 SETTLING_NS = NS_PER_S
 """In its first second the navigator finds its sensors one by one, in the order of that day."""
 SAMPLE_NS = NS_PER_S
@@ -59,7 +61,8 @@ class StateStage:
         self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
         self._session = Session(vehicle, knobs_of(Tuning, parameters, "identifier"))
         self._sorter, self._feed = Sorter(), Feed(vehicle)
-        self._states: deque[Stamped[Navigation]] = deque()
+        # Each topic has its own, for a burst is recorded topic by topic.
+        self._states = {topic: deque[Stamped[Navigation]](maxlen=LATEST) for topic in STATES}
         self._estimates: dict[str, list[Stamped[Estimate]]] = {}
         self._recorded_estimates: list[tuple[str, Stamp, BagMessage]] = []
         self._next_sample: dict[str, int] = {}
@@ -76,7 +79,8 @@ class StateStage:
             read, source = reader
             found = self._navigator.step(read(data if said is None else said), source)
             if found is not None:
-                self._states.append(found)
+                for states in self._states.values():
+                    states.append(found)
         elif topic in STATES:
             self._check_state(message)
         elif topic == ESTIMATE_NAME:
@@ -119,7 +123,7 @@ class StateStage:
     def _check_state(self, message: BagMessage) -> None:
         """Compare with the state that lies nearest: the grid of the ticks begins where the navigator was started."""
         topic, stamp = message.topic, stamp_of(message.data)
-        states = self._states
+        states = self._states[topic]
         while len(states) > 1 and abs(states[1].stamp - stamp) <= abs(states[0].stamp - stamp):
             states.popleft()
         if stamp < self._next_state.setdefault(topic, stamp + SETTLING_NS):
