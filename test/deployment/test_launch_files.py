@@ -1,12 +1,21 @@
-"""The launch files describe the same processes as the tool. Where launch is not installed a stand-in reads them out."""
+"""The launch files describe the same processes as the tool, and what they describe runs.
+
+A stand-in for launch, which is not among the wheels of ROS, takes the words that launch takes and reads the files out;
+then the processes are started as launch would start them. Where launch is installed it has its own say.
+"""
 
 from __future__ import annotations
 
 import ast
 import configparser
+import contextlib
 import importlib.util
+import os
+import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,14 +25,31 @@ import yaml
 
 pytest.importorskip("rclpy", reason="the mock's own words are read from its process, which imports rclpy")
 
+from ament_index_python import get_package_prefix
+
 from hindrax_bringup import security
-from hindrax_bringup.stack import PROFILE
+from hindrax_bringup.stack import PROFILE, own_domain
 from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
 from hindrax_sim.nodes.mock import parser as mock_parser
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(ROOT.glob("src/hindrax_bringup/launch/*.launch.py"))
 ALLOWED = {"launch", "launch_ros", "hindrax_bringup"}
+LOCAL = {"output", "on_exit", "respawn", "respawn_delay", "condition"}
+KEYWORDS = {
+    "LaunchDescription": set(),
+    "DeclareLaunchArgument": {"default_value", "description"},
+    "SetEnvironmentVariable": set(),
+    "ExecuteProcess": {"cmd"} | LOCAL,
+    "Shutdown": set(),
+    "IfCondition": set(),
+    "LaunchConfiguration": set(),
+    "NotEqualsSubstitution": set(),
+    "Node": {"package", "executable", "parameters", "ros_arguments"} | LOCAL,
+    "ExecutableInPackage": {"package", "executable"},
+    "ParameterValue": {"value_type"},
+}
+"""What of launch 3.4 and launch_ros 0.26 (Jazzy) the files use, with keywords that these take: see their sources."""
 
 
 @dataclass
@@ -35,11 +61,17 @@ class Said:
     keywords: dict[str, Any]
 
 
+def take(kind: str, *words: Any, **keywords: Any) -> Said:
+    assert set(keywords) <= KEYWORDS[kind], f"{kind} does not take {set(keywords) - KEYWORDS[kind]}"
+    return Said(kind, words, keywords)
+
+
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     here = ("launch", "launch.actions", "launch.conditions", "launch.substitutions")
-    for name in (*here, "launch_ros.actions", "launch_ros.substitutions"):
+    there = ("launch_ros.actions", "launch_ros.substitutions", "launch_ros.parameter_descriptions")
+    for name in (*here, *there):
         module = ModuleType(name)
-        module.__getattr__ = lambda kind: lambda *words, **keywords: Said(kind, words, keywords)  # type: ignore[method-assign]
+        module.__getattr__ = lambda kind: partial(take, kind)  # type: ignore[method-assign]
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setitem(sys.modules, "launch_ros", ModuleType("launch_ros"))
 
@@ -103,6 +135,11 @@ def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch):
         one.executable: security.arguments(one.name) for one in (*ONBOARD, RECORDER)
     }
     assert all(one.keywords["respawn"] for one in nodes)
+    assert all(
+        value.keywords == {"value_type": str} for one in nodes for value in one.keywords["parameters"][0].values()
+    )
+    (recorder,) = (one for one in nodes if one.keywords["executable"] == RECORDER.executable)
+    assert recorder.keywords["condition"].words[0].words == (Said("LaunchConfiguration", ("record",), {}), "")
     set_here = {one.words for one in found if one.kind == "SetEnvironmentVariable"}
     assert any(key == PROFILE and value.endswith("loopback.xml") for key, value in set_here)
 
@@ -117,3 +154,68 @@ def test_the_mock_brings_its_own_vehicle(monkeypatch):
     assert parameters["/**"]["ros__parameters"]["use_sim_time"]
     assert parameters["/**/dvl75"]["ros__parameters"]["port"] == f"{words.folder}/dvl75"
     assert parameters["/**/icm20948"]["ros__parameters"]["port"] == f"mock:{words.folder}/i2c"
+
+
+def command(one: Said) -> list[str]:
+    """The words that launch would run."""
+    if one.kind == "ExecuteProcess":
+        program, rest = one.keywords["cmd"][0].keywords, words_of([one])
+    else:
+        program, rest = one.keywords, ["--ros-args", *one.keywords.get("ros_arguments", [])]
+        rest += [word for file in one.keywords["parameters"] for word in ("--params-file", file)]
+    return [f"{get_package_prefix(program['package'])}/lib/{program['package']}/{program['executable']}", *rest]
+
+
+@contextlib.contextmanager
+def running(found: list[Said], environment: dict[str, str], log: Path) -> Iterator[None]:
+    with log.open("wb") as file:
+        started = [
+            subprocess.Popen(command(one), env=environment, stdout=file, stderr=file, start_new_session=True)
+            for one in found
+            if one.kind in ("ExecuteProcess", "Node")
+        ]
+    try:
+        yield
+    finally:
+        for child in started:
+            child.terminate()
+        for child in started:
+            child.wait(30)
+
+
+def domain_of(number: int | None) -> dict[str, str]:
+    return {} if number is None else {"ROS_DOMAIN_ID": str(number)}
+
+
+WATCH = """
+from hindrax_bringup.nodes.operator import Operator
+with Operator(mock=True) as operator:
+    operator.wait(lambda: operator.navigation is not None, 90.0, lambda: "a navigation solution")
+"""
+
+
+@pytest.mark.ros
+def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(monkeypatch, tmp_path):
+    stand_in(monkeypatch)
+    found = described(ROOT / "src/hindrax_bringup/launch/mock.launch.py")
+    monkeypatch.undo()
+    environment = os.environ | {one.words[0]: one.words[1] for one in found if one.kind == "SetEnvironmentVariable"}
+    log = tmp_path / "log"
+    with own_domain(mock=True) as domain, running(found, environment | domain_of(domain), log):
+        watch = [sys.executable, "-c", WATCH]
+        seen = subprocess.run(
+            watch, env=environment | domain_of(domain), check=False, capture_output=True, text=True, timeout=150
+        )
+    assert seen.returncode == 0, seen.stderr + log.read_text()
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_launch_itself_takes_them(file):
+    pytest.importorskip("launch_ros", reason="needs a ROS installation: launch is not among the wheels")
+    from launch.launch_description_sources import get_launch_description_from_python_launch_file
+
+    from launch import LaunchDescription
+
+    description = get_launch_description_from_python_launch_file(str(file))
+    assert isinstance(description, LaunchDescription)
+    assert description.entities

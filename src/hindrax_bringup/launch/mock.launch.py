@@ -26,7 +26,14 @@ def generate_launch_description() -> LaunchDescription:
     mock += ["--vehicle", str(vehicle), "--folder", str(folder)]
     mock += ["--seed", LaunchConfiguration("seed"), "--rate", LaunchConfiguration("rate")]
     stack = [
-        Node(package=one.package, executable=one.executable, parameters=[file], respawn=one.restart, output="screen")
+        Node(
+            package=one.package,
+            executable=one.executable,
+            parameters=[file],
+            respawn=one.restart,
+            respawn_delay=1.0,
+            output="screen",
+        )
         for one in ONBOARD
     ]
     return LaunchDescription(

@@ -4,9 +4,10 @@ The graph keeps to this machine, or reaches over the tether that HINDRAX_TETHER 
 """
 
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
-from launch.conditions import LaunchConfigurationNotEquals
-from launch.substitutions import LaunchConfiguration
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from hindrax_bringup import security
 from hindrax_bringup.launched import settings
@@ -17,7 +18,9 @@ from launch import LaunchDescription
 
 def node(process: Process, **keywords: object) -> Node:
     """One process of the description, started again when it dies; its nodes name themselves."""
-    parameters = {"vehicle": LaunchConfiguration("vehicle"), "bag": LaunchConfiguration("record")}
+    words = {"vehicle": LaunchConfiguration("vehicle"), "bag": LaunchConfiguration("record")}
+    # Whatever their names look like: launch would take 2026 for a number, and nothing for no value at all.
+    parameters = {name: ParameterValue(word, value_type=str) for name, word in words.items()}
     return Node(
         package=process.package,
         executable=process.executable,
@@ -38,6 +41,6 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("record", default_value="", description="new folder for the bag; empty: no bag"),
             *(SetEnvironmentVariable(key, value) for key, value in settings(mock=False)),
             *(node(process) for process in ONBOARD),
-            node(RECORDER, condition=LaunchConfigurationNotEquals("record", "")),
+            node(RECORDER, condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("record"), ""))),
         ]
     )
