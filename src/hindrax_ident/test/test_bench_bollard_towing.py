@@ -93,3 +93,9 @@ def test_towing_in_both_directions_gives_quadratic_linear_and_offset(k_q: float,
 def test_one_speed_cannot_tell_the_coefficients_apart() -> None:
     with pytest.raises(HindraxError, match="same speed"):
         towing.fit(np.array([0.5, 0.5, -0.5]), np.array([3.0, 3.1, -3.0]))
+
+
+def test_drag_that_pushes_on_is_refused() -> None:
+    speed = np.array([0.2, 0.5, 1.0])
+    with pytest.raises(HindraxError, match="turn the sign"):
+        towing.fit(speed, -60.0 * speed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -110,3 +111,9 @@ def test_what_is_no_decay_is_refused(
 ) -> None:
     with pytest.raises(HindraxError, match=message):
         analyze(TIME, signal, BENCH, kind)
+
+
+def test_a_stiffness_that_makes_the_added_mass_negative_is_refused() -> None:
+    time, x, _ = bench_record(0.8, 4.0, 0.0, 0.02)
+    with pytest.raises(HindraxError, match="check stiffness"):
+        analyze(time, x, replace(BENCH, stiffness_Npm=0.2 * BENCH.stiffness_Npm), "displacement")

@@ -134,3 +134,17 @@ def test_a_record_is_cut_where_the_thrust_changes_or_time_starts_again() -> None
     thrust = np.array([5.0, 5.0, 5.0, 5.0, 5.0, 10.0, 10.0])
     parts = step.tests_from_columns(time, np.arange(7.0), thrust)
     assert [(p.thrust_N, p.time_s.tolist()) for p in parts] == [(5.0, [0, 1, 2]), (5.0, [0, 1]), (10.0, [0, 1])]
+
+
+def test_an_arm_that_makes_the_added_mass_negative_is_refused() -> None:
+    time = np.arange(0.0, 8.0, 0.01)
+    theta = pendulum.simulate(time, coefficients(1.74, 2.2, 6.9), 1.0)
+    with pytest.raises(HindraxError, match="check mass, arm"):
+        pendulum.analyze(time, theta, pendulum.Pendulum(PENDULUM.mass_kg, PENDULUM.buoyancy_N, 2.0 * PENDULUM.arm_m))
+
+
+def test_a_mass_above_the_total_is_refused() -> None:
+    time = np.arange(0.0, 5.0, 0.05)
+    moved = [step.StepTest(T, time, step.Plant(17.0, 10.0, 20.0).velocity_mps(time, T)) for T in (5.0, 20.0)]
+    with pytest.raises(HindraxError, match="check mass"):
+        step.fit(moved, 40.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from hindrax_bringup.commands._experiment import (
     add_output,
@@ -56,6 +57,7 @@ def show(motion: str, found: list[Coefficient]) -> None:
     table = make_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, ["unit"])
     for item in found:
         values = (item.fourier.value, item.fourier.std, item.direct.value, item.direct.std)
-        numbers = (*(f"{value:.4g}" for value in values), f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
+        told = ["" if math.isnan(value) else f"{value:.4g}" for value in values]
+        numbers = (*told, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
         table.add_row(item.name, *numbers, item.unit)
     console().print(table)

@@ -14,7 +14,7 @@ import numpy as np
 
 from hindrax_ident.bench.decay import Decay, curve_fit, decay_of, displacement, drag_from_swings
 from hindrax_ident.bench.record import Column, evenly
-from hindrax_ident.bench.regression import Array, Value, propagate
+from hindrax_ident.bench.regression import Array, Value, check_added_mass, propagate
 
 COLUMNS = (
     Column("time_s", "time [s], increasing"),
@@ -120,7 +120,9 @@ def analyze(
     largest = float(np.max(np.abs(even - np.median(even))))
     if kind == "acceleration":  # at a turning point it is the displacement times the natural frequency squared
         largest *= (1.0 - decay.damping_ratio.value**2) / decay.frequency_radps.value**2
-    return _result(decay, curve_fit(even, rate, decay), bench, amplitude_m or largest)
+    found = _result(decay, curve_fit(even, rate, decay), bench, amplitude_m or largest)
+    check_added_mass(found.added_mass_kg, bench.mass_kg, source, "stiffness, mass and the rate of the record")
+    return found
 
 
 def _with_spread(value: Value, other: float) -> Value:

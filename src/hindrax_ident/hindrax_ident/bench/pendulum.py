@@ -16,7 +16,7 @@ from scipy.signal import savgol_filter
 
 from hindrax_core.errors import HindraxError
 from hindrax_ident.bench.record import Column, evenly
-from hindrax_ident.bench.regression import Array, Value, fit_curve, least_squares, propagate
+from hindrax_ident.bench.regression import Array, Value, check_added_mass, fit_curve, least_squares, propagate
 
 COLUMNS = (
     Column("time_s", "time [s], increasing"),
@@ -108,9 +108,11 @@ def analyze(
     # Equivalent linear damping of the largest swing: a negative one would feed it.
     if values[1] + 8.0 / (3.0 * math.pi) * values[2] * float(np.max(np.abs(np.diff(model)))) * rate < 0.0:
         raise HindraxError(f"{source}: the swing grows, wanted a pendulum that comes to rest; cut the record")
+    simulated = _parameters(values, covariance, pendulum)
+    check_added_mass(simulated.added_mass_kg, pendulum.mass_kg, source, "mass, arm and buoyancy")
     return PendulumFit(
         regression=first,
-        output_error=_parameters(values, covariance, pendulum),
+        output_error=simulated,
         residual_rad=float(np.std(theta - model)),
         samples=theta.size,
         time_s=np.arange(theta.size) / rate,

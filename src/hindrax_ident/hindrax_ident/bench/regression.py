@@ -34,6 +34,18 @@ class Value:
         return f"{self.value:{spec}} +- {self.std:{spec}}"
 
 
+def check_added_mass(found: Value, own_kg: float, source: str, inputs: str) -> None:
+    """HindraxError where an added mass comes out clearly negative: however neat the fit, one of the inputs is wrong.
+
+    Clearly: beyond three standard deviations and a hundredth of the own mass, which nobody weighs better.
+    """
+    if found.value < -3.0 * found.std - 0.01 * own_kg:
+        raise HindraxError(
+            f"{source}: the added mass comes out as {found:.3g} kg beside a mass of {own_kg:g} kg, wanted 0 at least; "
+            f"check {inputs}"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """What a regression found: coefficients in the order of `names` and their covariance (n, n)."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from hindrax_core.errors import HindraxError
 from hindrax_ident.bench.record import Column
-from hindrax_ident.bench.regression import Array, Value, fit_curve
+from hindrax_ident.bench.regression import Array, Value, check_added_mass, fit_curve
 
 COLUMNS = (
     Column("time_s", "time since the step [s]"),
@@ -110,7 +110,9 @@ def fit(tests: Sequence[StepTest], mass_kg: float) -> StepFit:
     relative = np.sqrt(np.diag(found.covariance))
     pairs = zip(np.exp(found.values), relative, strict=True)
     mass, k_l, k_q = (Value(float(value), float(value * part)) for value, part in pairs)
-    return StepFit(mass, Value(mass.value - mass_kg, mass.std), k_l, k_q, found.residual_std, found.samples)
+    added = Value(mass.value - mass_kg, mass.std)
+    check_added_mass(added, mass_kg, "step", "mass and the unit of the thrust")
+    return StepFit(mass, added, k_l, k_q, found.residual_std, found.samples)
 
 
 def _start(tests: Sequence[StepTest]) -> Array:

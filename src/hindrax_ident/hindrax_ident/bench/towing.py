@@ -48,7 +48,13 @@ def fit(
         names.append("b")
     found = least_squares(np.column_stack(columns), drag_N, names)
     pressure = 0.5 * density_kgpm3 * area_m2 if area_m2 else math.nan
-    k_q = found["k_q"]
+    k_q, fastest = found["k_q"], float(np.max(np.abs(speed_mps)))
+    force = k_q.value * fastest**2 + found["k_l"].value * fastest
+    if not force > 0.0:
+        raise HindraxError(
+            f"towing: the drag at {fastest:g} m/s comes out as {force:.3g} N, wanted more than 0: the force that holds "
+            "a speed has its sign; turn the sign of drag_N"
+        )
     return Towing(
         k_q=k_q,
         k_l=found["k_l"],
