@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import socket
 import threading
 import time
 
 import pytest
 
 from hindrax_bringup.cli import main
+from hindrax_sim.buses.udp_line import UdpLine
 from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
 from hindrax_sim.ptys import Pty
 
 
-@pytest.fixture
-def dvl(tmp_path):
+@pytest.fixture(params=["serial", "network"])
+def dvl(request, tmp_path):
     """Yield a path and the emulator that answers on it."""
     path, device = tmp_path / "dvl", Dvl75(settings=DvlSettings(speed_of_sound_mps=1500.0))
     port, stop = Pty(path), threading.Event()
+    here, there = free_ports(2)
+    network = UdpLine(str(path), here, there) if request.param == "network" else None
 
     def serve() -> None:
         begun = time.monotonic()
@@ -26,14 +31,26 @@ def dvl(tmp_path):
             now_s = time.monotonic() - begun
             device.set_truth(DvlTruth())
             port.put(device.step(now_s) + device.receive(port.take(), now_s))
+            if network:
+                network.turn()
             stop.wait(0.005)
 
     thread = threading.Thread(target=serve)
     thread.start()
-    yield str(path), device
+    yield f"udp://127.0.0.1:{here}" if network else str(path), device
     stop.set()
     thread.join()
+    if network:
+        network.close()
     port.close()
+
+
+def free_ports(count: int) -> list[int]:
+    with contextlib.ExitStack() as stack:
+        held = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for one in held:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in held]
 
 
 def hindrax(capsys, *words: str) -> tuple[int, str, str]:

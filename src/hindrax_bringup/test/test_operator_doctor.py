@@ -99,12 +99,14 @@ def test_processes_are_read_as_the_kernel_tells_them():
     assert "py" in mine.words
 
 
-def test_ports(tmp_path):
+def test_ports(tmp_path, monkeypatch):
     assert wires.port("/dev/null").ok
     assert "raspi-config" in wires.port("/dev/i2c-77").remedy
     assert "./hindrax mock" in wires.port("mock:/nowhere/i2c").remedy
     (tmp_path / "file").write_text("")
     assert wires.port(str(tmp_path / "file")).found == "no device file"
+    monkeypatch.setattr(wires, "is_mounted", lambda file: file == tmp_path / "file")
+    assert wires.port(str(tmp_path / "file")).found == "bus of a mock"
     link = tmp_path / "dvl"
     link.symlink_to("/dev/null")
     assert wires.port(str(link)).found == "there, it is /dev/null"
@@ -122,6 +124,16 @@ def test_every_port_is_looked_at_once():
     vehicle = load_vehicle(default_vehicle())
     names = [one.name for one in wires.ports(vehicle, {"thrusters": "mock:/x/i2c"})]
     assert names == ["/dev/hindrax/dvl", "/dev/hindrax/ping", "/dev/i2c-1", "mock:/x/i2c"]
+
+
+def test_an_address_of_the_network_is_asked_and_not_looked_for(monkeypatch):
+    monkeypatch.setattr(wires, "ANSWER_S", 0.2)
+    network = {"dvl75": "udp://127.0.0.1:9999"}
+    vehicle = load_vehicle(default_vehicle())
+    assert wires.ports(vehicle, network)[0].ok
+    found = next(one for one in wires.devices(vehicle, network, "system") if one.name == "dvl75")
+    assert not found.ok
+    assert "silence" in found.found
 
 
 def status(level: bytes, message: str, **values: str) -> Message:

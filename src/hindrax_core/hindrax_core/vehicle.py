@@ -104,7 +104,7 @@ class Mount:
     """Where a sensor sits, how it is turned (sensor to body: yaw, then pitch, then roll), where it is plugged in."""
 
     device: str = fact(meaning="kind of sensor, a name of the table of sensors")
-    port: str = knob("", meaning="where it is plugged in, such as /dev/i2c-1")
+    port: str = knob("", meaning="where it is plugged in, such as /dev/i2c-1, or udp://0.0.0.0:27000 (a DVL)")
     address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default [-]")
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")

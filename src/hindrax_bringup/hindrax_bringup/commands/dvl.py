@@ -17,7 +17,7 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
-from hindrax_drivers.buses.serial import SerialPort
+from hindrax_drivers.buses.line import open_line
 from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs, setup_commands
 
 NAME = "dvl"
@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the DVL is, and what shall hold."""
     parser.add_argument("action", choices=("show", "setup"), help="show the settings, or set those that differ")
     parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
-    parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
+    parser.add_argument(
+        "--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"
+    )
     parser.add_argument(
         "--speed-of-sound", type=float, metavar="M_PER_S", help="wanted [m/s]; default: of the vehicle file's water"
     )
@@ -83,7 +85,7 @@ class Talk:
     def __init__(self, path: str, knobs: Dvl75Knobs, clock: Clock) -> None:
         self._path, self._knobs, self._clock = path, knobs, clock
         self._device = Dvl75(knobs)
-        self._port = SerialPort(path, self._device.baud, clock)
+        self._port = open_line(path, self._device.baud, clock)
         self._identity = ""
 
     def close(self) -> None:

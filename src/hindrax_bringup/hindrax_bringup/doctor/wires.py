@@ -19,9 +19,10 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, open_clock
+from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
 from hindrax_drivers.buses.outputs import open_output
-from hindrax_drivers.buses.serial import SerialPort
 from hindrax_drivers.registry import DEVICES
+from hindrax_sim.buses.fuse_i2c import is_mounted
 
 ANSWER_S = 4.0
 RATE_S = 1.0
@@ -37,7 +38,12 @@ def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
     """Every port once: whether it is there, what it is, and whether this user may open it."""
     wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
     wanted.append(instead.get("thrusters", vehicle.output.port))
-    return [port(path) for path in dict.fromkeys(wanted)]
+    return [address(path) if path.startswith(UDP_PREFIX) else port(path) for path in dict.fromkeys(wanted)]
+
+
+def address(path: str) -> Check:
+    """An address of the network, which is there or not when it is listened at."""
+    return good(path, "an address to listen at; whether anybody speaks is seen below")
 
 
 def port(path: str) -> Check:
@@ -50,6 +56,8 @@ def port(path: str) -> Check:
         return bad(path, f"not allowed, it belongs to group {group}", f"sudo usermod -aG {group} $USER, log in again")
     if path.startswith(MOCK_PREFIX):
         return good(path, "socket of the mock")
+    if is_mounted(file):
+        return good(path, "bus of a mock")
     if not stat.S_ISCHR(file.stat().st_mode):
         return bad(path, "no device file", "check the port in the vehicle file")
     return good(path, f"there{_speed(file)}" if file.resolve() == file else f"there, it is {file.resolve()}")
@@ -89,7 +97,7 @@ def devices(vehicle: Vehicle, instead: Ports, clock: str) -> list[Check]:
 
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
     """Ask, and turn what goes wrong into a check."""
-    if not Path(where.removeprefix(MOCK_PREFIX)).exists():
+    if not where.startswith(UDP_PREFIX) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
         return bad(name, f"not asked: {where} is not there", f"see {where}")
     try:
         return good(name, f"{ask()} at {where}")
@@ -111,7 +119,7 @@ def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
 
 
 def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
-    with contextlib.closing(SerialPort(path, device.baud, clock)) as line:
+    with contextlib.closing(open_line(path, device.baud, clock)) as line:
         talk = _Talk(line, device)
         talk.note(device.start(clock.now()))
         end, identified = after(clock.now(), ANSWER_S), None
@@ -135,7 +143,7 @@ def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
 class _Talk:
     """Keeps what a serial device says, and sends what its driver wants sent."""
 
-    def __init__(self, line: SerialPort, device: SerialDevice) -> None:
+    def __init__(self, line: Line, device: SerialDevice) -> None:
         self._line, self._device = line, device
         self.identity, self.trouble = "", ""
         self.readings, self.bytes = 0, 0

@@ -13,7 +13,7 @@ from hindrax_core.bus import DeviceError
 from hindrax_core.device import Output, Send, SerialDevice, Trouble
 from hindrax_core.events import Stamp, after
 from hindrax_drivers.buses.clock import Clock
-from hindrax_drivers.buses.serial import SerialPort
+from hindrax_drivers.buses.line import Line, open_line
 
 TICK_S = 0.05
 REOPEN_S = 0.5
@@ -32,7 +32,7 @@ class SerialThread:
     def __init__(self, path: str, device: SerialDevice, clock: Clock, deliver: Deliver, tap: Tap) -> None:
         self._path, self._device, self._clock = path, device, clock
         self._deliver, self._tap = deliver, tap
-        self._port: SerialPort | None = None
+        self._port: Line | None = None
         self._said: list[Output] = []
         self._asked: queue.SimpleQueue[Callable[[], Iterable[Output]]] = queue.SimpleQueue()
         self._stopping = threading.Event()
@@ -75,7 +75,7 @@ class SerialThread:
     def _serve(self) -> None:
         """Open the port and turn until it is lost; then wait a little."""
         try:
-            self._port = SerialPort(self._path, self._device.baud, self._clock)
+            self._port = open_line(self._path, self._device.baud, self._clock)
             self._tap(self._clock.now(), True, b"")  # an empty frame: from here on the device begins anew
             self._take(self._device.start(self._clock.now()))
             while not self._stopping.is_set():
@@ -86,7 +86,7 @@ class SerialThread:
             self._said.append(Trouble(now, str(error)))
             self._clock.sleep_until(after(now, REOPEN_S), meanwhile=self._hand_over)
 
-    def _turn(self, port: SerialPort) -> None:
+    def _turn(self, port: Line) -> None:
         port.wait(after(self._clock.now(), TICK_S), self._hand_over)
         data, stamp = port.read()
         if data:

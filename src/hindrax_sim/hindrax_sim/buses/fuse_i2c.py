@@ -216,7 +216,7 @@ def _attributes() -> bytes:
 
 def _prepare(path: Path) -> bool:
     """Have an ordinary file to mount over; returns whether it was made here."""
-    if _left_behind(path):
+    if is_mounted(path):
         _unmount(path)
     if not path.exists():
         try:
@@ -229,10 +229,12 @@ def _prepare(path: Path) -> bool:
     return False
 
 
-def _left_behind(path: Path) -> bool:
-    """Whether a process that was killed has left its mount there."""
-    mounts = Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines()
-    return any(line.split()[:2] == [SOURCE, str(path)] for line in mounts)
+def is_mounted(path: Path) -> bool:
+    """Whether such a file is there, perhaps without its server: a process that was killed leaves its mount behind."""
+    with contextlib.suppress(OSError):  # where there are no mounts of that kind
+        mounts = Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines()
+        return any(line.split()[:2] == [SOURCE, str(path)] for line in mounts)
+    return False
 
 
 def _mount(path: Path) -> int:

@@ -1,0 +1,111 @@
+"""A line to a device that speaks by itself: a serial port, or datagrams of a network that carry the same bytes."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from typing import Protocol
+
+from hindrax_core.bus import DeviceError
+from hindrax_core.device import Send
+from hindrax_core.events import Stamp
+from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
+from hindrax_drivers.buses.serial import SerialPort
+
+UDP_PREFIX = "udp://"
+LARGEST_DATAGRAM = 65536
+MOST_AT_ONCE = 100
+MOST_KEPT = 8
+
+
+class Line(Protocol):
+    """An open line. DeviceError when it is lost."""
+
+    def read(self) -> tuple[bytes, Stamp]:
+        """Take what has arrived, without waiting, and the time at which it was found."""
+
+    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep on the clock until bytes arrive, the time has come, or `clock.wake()` is called."""
+
+    def send(self, order: Send) -> None:
+        """Put bytes on the wire."""
+
+    def close(self) -> None:
+        """Give the line back; closing twice is no error."""
+
+
+def open_line(path: str, baud: int, clock: Clock) -> Line:
+    """Open a serial port, or `udp://ADDRESS:PORT` to listen there. DeviceError says why it cannot be."""
+    return UdpPort(path, clock) if path.startswith(UDP_PREFIX) else SerialPort(path, baud, clock)
+
+
+class UdpPort:
+    """Listens at an address of this machine and answers whoever spoke last; until somebody has, orders are kept.
+
+    A datagram ends a line of text, whether or not it says so. A DVL-75 sends to port 27000 from the port at which it
+    takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
+    """
+
+    def __init__(self, path: str, clock: Clock) -> None:
+        self._path, self._clock = path, clock
+        self._device: tuple[str, int] | None = None
+        self._kept: list[bytes] = []
+        self._socket = _listening(path)
+
+    def read(self) -> tuple[bytes, Stamp]:
+        """Take the datagrams that have arrived."""
+        stamp = self._clock.now()
+        found = []
+        try:
+            with contextlib.suppress(BlockingIOError):
+                for _ in range(MOST_AT_ONCE):
+                    data, self._device = self._socket.recvfrom(LARGEST_DATAGRAM)
+                    found.append(data if data.endswith(b"\n") else data + b"\n")
+            self._send_kept()
+        except OSError as error:
+            raise self._lost(error) from error
+        return b"".join(found), stamp
+
+    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep until a datagram comes, or the time."""
+        try:
+            self._clock.sleep_until(until, self._socket.fileno(), meanwhile)
+        except (OSError, ValueError) as error:
+            raise self._lost(error) from error
+
+    def send(self, order: Send) -> None:
+        """Send to the device, as soon as it is known where that is."""
+        self._kept = [*self._kept[-MOST_KEPT:], order.data]
+        try:
+            self._send_kept()
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def close(self) -> None:
+        """Give the address back."""
+        self._socket.close()
+
+    def _send_kept(self) -> None:
+        while self._kept and self._device is not None:
+            self._socket.sendto(self._kept.pop(0), self._device)
+
+    def _lost(self, error: Exception) -> DeviceError:
+        self.close()
+        return DeviceError(f"{self._path}: lost ({error}); check network and cable")
+
+
+def _listening(path: str) -> socket.socket:
+    address, colon, port = path.removeprefix(UDP_PREFIX).rpartition(":")
+    if not colon or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise DeviceError(f"{path}: wanted udp://ADDRESS:PORT, such as udp://0.0.0.0:27000")
+    one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    one.setblocking(False)
+    try:
+        one.bind((address, int(port)))
+    except OSError as error:
+        one.close()
+        raise DeviceError(
+            f"{path}: cannot listen there ({error.strerror or error}); wanted an address of this machine, "
+            "0.0.0.0 for all, and a port that no other program has"
+        ) from error
+    return one

@@ -1,0 +1,81 @@
+"""A device on the network: its datagrams are lines, and orders find it once it has spoken."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from hindrax_core.bus import DeviceError
+from hindrax_core.device import Send
+from hindrax_core.events import after
+from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.line import UdpPort, open_line
+
+PATIENT_S = 10.0
+
+
+class Talk:
+    """A device at one end, the port at the other."""
+
+    def __init__(self) -> None:
+        self.clock = SystemClock()
+        self.device = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.device.bind(("127.0.0.1", 0))
+        self.device.settimeout(PATIENT_S)
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as free:
+            free.bind(("127.0.0.1", 0))
+            self.at = free.getsockname()
+        self.path = f"udp://127.0.0.1:{self.at[1]}"
+        line = open_line(self.path, 115200, self.clock)
+        assert isinstance(line, UdpPort)
+        self.line = line
+
+    def heard(self) -> bytes:
+        self.line.wait(after(self.clock.now(), PATIENT_S))
+        return self.line.read()[0]
+
+
+@pytest.fixture
+def talk() -> Iterator[Talk]:
+    one = Talk()
+    yield one
+    one.line.close()
+    one.device.close()
+    one.clock.close()
+
+
+def test_every_datagram_is_whole_lines(talk: Talk) -> None:
+    for sent, wanted in ((b"$DVPDL,1*00\r\n", b"$DVPDL,1*00\r\n"), (b"$DVPDL,2*00", b"$DVPDL,2*00\n")):
+        talk.device.sendto(sent, talk.at)
+        assert talk.heard() == wanted
+    assert talk.line.read()[0] == b""
+
+
+def test_orders_wait_until_it_is_known_where_the_device_is(talk: Talk) -> None:
+    for number in range(20):
+        talk.line.send(Send(b"CONFIGURATION %d\n" % number))
+    talk.device.sendto(b"hello\n", talk.at)
+    assert talk.heard() == b"hello\n"
+    talk.line.send(Send(b"SEND-DVPDL ON\n"))
+    orders = []
+    while not orders or orders[-1] != b"SEND-DVPDL ON\n":
+        orders.append(talk.device.recv(100))
+    assert orders == [b"CONFIGURATION %d\n" % number for number in range(11, 20)] + [b"SEND-DVPDL ON\n"]
+
+
+def test_an_address_that_is_taken_or_none_is_one_sentence(talk: Talk) -> None:
+    for path, wanted in (
+        (talk.path, "cannot listen there .*in use"),
+        ("udp://192.0.2.1:27000", "cannot listen there"),
+        ("udp://27000", "wanted udp://ADDRESS:PORT"),
+        ("udp://0.0.0.0:99999", "wanted udp://ADDRESS:PORT"),
+    ):
+        with pytest.raises(DeviceError, match=wanted):
+            open_line(path, 115200, talk.clock)
+
+
+def test_a_line_that_was_closed_is_lost(talk: Talk) -> None:
+    talk.line.close()
+    with pytest.raises(DeviceError, match="lost"):
+        talk.line.read()
