@@ -131,6 +131,18 @@ def test_the_rules_are_rules():
         assert all(term.fullmatch(one.strip()) for one in rule.split(",")), rule
 
 
+def test_udev_accepts_the_rules():
+    udevadm = shutil.which("udevadm")
+    version = (
+        subprocess.run([udevadm, "--version"], capture_output=True, text=True, check=True).stdout if udevadm else "0"
+    )
+    if int(version) < 254:
+        pytest.skip("needs `udevadm verify`, which systemd has from 254 on; the terms are looked at one by one above")
+    command = [udevadm, "verify", "--resolve-names=never", PI / "60-hindrax.rules"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_every_device_of_the_vehicle_has_its_name():
     vehicle = load_vehicle(default_vehicle())
     ports = {mount.port for mount in vehicle.sensors.values()} | {vehicle.output.port}
