@@ -67,6 +67,17 @@ def test_it_sleeps_after_power_on_and_gives_nothing(host: Host) -> None:
     assert host.sample() != (0, 0, 0, 0, 0, 0)
 
 
+@pytest.mark.parametrize(("off", "accel", "gyro"), [(0x38, False, True), (0x07, True, False), (0x3F, False, False)])
+def test_what_is_switched_off_measures_no_more(host: Host, off: int, accel: bool, gyro: bool) -> None:
+    host.wake()
+    before = host.sample()
+    host.put(0x07, off)
+    host.part.set_truth(ImuTruth((-5.0, 5.0, -5.0), (-1.0, 1.0, -1.0)), host.now_s)
+    host.sleep(0.5)
+    after = host.sample()
+    assert (after[:3] != before[:3], after[3:] != before[3:]) == (accel, gyro)
+
+
 def test_a_reset_clears_all_registers_and_takes_its_time(host: Host) -> None:
     host.wake()
     host.put(0x03, 0x40)

@@ -19,7 +19,7 @@ from hindrax_sim.devices.register_emulator import NackError
 from hindrax_sim.emulator import Emulator
 from hindrax_sim.world import Mounting, World
 
-WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x0F
+WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x07, 0x0F
 I2C_MST_STATUS, INT_STATUS_1, INT_STATUS_2 = 0x17, 0x1A, 0x1B
 DATA_FIRST, TEMP_OUT, EXTERNAL_FIRST, EXTERNAL_LAST = 0x2D, 0x39, 0x3B, 0x52
 FIFO_EN_2, FIFO_RST, FIFO_MODE, FIFO_COUNTH, FIFO_COUNTL, FIFO_R_W = 0x67, 0x68, 0x69, 0x70, 0x71, 0x72
@@ -28,6 +28,7 @@ SELF_TEST_GYRO, SELF_TEST_ACCEL = 0x02, 0x0E
 GYRO_CONFIG_1, ACCEL_CONFIG = 0x01, 0x14
 
 DEVICE_RESET, SLEEP = 0x80, 0x40
+ACCEL_OFF, GYRO_OFF = 0x38, 0x07
 FIFO_EN, I2C_MST_EN, FIFO_HOLD, BYPASS_EN = 0x40, 0x20, 0x01, 0x02
 TEMPORARY = 0x0E
 """Bits of USER_CTRL that start something and clear themselves."""
@@ -119,11 +120,18 @@ class Icm20948:
         bank = self._banks[0]
         filling = bank[USER_CTRL] & FIFO_EN and not bank[FIFO_RST] & FIFO_HOLD
         for sample in self._converters.advance(now_s):
-            self._sample, self._ready = sample, True
+            self._sample, self._ready = self._switched(sample), True
             if filling:
-                self._fifo.push(sample, self._temperature(), bank[FIFO_EN_2], bank[FIFO_MODE])
+                self._fifo.push(self._sample, self._temperature(), bank[FIFO_EN_2], bank[FIFO_MODE])
         if self._mastering() and now_s - self._served_s >= self._converters.period_s:
             self._serve(now_s)
+
+    def _switched(self, sample: bytes) -> bytes:
+        """Sample with what PWR_MGMT_2 has switched off as it was."""
+        off = self._banks[0][PWR_MGMT_2]
+        if off & ACCEL_OFF == ACCEL_OFF:
+            sample = self._sample[:6] + sample[6:]
+        return sample[:6] + self._sample[6:] if off & GYRO_OFF == GYRO_OFF else sample
 
     def _serve(self, now_s: float) -> None:
         self._served_s = now_s
