@@ -34,6 +34,7 @@ def refused(capsys, *words: str) -> str:
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof'"),
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
+        (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),
         (["hold", "depht"], "invalid choice: 'depht'"),
     ],
 )

@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Join the graph, show it until q."""
-    if not sys.stdout.isatty():
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):  # where textual hears keys, and where it draws
         raise UsageError("found no terminal to draw on, wanted one; over ssh use `ssh -t`")
     from hindrax_bringup.monitor.app import Monitor  # noqa: PLC0415  # textual takes long to load
     from hindrax_bringup.monitor.link import Link  # noqa: PLC0415  # as above
