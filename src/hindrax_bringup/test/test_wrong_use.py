@@ -30,7 +30,7 @@ def refused(capsys, *words: str) -> str:
         (["pool-test", "--mok"], "no option '--mok' (did you mean --mock?); ./hindrax pool-test --help shows how"),
         (["pool-test", "--dof", "surg"], "invalid choice: 'surg' (choose from 'surge', 'sway'"),
         (["pool-test", "--mock", "--excitation", "sinus"], "invalid choice: 'sinus' (choose from 'plateaus'"),
-        (["pool-test", "--seed", "x"], "--seed: invalid int value: 'x'"),
+        (["pool-test", "--seed", "x"], "--seed: invalid seed value: 'x'"),
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof'"),
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
