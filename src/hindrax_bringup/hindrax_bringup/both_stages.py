@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import multiprocessing
+import signal
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -75,6 +76,8 @@ def _run(
     pipe: Connection, other_end: Connection, bag: Iterable[BagMessage], follow: Callable[[Iterator[Heard]], Any]
 ) -> None:
     """The second process."""
+    # Ctrl-C is for the first stage, which ends this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     other_end.close()
     with suppress(EOFError, OSError):
         try:
