@@ -16,7 +16,7 @@ from hindrax_control.holds import Setpoint, altimeters, silence_s
 from hindrax_control.plan import CHARACTERS, MOTIONS, Plan, PlanKnobs, Planner
 from hindrax_control.run import Run
 from hindrax_control.safety import Safety, SafetyKnobs, Situation
-from hindrax_control.stages import RELEASED, Act, Driven, Moment, Pose, Settle, Stage, Stop
+from hindrax_control.stages import RELEASED, Act, Driven, Hover, Moment, Pose, Settle, Stage, Stop
 from hindrax_control.station import Station, StationKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
@@ -243,12 +243,14 @@ class Maneuver:
         """Stages of a plan that begins where the one before it ended."""
         pose = Pose(self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
         seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
-        settle = Settle(plan.motion, self.station, plan.start_m, pose, seconds=seconds)
+        begin: list[Stage] = [Settle(plan.motion, self.station, plan.start_m, pose, seconds=seconds)]
+        if plan.hover_s > 0.0:
+            begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))
         if self.goal.excitation != PLATEAUS:
-            return [settle, self._excite(plan, pose)]
+            return [*begin, self._excite(plan, pose)]
         freedom = self._planner.freedoms[plan.motion]
         drives: list[Stage] = [Driven(leg.axis, Run(leg), freedom, self.station, pose) for leg in plan.legs]
-        return [settle, *drives]
+        return [*begin, *drives]
 
     def _excite(self, plan: Plan, pose: Pose) -> Stage:
         """Excite about the middle of the legs' room, no faster and no stronger than the fastest leg."""

@@ -47,6 +47,7 @@ class PlanKnobs:
     roll_radps: tuple[float, float] = knob((0.3, 0.8), 0.02, 3.0, "slowest and fastest roll plateau [rad/s]")
     pitch_radps: tuple[float, float] = knob((0.35, 0.9), 0.02, 3.0, "slowest and fastest pitch plateau [rad/s]")
     yaw_radps: tuple[float, float] = knob((0.4, 1.2), 0.02, 3.0, "slowest and fastest yaw plateau [rad/s]")
+    hover_s: float = knob(15.0, 0.0, 120.0, "time at rest before heave, in which net buoyancy shows [s]")
     plateau_s: float = knob(16.0, 1.0, 120.0, "longest plateau of surge and sway [s]")
     turns: float = knob(1.0, 0.1, 10.0, "length of a yaw leg [turns]")
     roll_deg: float = knob(30.0, 2.0, 80.0, "largest roll angle [deg]")
@@ -119,6 +120,8 @@ class Plan:
     """Hold and setpoint before the first leg: altitude or depth [m]."""
     start_m: tuple[float, float]
     """Place in the pool."""
+    hover_s: float = 0.0
+    """Time at rest before the first leg."""
 
     @property
     def end_m(self) -> tuple[float, float]:
@@ -127,8 +130,8 @@ class Plan:
 
     @property
     def seconds(self) -> float:
-        """Expected duration of all legs [s]."""
-        return sum(leg.seconds for leg in self.legs)
+        """Expected duration of hovering and all legs [s]."""
+        return self.hover_s + sum(leg.seconds for leg in self.legs)
 
 
 class Planner:
@@ -161,6 +164,7 @@ class Planner:
             heading_rad=-math.pi / 2.0 if motion == "sway" else 0.0,
             vertical=("depth", low) if motion == "heave" else ("altitude", self.knobs.altitude_m),
             start_m=(along_m, 0.5 * box.width_m),
+            hover_s=self.knobs.hover_s if motion == "heave" else 0.0,
         )
 
     def force_limit(self, axis: str, sign: float) -> float:

@@ -180,6 +180,29 @@ class Settle:
         return next((words for words, is_wrong in wrong.items() if is_wrong), "")
 
 
+class Hover:
+    """Stays where it has come to rest, on the holds' setpoints: the thrust that this takes is the net buoyancy.
+
+    Thrusters that hardly push are hardly unsteady, so it is weighed better here than by any leg.
+    """
+
+    def __init__(self, motion: str, station: Station, seconds: float) -> None:
+        self.motion, self.seconds = motion, seconds
+        self._station = station
+        self._begun_s = 0.0
+
+    def begin(self, moment: Moment) -> tuple[Setpoint, ...]:
+        """Leave every hold as it is."""
+        self._begun_s = moment.time_s
+        return ()
+
+    def step(self, moment: Moment) -> Act:
+        """Keep station until the time is over."""
+        X, Y = self._station.step(moment.place, moment.dt, held_back=moment.held_back)
+        finished = moment.time_s - self._begun_s >= self.seconds
+        return Act((X, Y, 0.0, 0.0, 0.0, 0.0), "hover", finished=finished)
+
+
 STEADY_m, STEADY_rad = 0.08, math.radians(4.0)
 """A plateau along the pool counts only while altitude and heading are this near to their setpoints."""
 

@@ -88,6 +88,22 @@ def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig, motion, names):
     assert rig.nearest_m > 0.6
 
 
+def test_heave_begins_with_hovering_as_long_as_planned(rig):
+    hovered = []
+
+    def note(rig):
+        output = rig.flight.maneuver
+        if output.phase.phase == "hover":
+            hovered.append((rig.ideal.time_s, output.phase.motion, rig.ideal.rate["heave"]))
+
+    _, phases = rig.fly(Goal(("heave",)), note)
+    order = [phase.phase for phase in phases]
+    assert order.index("settle") < order.index("hover") < order.index("transient")
+    assert hovered[-1][0] - hovered[0][0] == pytest.approx(15.0, abs=0.1)
+    assert {motion for _, motion, _ in hovered} == {"heave_down"}
+    assert max(abs(rate) for *_, rate in hovered) < 0.02
+
+
 def test_plateau_speed_is_that_of_the_plan(rig):
     seen = {}
 

@@ -85,7 +85,8 @@ class Phase:
     """What the maneuver is doing: motion ("surge", "heave_down", ...; empty: none) and phase.
 
     Phases: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed still
-    changing), "plateau" (speed steady), "excite" (information-rich excitation).
+    changing), "plateau" (speed steady), "hover" (at rest: its thrust weighs it), "excite" (information-rich
+    excitation).
     """
 
     motion: str

@@ -40,6 +40,7 @@ class AxisRun:
         self._per_newton = tuple(effect(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
         self._thrusts: list[tuple[float, float]] = []
         self._efforts: list[tuple[float, float]] = []
+        self._knows_efforts = True
         self._knowns: list[tuple[float, float]] = []
         self._faces = {motion.side: face_of(model, motion) for motion in motions_of(model.axis)}
 
@@ -49,13 +50,14 @@ class AxisRun:
         """What the thrusters are told from this time on."""
         force = thrust.wrench[self.model.axis]
         self._thrusts.append((t_s, force))
-        self._efforts.append((t_s, self._effort(thrust.forces_N, force)))
+        self._efforts.append((t_s, self._effort(thrust.forces_N)))
         self.learner.thrust(t_s, force)
 
-    def _effort(self, forces_N: tuple[float, ...], total: float) -> float:
+    def _effort(self, forces_N: tuple[float, ...]) -> float:
         """Sum of the squares of what each thruster adds: thrusters that push against each other are unsteady too."""
         if len(forces_N) != len(self._per_newton):
-            return total * total
+            self._knows_efforts = False
+            return 0.0
         return sum((share * force) ** 2 for share, force in zip(self._per_newton, forces_N, strict=True))
 
     def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
@@ -144,7 +146,7 @@ class AxisRun:
         return Record(
             velocity=velocity,
             thrust=series(self._thrusts),
-            effort=series(self._efforts),
+            effort=series(self._efforts if self._knows_efforts else []),
             stretches=stretches,
             known=series(self._knowns),
             position=position,

@@ -1,19 +1,19 @@
 """The Cramer-Rao bound of a record: how well anybody could know the parameters from it (Ljung 1999, section 7.4).
 
-The sensitivities are taken at the truth, the noise (that of the measurements and that of the thrust) is what the record
-shows about the truth.
+The sensitivities are taken at the truth; the noise of the measurements is what was found, that of the thrust the true
+one where it is known.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.likelihood import fit_noise
 from hindrax_ident.models import Model, motions_of
-from hindrax_ident.problem import Linear, Problem, chain_of, linearize, restarted
+from hindrax_ident.problem import linearize, restarted, whitener_of
 from hindrax_ident.refine import Fit
-from hindrax_ident.whitening import Whitener
 
 ROUNDS = 3
 
@@ -30,25 +30,17 @@ def true_parameters(model: Model, truth: dict[str, dict[str, float]]) -> Array:
     return np.array([values[name] for name in model.names])
 
 
-def bound_of(fit: Fit, theta: Array) -> Array:
-    """Smallest covariance that an unbiased estimate from the fit's record can have: (p, p)."""
-    problem, noise = fit.problem, fit.noise
-    linear = _at(problem, theta, fit, fit.whitener)
-    for _ in range(ROUNDS - 1):
-        chain = chain_of(problem, theta, linear.path)
-        noise = fit_noise(chain, linear.raw, noise, given_position=problem.model.restores)
-        linear = _at(problem, theta, fit, Whitener(chain, noise))
-    return array(np.linalg.inv(linear.information))
+def bound_of(fit: Fit, theta: Array, thrust_s: float | None = None) -> Array:
+    """Smallest covariance that an unbiased estimate from the fit's record can have: (p, p).
 
-
-def _at(problem: Problem, theta: Array, fit: Fit, white: Whitener) -> Linear:
-    """Linearization at the truth, with the initial conditions that fit it best."""
-    linear, path = None, fit.linear.path
+    With `thrust_s`, the true density of the thrust's gusts [s], no other unknown force counts.
+    """
+    problem, path = fit.problem, fit.linear.path
+    noise = fit.noise if thrust_s is None else replace(fit.noise, force=0.0, thrust=thrust_s)
     for _ in range(ROUNDS):
-        linear = linearize(problem, theta, path, white)
+        linear = linearize(problem, theta, path, whitener_of(problem, theta, path, noise))
         if linear is None:
-            break
-        path = restarted(problem, linear, np.zeros(len(theta)))
-    if linear is None:
-        raise ValueError(f"no motion follows from the true parameters {theta.tolist()}")
-    return linear
+            raise ValueError(f"no motion follows from the true parameters {theta.tolist()}")
+        # The initial conditions that fit the truth best.
+        path, information = restarted(problem, linear, np.zeros(len(theta))), linear.information
+    return array(np.linalg.inv(information))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from hindrax_ident.calibration import (
     with_velocity_gain,
 )
 from hindrax_ident.faces import Face, face_of
+from hindrax_ident.gusts import common_noise
 from hindrax_ident.misfit import CurrentCheck, FormCheck, LagCheck, check_current, check_form, check_lag
 from hindrax_ident.models import HORIZONTAL, Model, Motion, coefficients
 from hindrax_ident.plateaus import BatchFit, Plateaus, measure
@@ -33,7 +35,7 @@ from hindrax_ident.quality import (
     whiteness,
 )
 from hindrax_ident.record import Record
-from hindrax_ident.refine import Fit, refine
+from hindrax_ident.refine import Fit, refine, reweighted
 from hindrax_ident.results import DragBand, MotionResult, Number
 from hindrax_ident.sides import Online
 from hindrax_ident.tuning import Tuning
@@ -62,15 +64,38 @@ class Conclusion:
     online: Online
 
 
-def conclude(
-    vehicle: Vehicle, model: Model, record: Record, belief: Belief, online: Online, *, tuning: Tuning
-) -> Conclusion:
-    """Refine a record from the best online estimate. ValueError when it holds too few samples.
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A record, with the lag that its residuals ask for (`moved`: not that of the vehicle file), and its fit.
 
-    `online`: parameters and covariance of each online method, by its name; the last is the start.
+    `online`: parameters and covariance of each online method, by its name.
     """
+
+    record: Record
+    fit: Fit
+    belief: Belief
+    online: Online
+    moved: bool
+
+
+def draft(model: Model, record: Record, belief: Belief, online: Online) -> Draft:
+    """Refine a record from the last online estimate. ValueError when it holds too few samples."""
     start = list(online.values())[-1][0] if online else belief.values
-    record, fit, lag = _with_lag(record, refine(model, record, start, belief), belief)
+    record, fit, moved = _with_lag(record, refine(model, record, start, belief), belief)
+    return Draft(record, fit, belief, online, moved)
+
+
+def together(drafts: Mapping[int, Draft]) -> dict[int, Draft]:
+    """Drafts of all axes of a run, weighed by what they say of the thrusters together."""
+    known = {axis: one.fit for axis, one in drafts.items() if len(one.record.effort)}
+    better = {axis: reweighted(known[axis], noise, drafts[axis].belief) for axis, noise in common_noise(known).items()}
+    return {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
+
+
+def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
+    """Check a draft for what it does not know of, and widen its bands accordingly."""
+    record, belief, online = drafted.record, drafted.belief, drafted.online
+    fit, lag = _with_doubt(record, drafted.fit, moved=drafted.moved)
     form, current = check_form(fit), check_current(fit)
     if form.significant:
         fit = replace(fit, covariance=fit.covariance + np.outer(form.bias, form.bias))
@@ -100,8 +125,8 @@ def conclude(
     )
 
 
-def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, LagCheck]:
-    """Where the residuals contradict the lag of the vehicle file, use theirs, and let its uncertainty be felt."""
+def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, bool]:
+    """Where the residuals contradict the lag of the vehicle file, use theirs; and whether they do."""
     lag, moved = check_lag(record, fit), False
     for _ in range(LAG_ROUNDS):
         longer = min(LONGEST_LAG_S, max(0.0, record.lag_s + lag.missing_s))
@@ -112,10 +137,16 @@ def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, La
         # The noise anew: what the wrong lag left over was taken for unknown forces.
         fit = refine(fit.model, record, fit.theta, belief)
         lag = check_lag(record, fit)
+    return record, fit, moved
+
+
+def _with_doubt(record: Record, fit: Fit, *, moved: bool) -> tuple[Fit, LagCheck]:
+    """Let the uncertainty of a lag that was found be felt."""
+    lag = check_lag(record, fit)
     if moved or lag.significant:
         doubt = lag.per_s * math.hypot(lag.sigma_s, lag.missing_s)
         fit = replace(fit, covariance=fit.covariance + np.outer(doubt, doubt))
-    return record, fit, lag
+    return fit, lag
 
 
 def result_of(motion: Motion, vehicle: Vehicle, conclusion: Conclusion, tuning: Tuning) -> MotionResult:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.belief import Belief
 from hindrax_ident.ekf import JointFilter
+from hindrax_ident.intake import DEPTH_S
 from hindrax_ident.models import Model
 from hindrax_ident.noise import Correlator
 from hindrax_ident.regression import FilteredRegression, Sample, physical, scaled
@@ -19,12 +20,17 @@ from hindrax_ident.tuning import Tuning
 
 NOISE = 0.01
 """Noise of a velocity [m/s, rad/s] assumed to weigh the belief against the first samples."""
+ROUGHLY_AFTER = 4
+"""Samples per parameter after which the size of the noise is known."""
 KNOWN_AFTER = 40
 """Samples per parameter after which the estimate may steer the filter and judge outliers."""
 SURE_AFTER = 125
 """Samples per parameter after which the joint filter may start: from a bad start it diverges."""
-BLOCK = 100
-"""Samples per block of the scatter that widens the covariance."""
+SHORTEST_BLOCK, MOST_BLOCKS = 25, 40
+"""Samples per block of the scatter that widens the covariance, and how many there may be before pairs become one: the
+longer the run, the slower the color of the noise that shows."""
+DERIVED_SPREAD_s2 = DEPTH_S**2 / 6.0
+"""A difference of two means of depths is the mean of the velocity over both, the middle counting most."""
 SUMMED_S = 0.7
 """Derived velocities are differences, and so is their noise: their rows are summed up again over this time."""
 STUBBORN = 20
@@ -44,7 +50,7 @@ class Learner:
     """Feed it in the order of time. Times in seconds, forces in N or N m, velocities in m/s or rad/s."""
 
     __slots__ = (
-        "_block", "_blocks", "_filter", "_fixed_mass", "_outliers", "_rls", "_scatter", "_sum", "_tuning", "_waiting",
+        "_blocks", "_filter", "_fixed_mass", "_length", "_outliers", "_rls", "_rows", "_sum", "_tuning", "_waiting",
         "_widening", "correlator", "model", "regression",
     )  # fmt: skip
 
@@ -60,9 +66,11 @@ class Learner:
         self.correlator = Correlator()
         self._filter = JointFilter(model, lag_s) if tuning.estimator == "ekf" and not self._fixed_mass else None
         self._waiting: deque[tuple[float, str, float]] = deque()
-        self._outliers = self._blocks = 0
+        self._outliers = 0
         self._sum: tuple[float, ...] = ()
-        self._block, self._scatter = np.zeros(known), np.zeros((known, known))
+        self._rows: list[tuple[float, ...]] = []
+        self._blocks: list[Array] = []
+        self._length = SHORTEST_BLOCK
         self._widening: Array = np.ones((known, known))
 
     @property
@@ -116,7 +124,7 @@ class Learner:
             self._sum = ()
             self.correlator.restart()
         age = t_s - regression.thrust_time_s
-        sample = regression.velocity(t_s, v)
+        sample = regression.velocity(t_s, v, DERIVED_SPREAD_s2 if derived else 0.0)
         if sample is not None and derived:
             sample = self._summed(sample, pause)
         if self._filter and not derived:
@@ -155,9 +163,13 @@ class Learner:
         self._outliers = 0
         _, information = self._rls.regard(x, y)
         innovation = self._rls.update(x, y)
-        self._account(x, innovation / (1.0 + information))
+        self.correlator.add(innovation / (1.0 + information))
+        self._account((*x, y))
+        if self.samples > ROUGHLY_AFTER * self._rls.n:
+            # The noise of a sum of differences is that of the positions: a difference has twice its variance.
+            self.regression.noise_variance = self._rls.variance * (2.0 if derived else 1.0)
         if self.samples > KNOWN_AFTER * self._rls.n:
-            self._steer(sample, derived=derived)
+            self._steer(sample)
         if self._filter and not self._filter.started and self.samples > SURE_AFTER * self._rls.n:
             theta, covariance = self.estimate()
             self._filter.start(t_s, theta, covariance, self._rls.variance)
@@ -170,24 +182,25 @@ class Learner:
         limit = self._tuning.outlier_sigmas * self.noise
         return abs(innovation) > limit * math.sqrt(1.0 + information)
 
-    def _account(self, x: tuple[float, ...], residual: float) -> None:
-        """Autocorrelation, and the scatter between blocks of samples: sum of the outer products of their gradients."""
-        self.correlator.add(residual)
-        self._block += np.array(x) * residual
-        if self._rls.samples % BLOCK == 0:
-            self._scatter += np.outer(self._block, self._block)
-            self._blocks += 1
-            self._block = np.zeros_like(self._block)
-            self._widening = self._measured_widening()
+    def _account(self, row: tuple[float, ...]) -> None:
+        """Sum up blocks of samples: the scatter between them tells how far apart parts of the run are."""
+        self._rows.append(row)
+        if len(self._rows) < self._length:
+            return
+        rows = np.array(self._rows)
+        self._rows = []
+        self._blocks.append(array(rows.T @ rows))
+        if len(self._blocks) == MOST_BLOCKS:
+            self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
+            self._length *= 2
+        self._widening = self._measured_widening()
 
-    def _steer(self, sample: Sample, *, derived: bool) -> None:
+    def _steer(self, sample: Sample) -> None:
         """Let the filter's pole whiten the residuals: slope of the drag over mass, and a little for unknown forces."""
         q, tuning = self._rls.values, self._tuning
         back = 2 if self.model.split and sample.speed < 0.0 else 0
         slope = max(0.0, 2.0 * q[back] * abs(sample.speed) + q[back + 1])
         self.regression.rate = min(tuning.filter_fastest, math.hypot(slope, tuning.filter_slowest))
-        # The noise of a sum of differences is that of the positions: a difference has twice its variance.
-        self.regression.noise_variance = self._rls.variance * (2.0 if derived else 1.0)
 
     def estimate(self) -> tuple[Array, Array]:
         """Parameters in the model's order and their covariance: (p,), (p, p)."""
@@ -206,11 +219,12 @@ class Learner:
 
     def _measured_widening(self) -> Array:
         """By how much the scatter between blocks exceeds the covariance, never below one: (n, n)."""
-        n = self._rls.n
-        if self._blocks < 2 * n:
+        n, blocks = self._rls.n, len(self._blocks)
+        if blocks < 2 * n:
             return np.ones((n, n))
-        unit = self._rls.unit_covariance
-        scatter = np.diag(unit @ self._scatter @ unit) * self._blocks / (self._blocks - 1)
+        unit, squares = self._rls.unit_covariance, np.array(self._blocks)
+        gradients = squares[:, :n, n] - squares[:, :n, :n] @ np.array(self._rls.values)
+        scatter = np.sum((gradients @ unit) ** 2, axis=0) * blocks / (blocks - 1)
         ratio = np.sqrt(np.maximum(1.0, scatter / (np.diag(unit) * self._noise_variance)))
         return np.outer(ratio, ratio)
 

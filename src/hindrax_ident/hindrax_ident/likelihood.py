@@ -25,6 +25,10 @@ WIDE = 1e3
 """Variance of the velocity and the position at the start of a piece, in units of the measurement's."""
 MOVES = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
 """Elements of a transition that are not zero."""
+FLOORS = (0.0, 0.03, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
+"""Densities that do not go with the thrust, as shares of all that was found."""
+DOUBT = 4.0
+"""By how much an unknown force besides the thrust's must lower twice the logarithm before it is believed."""
 ZOOMS = ((1.0, 7, 0.4, 5), (0.25, 5, 0.15, 5))
 """Half width and points of each closer look, in decades of the ratio and in parts of the thrust."""
 
@@ -81,6 +85,33 @@ def _best(pieces: _Pieces, ratios: Array, parts: Array, other: float) -> tuple[f
     return ratio, part
 
 
+@dataclass(frozen=True, slots=True)
+class GustProfile:
+    """How likely a record is for each of several gust densities of the thrust [s]: (m,) each.
+
+    `cost` is twice the negative logarithm of the likelihood, `force` the density of the other unknown acceleration
+    that goes best with each.
+    """
+
+    cost: Array
+    force: Array
+
+
+def gust_profile(chain: Chain, residual: Array, noise: Noise, thrusts: Array) -> GustProfile:
+    """Profile of a residual (n,) over `thrusts` (m,) [s]; the measurements' variances stay what they are."""
+    main = 0 if bool(np.any(chain.channel == 0)) else 1
+    pieces = _Pieces(chain, residual, main)
+    size = noise.velocity if main == 0 else noise.position
+    forces = array((noise.force + noise.thrust * pieces.mean_thrust) * np.array(FLOORS))
+    tried, beside = np.meshgrid(thrusts, forces, indexing="ij")
+    other = np.full(tried.size, math.log10(noise.position / noise.velocity) if main == 0 else 0.0)
+    squares, logs, n = pieces.filtered(beside.ravel() / size, tried.ravel() / size, other)
+    cost = (squares / size + logs + n * math.log(size)).reshape(tried.shape) + DOUBT * (forces > 0.0)
+    best = cost.argmin(axis=1)
+    # Pieces are taken all over a long record: they stand for all of it.
+    return GustProfile(array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best]))
+
+
 def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
     """Rows of each piece, (length, pieces), and which of them are there: pieces end with their stretch."""
     edges = np.append(np.flatnonzero(starts), len(starts))
@@ -104,7 +135,7 @@ class _Pieces:
         self._A, self._Q = A[rows], Q[rows]
         self._place, self._counts = chain.channel[rows], chain.counts[rows] & present
         self._thrust, self._residual = chain.thrust[rows], residual[rows]
-        self._mean = max(1e-300, float(self._thrust.mean()))
+        self.mean_thrust = max(1e-300, float(self._thrust.mean()))
         self._memory_s, self._main = max(LEAST_MEMORY_S, chain.memory_s), main
 
     def scores(self, tried: Candidates) -> tuple[Array, Array]:
@@ -113,14 +144,18 @@ class _Pieces:
         The size of the noise drops out of the likelihood: the most likely one is put in.
         """
         total = np.where(tried.ratio <= DECADES[0], 0.0, 10.0**tried.ratio)
-        density = total * (1.0 - tried.part) + self._thrust[:, :, None] * (total * tried.part / self._mean)
-        variances = np.ones((2, len(total)))
-        variances[1 - self._main] = 10.0**tried.other
-        squares, logs, n = self._filter(density, variances)
+        gust = total * tried.part / self.mean_thrust
+        squares, logs, n = self.filtered(total * (1.0 - tried.part), gust, tried.other)
         return np.log(np.maximum(1e-300, squares / n)) + logs / n, squares / n
 
-    def _filter(self, density: Array, variances: Array) -> tuple[Array, Array, int]:
-        """Sums of the squared innovations over their variances and of the variances' logarithms, (g,); and how many."""
+    def filtered(self, force: Array, thrust: Array, other: Array) -> tuple[Array, Array, int]:
+        """Sums of the squared innovations over their variances and of the variances' logarithms, (g,); and how many.
+
+        For densities `force` and `thrust` (see `Noise`), in units of the main channel's variance, (g,) each.
+        """
+        density = force + self._thrust[:, :, None] * thrust
+        variances = np.ones((2, len(force)))
+        variances[1 - self._main] = 10.0**other
         shape = density.shape[1:]
         vv = ss = np.broadcast_to(WIDE * variances.max(axis=0), shape)
         vs = va = sa = v = s = a = np.zeros(shape)
@@ -164,4 +199,4 @@ class _Pieces:
         size = max(1e-18, float(sizes[0]))
         total = 0.0 if ratio <= DECADES[0] else size * 10.0**ratio
         position = size * 10.0**other if self._main == 0 else size
-        return Noise(size, position, total * (1.0 - part), total * part / self._mean)
+        return Noise(size, position, total * (1.0 - part), total * part / self.mean_thrust)

@@ -55,25 +55,29 @@ class Trial:
     trouble: str = ""
 
 
-def trial_of(seed: int, vehicle: Vehicle, outcome: Outcome, trouble: str = "") -> Trial:
-    """Compare the outcome of a run with the truth of the vehicle file."""
+def trial_of(seed: int, vehicle: Vehicle, outcome: Outcome, trouble: str = "", thrust_s: float | None = None) -> Trial:
+    """Compare the outcome of a run with the truth of the vehicle file; `thrust_s` as in `bound_of`."""
     truth = truth_of(vehicle)
     found: list[Found] = []
     drag: list[Drag] = []
     for result in outcome.results.motions.values():
         conclusion = outcome.conclusions.get(MOTIONS[result.motion].axis)
         if conclusion is not None and result.coefficients:
-            found += _found(result, vehicle, conclusion, truth)
+            found += _found(result, vehicle, conclusion, truth, thrust_s)
             drag += _drag(result, truth[result.motion])
     return Trial(seed, tuple(found), tuple(drag), trouble)
 
 
 def _found(
-    result: MotionResult, vehicle: Vehicle, conclusion: Conclusion, truth: dict[str, dict[str, float]]
+    result: MotionResult,
+    vehicle: Vehicle,
+    conclusion: Conclusion,
+    truth: dict[str, dict[str, float]],
+    thrust_s: float | None,
 ) -> list[Found]:
     fit, motion = conclusion.fit, MOTIONS[result.motion]
     face = face_of(fit.model, motion)
-    bound = bound_of(fit, true_parameters(fit.model, truth))
+    bound = bound_of(fit, true_parameters(fit.model, truth), thrust_s)
     # Nobody can tell a constant error of the measured angle from an offset of the moment.
     bound = bound + by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, Tuning()))
     limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))

@@ -65,6 +65,23 @@ def autocorrelation(pieces: Sequence[Array], lags: int = LAGS) -> Array:
     return sums / sums[0] if sums[0] > 0.0 else sums
 
 
+def effective_samples(pieces: Sequence[Array]) -> float:
+    """Number of independent samples that a mean over correlated ones is worth: n / (1 + 2 sum of autocorrelations).
+
+    The sum ends where the autocorrelation first falls to zero: beyond is chance.
+    """
+    centered = [piece - piece.mean() for piece in pieces if len(piece) > 1]
+    n = sum(len(piece) for piece in centered)
+    power = sum(float(piece @ piece) for piece in centered)
+    total = 0.0
+    for lag in range(1, max((len(piece) for piece in centered), default=0)):
+        product = sum(float(piece[lag:] @ piece[:-lag]) for piece in centered if len(piece) > lag)
+        if not product > 0.0:
+            break
+        total += product / power
+    return n / (1.0 + 2.0 * total)
+
+
 class Correlator:
     """Running autocorrelation of a stream of residuals, and the factor by which it shrinks the sample size."""
 

@@ -20,7 +20,7 @@ from hindrax_ident.refine import Fit, refine
 from hindrax_ident.simulate import Trajectory
 from hindrax_ident.whitening import Noise
 
-FEWEST_EFFECTIVE = 30.0
+FEWEST_EFFECTIVE = 10.0
 FORCE_SHARE = 0.10
 SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5

@@ -18,7 +18,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.belief import Belief
 from hindrax_ident.likelihood import fit_noise
 from hindrax_ident.models import Model
-from hindrax_ident.noise import color_backward, fit_autoregression
+from hindrax_ident.noise import color_backward, effective_samples, fit_autoregression
 from hindrax_ident.problem import Linear, Problem, chain_of, linearize, pose, restarted, whitener_of
 from hindrax_ident.record import Record
 from hindrax_ident.simulate import Trajectory
@@ -40,12 +40,15 @@ ATTITUDE_SIGMA_rad = 0.01
 """Weight of a measured angle. Its error is slow, and partly that of the rate, of which it is the integral: so it only
 keeps the angle from drifting away."""
 BLOCK_S = 15.0
+CHANGE_S = 0.5
 CHANCE = 0.999
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
     """Parameters in the model's order, their covariance, and what the record says about both.
+
+    `effective_samples` are those that the plain residuals leave for their color; the covariance has them whitened.
 
     `inflation` (p,) is by how much the scatter between blocks widened the standard deviations (1: not at all);
     `sigmas` are the standard deviations of the velocity and position residuals.
@@ -87,6 +90,14 @@ def refine(model: Model, record: Record, start: Array, belief: Belief, known: No
         linear, theta, converged = _descend(problem, theta, linear.path, white, belief)
         if settled:
             break
+    return _concluded(problem, linear, theta, white, belief, converged=converged)
+
+
+def reweighted(fit: Fit, noise: Noise, belief: Belief) -> Fit:
+    """Fit the same measurements again, weighed by another noise."""
+    problem = fit.problem
+    white = whitener_of(problem, fit.theta, fit.linear.path, noise)
+    linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, belief)
     return _concluded(problem, linear, theta, white, belief, converged=converged)
 
 
@@ -174,13 +185,12 @@ def _concluded(
     plain = array(inverse * (linear.cost / freedom))
     covariance = _with_color(problem, linear, inverse, plain)
     inflation = _inflation(linear, problem, inverse, covariance)
-    ratio = float(np.sqrt(np.median(np.diag(covariance) / np.diag(plain))))
     return Fit(
         model=problem.model,
         theta=theta,
         covariance=covariance * np.outer(inflation, inflation),
         samples=problem.samples,
-        effective_samples=problem.samples / max(1e-9, ratio**2),
+        effective_samples=_effective_samples(problem, linear),
         sigmas=(_spread(_raw(problem, linear, 0)), _spread(_raw(problem, linear, 1))),
         inflation=inflation,
         problem=problem,
@@ -189,6 +199,21 @@ def _concluded(
         whitener=white,
         converged=converged,
     )
+
+
+def _effective_samples(problem: Problem, linear: Linear) -> float:
+    """Independent velocities that the residuals are worth; those of positions are errors of velocity, summed up."""
+    own = (problem.channel == problem.main) & problem.counts
+    pieces = [linear.raw[span][own[span]] for span in problem.spans]
+    if problem.main == 0:
+        return effective_samples(pieces)
+    times = [problem.t[span][own[span]] for span in problem.spans]
+    return effective_samples([_changes(t, r) for t, r in zip(times, pieces, strict=True) if len(t)])
+
+
+def _changes(t: Array, r: Array) -> Array:
+    """Changes of a residual over spans of CHANGE_S."""
+    return array(np.diff(r[np.unique(np.searchsorted(t, np.arange(t[0], t[-1], CHANGE_S)))]))
 
 
 def _spread(raw: Array) -> float:

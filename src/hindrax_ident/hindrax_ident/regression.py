@@ -24,6 +24,8 @@ from hindrax_ident.models import Model
 
 SETTLED = 0.05
 """Share of the filters' start that may be left when samples are used: three time constants."""
+CLEAR = 8.0
+"""Square of a velocity, in variances of its noise, above which its own sign is believed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +97,11 @@ class FilteredRegression:
         """Angle measured at this time, for the restoring moment."""
         self._position = (t_s, angle_rad)
 
-    def velocity(self, t_s: float, v: float) -> Sample | None:
-        """One velocity measured at this time; None for the first after a restart, which only sets the start."""
+    def velocity(self, t_s: float, v: float, spread_s2: float = 0.0) -> Sample | None:
+        """One velocity measured at this time; None for the first after a restart, which only sets the start.
+
+        `spread_s2`: variance of the span of time that it is the mean over [s^2].
+        """
         terms = self._terms_at(t_s, v)
         self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
         if math.isnan(self._t_velocity):
@@ -107,17 +112,18 @@ class FilteredRegression:
         self._advance_thrust(t_s)
         before, self._t_velocity = self._t_velocity, t_s
         self._advance_velocity(t_s - before, v, terms)
-        ahead = self._sums[1] + (self._sums[3] if self._split else 0.0)
-        x = (*(-total for total in self._sums), self._force_f)
-        return Sample(x, v + self._z, ahead * self.rate, self._start < SETTLED)
+        x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_bend)
+        return Sample(x, v + self._z, self._z_input_filtered * self.rate, self._start < SETTLED)
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
         # Squaring adds the noise's own variance to the square, which is taken off again.
         square = v * v - self.noise_variance
-        square = square if v > 0.0 else -square
+        # Near rest its sign is that of the noise, and chosen by it each direction would get half of the noise as speed.
+        ahead = v > 0.0 if square > CLEAR * self.noise_variance else self._z_input_filtered > 0.0
+        square = square if ahead else -square
         drag: tuple[float, ...] = (square, v)
         if self._split:
-            drag = (square, v, 0.0, 0.0) if v > 0.0 else (0.0, 0.0, square, v)
+            drag = (square, v, 0.0, 0.0) if ahead else (0.0, 0.0, square, v)
         return (*drag, 1.0, *self._restoring_at(t_s, v))
 
     def _restoring_at(self, t_s: float, v: float) -> tuple[float, ...]:
@@ -147,6 +153,16 @@ class FilteredRegression:
     @property
     def _z_input(self) -> float:
         return self._terms[1] + (self._terms[3] if self._split else 0.0)
+
+    @property
+    def _force_bend(self) -> float:
+        """Second derivative of the filtered thrust: what its mean over a span differs by, as the velocity's does."""
+        rise = (self._force - self._lagged) / self._lag_s if self._lag_s > 0.0 else 0.0
+        return rise - self.rate * (self._lagged + self._known - self.rate * self._force_f)
+
+    @property
+    def _z_input_filtered(self) -> float:
+        return self._sums[1] + (self._sums[3] if self._split else 0.0)
 
     def _advance_thrust(self, t_s: float) -> None:
         """Lag and filter in cascade, exact for a command that is constant since the last call."""

@@ -21,7 +21,7 @@ from hindrax_core.state import Attitude, Estimate, IdentEvent, Phase, Thrust, Ve
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.axis_run import AxisRun
 from hindrax_ident.belief import wide_belief, with_prior
-from hindrax_ident.conclude import Conclusion, conclude, result_of, unidentified
+from hindrax_ident.conclude import Conclusion, Draft, conclude, draft, result_of, together, unidentified
 from hindrax_ident.learner import Verdict
 from hindrax_ident.models import MOTIONS, Motion, model_of, motions_of
 from hindrax_ident.phases import Limits, PhaseLog, usable
@@ -170,18 +170,26 @@ class Session:
         """Results together with what a report needs."""
         self.flush()
         motions: dict[str, MotionResult] = {}
+        drafts: dict[int, Draft] = {}
         conclusions: dict[int, Conclusion] = {}
         for axis in sorted(self._axes):
-            flown = self._flown(axis)
             try:
-                conclusions[axis] = self._conclude(axis)
+                drafts[axis] = self._draft(axis)
             except ValueError as error:
-                why = NO_FIT if isinstance(error, np.linalg.LinAlgError) else str(error)
-                motions |= {motion.name: unidentified(motion, why) for motion in flown}
+                motions |= self._unidentified(axis, error)
+        for axis, one in together(drafts).items():
+            try:
+                conclusions[axis] = conclude(self.vehicle, one, tuning=self.tuning)
+            except ValueError as error:
+                motions |= self._unidentified(axis, error)
                 continue
             for motion in self._told_apart(axis, conclusions[axis]):
                 motions[motion.name] = result_of(motion, self.vehicle, conclusions[axis], self.tuning)
         return Outcome(Results(motions, self.vehicle), conclusions)
+
+    def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
+        why = NO_FIT if isinstance(error, np.linalg.LinAlgError) else str(error)
+        return {motion.name: unidentified(motion, why) for motion in self._flown(axis)}
 
     def _flown(self, axis: int) -> tuple[Motion, ...]:
         names = {motion for _, motion, _ in self._log.changes}
@@ -205,7 +213,7 @@ class Session:
         limits = Limits(tuning.gap_s, tuning.thrust_age_s, tuning.stretch_s)
         return kept.within(usable(spans, measured, kept.thrust, limits))
 
-    def _conclude(self, axis: int) -> Conclusion:
+    def _draft(self, axis: int) -> Draft:
         run = self._axes[axis]
         record = self.record(axis)
         model, belief = run.model, run.belief
@@ -213,4 +221,4 @@ class Session:
         side = side_of(record) if model.split else 0
         if side:
             model, belief, online = one_sided(model, belief, online, side)
-        return conclude(self.vehicle, model, record, belief, online, tuning=self.tuning)
+        return draft(model, record, belief, online)

@@ -35,4 +35,4 @@ class Tuning:
     wrench_gain_sigma: float = knob(0.0, 0.0, 1.0, "gain of a wrench no curve stands behind, calibrated band [-]")
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "steady current nobody knows of, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn from the plateaus of a maneuver alone")
-    phases: tuple[str, ...] = knob(("transient", "plateau", "excite"), meaning="phases of a maneuver that teach")
+    phases: tuple[str, ...] = knob(("hover", "transient", "plateau", "excite"), meaning="phases that teach")

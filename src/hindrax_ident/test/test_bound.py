@@ -57,3 +57,14 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle):
     assert all(abs(one.error) < 4.0 * one.bound for one in refined)
     assert [one.share for one in trial.drag] == [0.25, 0.5, 1.0]
     assert abs(trial.drag[-1].error) < 0.02
+
+
+def test_the_true_gusts_count_in_the_bound_whatever_was_found(vehicle):
+    flight = fly(model_of(vehicle, 0), SURGE, back_and_forth((4.0, 9.0, 13.0), 8.0, 64.0), 0.15)
+    session = Session(vehicle)
+    for event in events(flight, 0, "surge", DVL, np.random.default_rng(2)):
+        session.step(event)
+    fit = session.conclude().conclusions[0].fit
+    sigmas = [np.sqrt(np.diag(bound_of(fit, SURGE, thrust_s))) for thrust_s in (0.0, 4e-5, 4e-3)]
+    assert np.all(sigmas[0] < sigmas[1])
+    assert np.all(2.0 * sigmas[1] < sigmas[2])

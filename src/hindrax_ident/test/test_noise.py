@@ -8,6 +8,7 @@ from hindrax_ident.noise import (
     Correlator,
     autocorrelation,
     color_backward,
+    effective_samples,
     fit_autoregression,
     ljung_box,
 )
@@ -67,3 +68,9 @@ def test_ljung_box_expects_its_number_of_lags_for_white_noise(rng):
     assert statistic < 2.5 * expected
     colored, _ = ljung_box([lfilter([1.0], [1.0, -0.3], rng.standard_normal(4000))])
     assert colored > 10.0 * expected
+
+
+@pytest.mark.parametrize("a", [0.0, 0.6, 0.9])
+def test_correlated_residuals_are_worth_fewer_samples(rng, a):
+    pieces = [lfilter([1.0], [1.0, -a], rng.standard_normal(5000)) for _ in range(4)]
+    assert effective_samples(pieces) == pytest.approx(20_000 * (1.0 - a) / (1.0 + a), rel=0.2)

@@ -6,7 +6,7 @@ import pytest
 from hindrax_ident.models import Model
 from hindrax_ident.regression import FilteredRegression, physical, scaled
 from hindrax_ident.rls import Rls
-from hindrax_ident.synthetic import back_and_forth, fly
+from hindrax_ident.synthetic import STEP_S, back_and_forth, fly
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
 ROLL = np.array([1.29, 0.05, 0.02, 3.0, 0.733])
@@ -105,3 +105,35 @@ def test_scaling_and_back_changes_nothing():
     theta, covariance = physical(*[part if k else part.tolist() for k, part in enumerate(scaled(THETA.tolist(), C))])
     assert theta == pytest.approx(THETA)
     assert covariance == pytest.approx(C)
+
+
+def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed():
+    model, rng = Model(2, 15.22, split=True), np.random.default_rng(6)
+    regression = FilteredRegression(model, 0.15, 1.0)
+    regression.noise_variance = 1e-4
+    regression.thrust(0.0, HEAVE[4])
+    samples = [regression.velocity(0.1 * k, v) for k, v in enumerate(0.01 * rng.standard_normal(600))]
+    speeds = np.mean([sample.x[:4] for sample in samples[100:]], axis=0)
+    # By its own sign each direction would be at 0.01 / sqrt(2 pi) = 0.004 m/s.
+    assert np.abs(speeds[[1, 3]]).max() < 0.0015
+    assert np.abs(speeds[[0, 2]]).max() < 2e-5
+
+
+def test_means_over_a_span_are_compared_with_means_of_the_thrust():
+    model, span_s = Model(0, 15.22), 0.2
+    flight = fly(model, THETA, back_and_forth((4.0, 12.0), 2.0, 60.0), 0.15)
+    means = np.diff(flight.path.s[:: round(span_s / STEP_S)]) / span_s
+
+    def mass(spread_s2):
+        regression, rls = FilteredRegression(model, 0.15, 1.0), Rls([0.0] * 4, [1e6] * 4)
+        commands = list(zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True))
+        for k, v in enumerate(means.tolist()):
+            t = (k + 0.5) * span_s
+            while commands and commands[0][0] <= t:
+                regression.thrust(*commands.pop(0))
+            sample = regression.velocity(t, v, spread_s2)
+            if sample is not None and sample.settled:
+                rls.update(sample.x, sample.y)
+        return float(physical(rls.values, rls.covariance)[0][-1])
+
+    assert abs(mass(span_s**2 / 12.0) - THETA[3]) < 0.4 * abs(mass(0.0) - THETA[3])

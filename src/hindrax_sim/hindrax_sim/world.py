@@ -38,6 +38,11 @@ class Conditions:
     motor_field_T_per_A: float = 0.4e-6
     """Field of a thruster's current at the magnetometer, in a direction of its own."""
 
+    @property
+    def thrust_density_s(self) -> float:
+        """Density of the thrust's noise at low frequencies, per square of the thrust."""
+        return self.thrust_noise**2 * GUST_PERIOD_S
+
 
 @dataclass(frozen=True, slots=True)
 class Mounting:

@@ -83,10 +83,11 @@ def fly(job: Job) -> Trial:
     vehicle = calibrated(load_vehicle(job.vehicle_file))
     pilot = GoalPilot(vehicle, Goal(job.motions, job.excitation, job.seed))
     session = Session(vehicle, silent=True)
-    for _ in Lockstep(vehicle, pilot, job.seed, session=session).run(LONGEST_S):
+    step = Lockstep(vehicle, pilot, job.seed, session=session)
+    for _ in step.run(LONGEST_S):
         pass
     aborted = pilot.output.aborted if pilot.output is not None else "the maneuver did not begin"
-    return trial_of(job.seed, vehicle, session.conclude(), aborted)
+    return trial_of(job.seed, vehicle, session.conclude(), aborted, step.world.conditions.thrust_density_s)
 
 
 def calibrated(vehicle: Vehicle) -> Vehicle:
