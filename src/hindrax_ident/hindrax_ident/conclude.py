@@ -21,7 +21,15 @@ from hindrax_ident.calibration import (
 )
 from hindrax_ident.faces import Face, face_of
 from hindrax_ident.gusts import common_noise
-from hindrax_ident.misfit import CurrentCheck, FormCheck, LagCheck, check_current, check_form, check_lag
+from hindrax_ident.misfit import (
+    CurrentCheck,
+    FormCheck,
+    LagCheck,
+    check_current,
+    check_form,
+    check_lag,
+    check_latency,
+)
 from hindrax_ident.models import HORIZONTAL, Model, Motion, coefficients
 from hindrax_ident.plateaus import BatchFit, Plateaus, measure
 from hindrax_ident.plateaus import fit as fit_plateaus
@@ -66,7 +74,7 @@ class Conclusion:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A record, with the lag that its residuals ask for (`moved`: not that of the vehicle file), and its fit.
+    """A record, with the lag and latency that its residuals ask for (`moved`: not those it was told), and its fit.
 
     `online`: parameters and covariance of each online method, by its name.
     """
@@ -126,17 +134,26 @@ def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
 
 
 def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, bool]:
-    """Where the residuals contradict the lag of the vehicle file, use theirs; and whether they do."""
-    lag, moved = check_lag(record, fit), False
+    """Where the residuals contradict the lag of the vehicle file or the stamps, use theirs; and whether they do.
+
+    Both let the motion come late. The one that explains the residuals better is taken.
+    """
+    moved = False
     for _ in range(LAG_ROUNDS):
-        longer = min(LONGEST_LAG_S, max(0.0, record.lag_s + lag.missing_s))
-        unsettled = moved and abs(lag.missing_s) > lag.sigma_s
-        if not (lag.significant or unsettled) or longer == record.lag_s:
+        lag, latency = check_lag(record, fit), check_latency(record, fit)
+        which = lag if lag.distance >= latency.distance else latency
+        unsettled = moved and abs(which.missing_s) > which.sigma_s
+        if not (which.significant or unsettled):
             break
-        record, moved = replace(record, lag_s=longer), True
-        # The noise anew: what the wrong lag left over was taken for unknown forces.
+        if which is latency:
+            later = replace(record, late_s=min(LONGEST_LAG_S, max(-LONGEST_LAG_S, record.late_s + latency.missing_s)))
+        else:
+            later = replace(record, lag_s=min(LONGEST_LAG_S, max(0.0, record.lag_s + lag.missing_s)))
+        if (later.lag_s, later.late_s) == (record.lag_s, record.late_s):
+            break
+        record, moved = later, True
+        # The noise anew: what came late was taken for unknown forces.
         fit = refine(fit.model, record, fit.theta, belief)
-        lag = check_lag(record, fit)
     return record, fit, moved
 
 
@@ -266,6 +283,7 @@ def _quality(conclusion: Conclusion) -> dict[str, float]:
         "plateaus": float(len(conclusion.plateaus.v)),
         "other_form": conclusion.form.share if conclusion.form.significant else 0.0,
         "lag_s": conclusion.record.lag_s,
+        "latency_s": conclusion.record.late_s,
         "lag_missing_s": conclusion.lag.missing_s,
         "lag_missing_sigma_s": conclusion.lag.sigma_s,
     }

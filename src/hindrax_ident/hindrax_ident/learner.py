@@ -161,8 +161,11 @@ class Learner:
             self.regression.forget_last()
             return Verdict(learned=False, reason="outlier", innovation=self._rls.regard(x, y)[0])
         self._outliers = 0
-        _, information = self._rls.regard(x, y)
-        innovation = self._rls.update(x, y)
+        innovation, information = self._rls.regard(x, y)
+        if self.samples > KNOWN_AFTER * self._rls.n and not derived:
+            # The noise of a velocity is in x as well as in y. What was not expected of it is taken out of x.
+            x = tuple(value - slope * innovation for value, slope in zip(x, sample.slope, strict=False))
+        self._rls.update(x, y)
         self.correlator.add(innovation / (1.0 + information))
         self._account((*x, y))
         if self.samples > ROUGHLY_AFTER * self._rls.n:

@@ -28,11 +28,15 @@ CHANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LagCheck:
-    """Lag that the residuals ask for beyond the record's, its standard deviation [s], its effect (p,) per s."""
+    """Lag that the residuals ask for beyond the record's, its standard deviation [s], its effect (p,) per s.
+
+    Or latency of the measurements' stamps. `distance`: chi-squared of its absence.
+    """
 
     missing_s: float
     sigma_s: float
     per_s: Array
+    distance: float
 
     @property
     def significant(self) -> bool:
@@ -46,13 +50,23 @@ class LagCheck:
 
 def check_lag(record: Record, fit: Fit) -> LagCheck:
     """Test the thruster lag: a wrong one makes a wrong mass, and shows in the residuals after each change of thrust."""
-    found = score(fit, _lag_impulse(record, fit))
+    return _lag_check(fit, _lag_impulse(record, fit))
+
+
+def check_latency(record: Record, fit: Fit) -> LagCheck:
+    """Test the stamps of the measurements: late ones look like thrust that comes late, all of it by the same time."""
+    times = fit.problem.grid.times_s
+    return _lag_check(fit, per_step(-record.force(times)[:, None], fit))
+
+
+def _lag_check(fit: Fit, impulse: Array) -> LagCheck:
+    found = score(fit, impulse)
     sigma_s = math.sqrt(float(found.covariance[0, 0]))
-    return LagCheck(float(found.values[0]), sigma_s, array(found.shifts[:, 0]))
+    return LagCheck(float(found.values[0]), sigma_s, array(found.shifts[:, 0]), found.distance)
 
 
 def _lag_impulse(record: Record, fit: Fit) -> Array:
-    times = fit.problem.grid.times_s
+    times = fit.problem.grid.times_s - record.late_s
     slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
     as_is = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).impulse(times)
     return per_step(((slower - as_is) / SMALL_S)[:, None], fit)

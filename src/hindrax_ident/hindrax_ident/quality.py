@@ -16,7 +16,7 @@ from hindrax_ident.misfit import FormCheck
 from hindrax_ident.noise import autocorrelation, ljung_box
 from hindrax_ident.problem import Linear, Problem, linearize, pose, restarted, whitener_of
 from hindrax_ident.record import Record, Stretch
-from hindrax_ident.refine import Fit, refine
+from hindrax_ident.refine import Fit, retrained
 from hindrax_ident.simulate import Trajectory
 from hindrax_ident.whitening import Noise
 
@@ -92,16 +92,16 @@ def validation(record: Record, fit: Fit, belief: Belief) -> Validation | None:
     """Hold out the last quarter of the record's time; None when either part is too short."""
     first, last = held_out(record.stretches)
     try:
-        trained = refine(fit.model, record.within(first), fit.theta, belief, fit.noise)
+        theta, sigmas = retrained(fit, record.within(first), belief)
         problem = pose(fit.model, record.within(last))
     except ValueError:
         return None
-    white = whitener_of(problem, trained.theta, problem.guess, Noise())
-    linear = linearize(problem, trained.theta, problem.guess, white)
+    white = whitener_of(problem, theta, problem.guess, Noise())
+    linear = linearize(problem, theta, problem.guess, white)
     for _ in range(3):
         if linear is None:
             return None
-        linear = linearize(problem, trained.theta, _settled_start(problem, linear), white)
+        linear = linearize(problem, theta, _settled_start(problem, linear), white)
     if linear is None:
         return None
     own = problem.channel == problem.main
@@ -113,7 +113,7 @@ def validation(record: Record, fit: Fit, belief: Belief) -> Validation | None:
         measured=measured,
         predicted=array(measured - error),
         fit=1.0 - size / motion if motion > 0.0 else 0.0,
-        excess=size / max(trained.sigmas[problem.main], 1e-12),
+        excess=size / max(sigmas[problem.main], 1e-12),
     )
 
 

@@ -64,9 +64,12 @@ class Record:
     effort: Series = Series(EMPTY, EMPTY)
     lag_s: float = 0.0
     plateaus: tuple[Stretch, ...] = ()
+    late_s: float = 0.0
+    """By how much the stamps of velocity and position are known to be late; they are told as they were stamped."""
 
     def impulse(self, at_s: Array) -> Array:
         """Integral of thrust after its lag and of the known force, up to each time: (n,) [N s, N m s]."""
+        at_s = at_s - self.late_s
         total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s)
         if len(self.known):
             total = total + LaggedThrust(self.known.t, self.known.y, 0.0).impulse(at_s)
@@ -74,6 +77,7 @@ class Record:
 
     def force(self, at_s: Array) -> Array:
         """Thrust after its lag and known force: (n,) [N, N m]."""
+        at_s = at_s - self.late_s
         total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).force(at_s)
         if len(self.known):
             total = total + LaggedThrust(self.known.t, self.known.y, 0.0).force(at_s)
@@ -82,7 +86,7 @@ class Record:
     def efforts(self, at_s: Array) -> Array:
         """Integral of the effort (without one: of the squared thrust) after the lag: (n,) [N^2 s, N^2 m^2 s]."""
         known = self.effort if len(self.effort) else Series(self.thrust.t, self.thrust.y**2)
-        return LaggedThrust(known.t, known.y, self.lag_s).impulse(at_s)
+        return LaggedThrust(known.t, known.y, self.lag_s).impulse(at_s - self.late_s)
 
     def within(self, stretches: tuple[Stretch, ...]) -> Record:
         """Return the same record with other stretches."""

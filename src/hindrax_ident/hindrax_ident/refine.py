@@ -68,13 +68,13 @@ class Fit:
     converged: bool
 
 
-def refine(model: Model, record: Record, start: Array, belief: Belief, known: Noise | None = None) -> Fit:
-    """Fit a record; ValueError when it holds too few samples. With `known` noise none is sought.
+def refine(model: Model, record: Record, start: Array, belief: Belief) -> Fit:
+    """Fit a record; ValueError when it holds too few samples.
 
     Deterministic: equal records give equal results, wherever the search starts within the basin of the solution.
     """
     problem = pose(model, record)
-    noise = known or _first_noise(problem)
+    noise = _first_noise(problem)
     white = whitener_of(problem, belief.values, problem.guess, noise)
     linear, theta, _ = _descend(problem, start, problem.guess, white, belief, tolerance=ROUGH)
     # Outliers first: what they have done to the motion would be taken for unknown forces.
@@ -84,7 +84,7 @@ def refine(model: Model, record: Record, start: Array, belief: Belief, known: No
         linear, theta, _ = _descend(problem, theta, linear.path, white, belief, tolerance=ROUGH)
     for _ in range(REWEIGHTINGS):
         chain = chain_of(problem, theta, linear.path)
-        fresh = known or fit_noise(chain, linear.raw, noise, given_position=model.restores)
+        fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _alike(fresh, noise), fresh
         white = Whitener(chain, noise)
         linear, theta, converged = _descend(problem, theta, linear.path, white, belief)
@@ -99,6 +99,19 @@ def reweighted(fit: Fit, noise: Noise, belief: Belief) -> Fit:
     white = whitener_of(problem, fit.theta, fit.linear.path, noise)
     linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, belief)
     return _concluded(problem, linear, theta, white, belief, converged=converged)
+
+
+def retrained(fit: Fit, record: Record, belief: Belief) -> tuple[Array, tuple[float, float]]:
+    """Parameters of another record, weighed as this fit, and the standard deviations of its residuals."""
+    problem = pose(fit.model, record)
+    theta, path = fit.theta, problem.guess
+    for _ in range(TRIMMINGS):
+        white = whitener_of(problem, theta, path, fit.noise)
+        linear, theta, _ = _descend(problem, theta, path, white, belief, tolerance=ROUGH)
+        kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
+        if problem.samples == kept:
+            break
+    return theta, (_spread(_raw(problem, linear, 0)), _spread(_raw(problem, linear, 1)))
 
 
 def _first_noise(problem: Problem) -> Noise:

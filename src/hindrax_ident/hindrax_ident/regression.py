@@ -32,11 +32,13 @@ CLEAR = 8.0
 class Sample:
     """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
 
-    `speed` is the filtered velocity; `settled` says whether the start of the filters has been forgotten.
+    `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled` says whether the start
+    of the filters has been forgotten.
     """
 
     x: tuple[float, ...]
     y: float
+    slope: tuple[float, ...]
     speed: float
     settled: bool
 
@@ -111,9 +113,11 @@ class FilteredRegression:
             return None
         self._advance_thrust(t_s)
         before, self._t_velocity = self._t_velocity, t_s
-        self._advance_velocity(t_s - before, v, terms)
+        ramp = self._advance_velocity(t_s - before, v, terms)
         x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_bend)
-        return Sample(x, v + self._z, self._z_input_filtered * self.rate, self._start < SETTLED)
+        return Sample(
+            x, v + self._z, self._slope(ramp, v, terms), self._z_input_filtered * self.rate, self._start < SETTLED
+        )
 
     def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
         # Squaring adds the noise's own variance to the square, which is taken off again.
@@ -134,8 +138,15 @@ class FilteredRegression:
         since, angle = self._position
         return (math.sin(angle + v * (t_s - since)),)
 
-    def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> None:
-        """Filters over one interval, exact for inputs that are linear in it."""
+    def _slope(self, ramp: float, v: float, terms: tuple[float, ...]) -> tuple[float, ...]:
+        square, linear = -2.0 * ramp * abs(v), -ramp
+        rest = (0.0,) * (len(terms) - self.model.drags + 1)
+        if not self._split:
+            return (square, linear, *rest)
+        return (square, linear, 0.0, 0.0, *rest) if terms[1] else (0.0, 0.0, square, linear, *rest)
+
+    def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> float:
+        """Filters over one interval, exact for inputs that are linear in it; the weight of its end."""
         rate = self.rate
         lost = -math.expm1(-rate * step)
         keep, constant = 1.0 - lost, lost / rate
@@ -149,6 +160,7 @@ class FilteredRegression:
         ]
         self._start *= keep
         self._terms = terms
+        return ramp
 
     @property
     def _z_input(self) -> float:

@@ -196,6 +196,15 @@ def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
 
 
+def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle):
+    said = heard(vehicle, 0, end_s=160.0)
+    late = [Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in said]
+    result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finish().motions["surge"]
+    assert result.quality["latency_s"] == pytest.approx(0.08, abs=0.02)
+    assert result.quality["lag_s"] == pytest.approx(0.15, abs=0.02)
+    assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
+
+
 def test_a_prior_makes_the_start_warm(vehicle, surge):
     early = [event for event in surge if event.stamp < stamp_from_s(12.0)]
     prior = {"surge": {"k_q": (66.0, 2.0), "k_l": (1.0, 1.0), "added_mass": (12.0, 1.0)}}

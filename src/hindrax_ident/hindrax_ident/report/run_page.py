@@ -140,6 +140,8 @@ def _facts(result: MotionResult) -> str:
         words.append(f"held-out part predicted to {max(0.0, quality['held_out_fit']):.0%}")
     if "lag_s" in quality:
         words.append(f"thruster lag {quality['lag_s']:.3f} s")
+    if quality.get("latency_s"):
+        words.append(f"stamps late by {quality['latency_s']:.3f} s")
     joined = " \u00b7 ".join(words)
     return f'<p class="soft">{joined}</p>'
 
