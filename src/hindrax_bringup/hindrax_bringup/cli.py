@@ -8,6 +8,7 @@ import contextlib
 import difflib
 import importlib
 import importlib.util
+import os
 import pkgutil
 import re
 import sys
@@ -78,7 +79,19 @@ def load(module_name: str) -> ModuleType:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool and return its exit code."""
-    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _main(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
+        print("hindrax: stopped by Ctrl-C", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # who reads has seen enough; what is left must not be flushed into the same pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _main(words: list[str]) -> int:
     if not words or words[0] in ("-h", "--help", "help"):
         print_overview()
         return 0 if words else 2
@@ -111,8 +124,6 @@ def run_command(command: ModuleType, words: list[str]) -> int:
     except HindraxError as error:
         print(f"hindrax {command.NAME}: {error}", file=sys.stderr)
         return error.exit_code
-    except BrokenPipeError:
-        return 0
     except KeyboardInterrupt:
         print(f"hindrax {command.NAME}: stopped by Ctrl-C", file=sys.stderr)
         return 1

@@ -1,5 +1,7 @@
 """Wrong use costs one sentence that names the word, with the one that was perhaps meant, and exit code 2."""
 
+import os
+import subprocess
 import sys
 from subprocess import CompletedProcess
 
@@ -56,3 +58,25 @@ def test_options_of_pytest_reach_pytest(monkeypatch, words):
     )
     assert cli.main(["test", *words]) == 0
     assert called == [[sys.executable, "-m", "pytest", *words]]
+
+
+@pytest.mark.parametrize("buffered", [{}, {"PYTHONUNBUFFERED": "1"}])
+def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered):
+    tool = [sys.executable, "-m", "hindrax_bringup.cli", "--help"]
+    here, there = os.pipe()
+    os.close(here)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        tool, stdout=there, stderr=subprocess.PIPE, env=environment | buffered, timeout=60, check=False
+    )
+    os.close(there)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_control_c_while_a_command_is_loaded_is_one_sentence(monkeypatch, capsys):
+    def interrupted(_name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "load", interrupted)
+    assert cli.main(["papers"]) == 1
+    assert capsys.readouterr().err == "hindrax: stopped by Ctrl-C\n"
