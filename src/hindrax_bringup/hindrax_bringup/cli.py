@@ -82,13 +82,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         code = _main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
-        return code
     except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
         print("hindrax: stopped by Ctrl-C", file=sys.stderr)
         return 1
     except BrokenPipeError:  # who reads has seen enough; what is left must not be flushed into the same pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    return code
 
 
 def _main(words: list[str]) -> int:
