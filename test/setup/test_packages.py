@@ -21,16 +21,13 @@ INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT 
 
 # Module -> rosdep key, or None where rosdep has no key: those come from setup/runtime.in on every machine.
 KEY_OF_MODULE = {
-    "aiohttp": "python3-aiohttp",
     "daqp": None,
     "filterpy": None,
-    "jinja2": "python3-jinja2",
     "lz4": None,
     "matplotlib": "python3-matplotlib",
     "mcap": None,
     "mcap_ros2": None,
     "numpy": "python3-numpy",
-    "psutil": "python3-psutil",
     "rich": "python3-rich",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
