@@ -11,6 +11,7 @@ import yaml
 from mcap_ros2.writer import Writer
 
 from hindrax_bringup import cli
+from hindrax_bringup.vehicles import default_vehicle
 from hindrax_ident.bench import pendulum, step
 
 CFD = (6.204, 12.416, 18.636, 24.864, 31.1, 37.344, 43.596, 49.856, 56.124, 62.40)
@@ -166,6 +167,17 @@ def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.Ca
     assert out.stat().st_size > 200
     assert cli.main(["export", str(tmp_path), "--to", kind]) == 0
     assert capsys.readouterr().out == out.read_text()
+
+
+def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    file = tmp_path / "coefficients.yaml"
+    file.write_text(yaml.safe_dump({"conditions": {"vehicle": "other"}, "motions": dict.fromkeys(names, body)}))
+    assert cli.main(["export", str(file), "--to", "gz"]) == 2
+    assert "the results are of other" in capsys.readouterr().err
+    assert cli.main(["export", str(file), "--to", "gz", "--vehicle", str(default_vehicle())]) == 0
+    assert "note: the results are of other" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

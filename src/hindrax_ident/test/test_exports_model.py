@@ -64,7 +64,7 @@ def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> 
 
 def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> None:
     lacking = results(pitch={"identifiable": False})
-    with pytest.raises(HindraxError, match="no motion pitch in the results; add --vehicle"):
+    with pytest.raises(HindraxError, match="no motion pitch in the results; name a --vehicle"):
         export_model(lacking, VEHICLE, "c.yaml")
     model = export_model(lacking, VEHICLE, "c.yaml", complete=True)
     assert model.hydrodynamics.pitch == Drag(7.0, 2.0)

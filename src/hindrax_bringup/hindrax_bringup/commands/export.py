@@ -49,6 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
     file = RunFolder(path).coefficients if path.is_dir() else path
     document = _read(file)
     vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else _vehicle_beside(file)
+    stranger = _stranger(document, vehicle)
+    if stranger and not arguments.vehicle:
+        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
+    if stranger:
+        print(f"note: {stranger}", file=sys.stderr)
     model = export_model(document, vehicle, str(file), complete=arguments.vehicle is not None)
     for note in model.notes:
         print(f"note: {note}", file=sys.stderr)
@@ -62,6 +67,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--out {arguments.out}: cannot be written ({error})") from error
     print(f"written: {arguments.out}", file=sys.stderr)
     return 0
+
+
+def _stranger(document: object, vehicle: Vehicle) -> str:
+    """What is wrong where the results are of another vehicle than the file that is to complete them; else empty."""
+    conditions = document.get("conditions") if isinstance(document, dict) else None
+    name = conditions.get("vehicle") if isinstance(conditions, dict) else None
+    return (
+        f"the results are of {name}, the vehicle file is of {vehicle.name}" if name not in (None, vehicle.name) else ""
+    )
 
 
 def _read(file: Path) -> object:

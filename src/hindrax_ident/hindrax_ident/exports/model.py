@@ -164,7 +164,10 @@ def _axis_drag(
     forward, backward = _sides(axis, motions)
     if forward is None and backward is None:
         if prior is None:
-            raise HindraxError(f"no motion {axis} in the results; add --vehicle FILE to take it from there")
+            raise HindraxError(
+                f"no motion {axis} in the results; name a --vehicle FILE that has hydrodynamics for it "
+                "(`hindrax estimate` gives some)"
+            )
         notes.append(f"{axis}: drag and added mass are not in the results but from the vehicle file")
         return prior.drag(axis)
     if forward is None or backward is None:
