@@ -14,7 +14,7 @@ from hindrax_bringup.result_files import bag_conditions, traces_of, write_coeffi
 from hindrax_bringup.run_folder import RunFolder
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.report import PUBLISHED, RunReport
+from hindrax_ident.report import RunReport, published_of
 from hindrax_ident.results import Results, with_truth
 from hindrax_ident.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
@@ -62,7 +62,8 @@ def show(identified: Identified) -> None:
     for heading in ("motion", "", "value", "+-", "calibrated +-", *truths, "COB-2023-1394"):
         table.add_column(heading, justify="left" if heading in ("motion", "") else "right", no_wrap=True)
     for motion, result in motions.items():
-        paper = PUBLISHED[motion].in_our_axes if motion in PUBLISHED else {}
+        published = published_of(identified.results.vehicle.name, motion)
+        paper = published.in_our_axes if published else {}
         for name, number in result.coefficients.items():
             truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.2f}",)
             printed = f"{paper[name][0]:.2f} +- {paper[name][1]:.2f}" if name in paper else ""

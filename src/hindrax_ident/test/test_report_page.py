@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from hindrax_ident.coefficients import Conditions, Saved, SavedMotion, conditions_of
 from hindrax_ident.models import model_of
-from hindrax_ident.report import PUBLISHED, RunReport, Trace, comparison_page, run_page
+from hindrax_ident.report import RunReport, Trace, comparison_page, run_page
 from hindrax_ident.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
 from hindrax_ident.report.comparison import spread_of
 from hindrax_ident.report.dimensionless import dimensionless
 from hindrax_ident.report.figures import Flown, charts_of, comparable
 from hindrax_ident.report.forest import Entry, forest
 from hindrax_ident.report.page import plus_minus, table
+from hindrax_ident.report.published import PUBLISHED, published_of
 from hindrax_ident.report.scale import Scale, spread, thinned, tick_text, ticks
 from hindrax_ident.report.tables import table_methods
 from hindrax_ident.results import DragBand, MotionResult, Number, with_truth
@@ -281,3 +282,8 @@ def test_runs_that_disagree_widen_their_mean():
     assert agreeing.std == pytest.approx(0.1 / math.sqrt(3.0))
     assert disagreeing.std == pytest.approx(0.1 / math.sqrt(3.0) * 10.0)
     assert spread_of([Number(1.0, 0.1)]) is None
+
+
+@pytest.mark.parametrize(("name", "shown"), [("hindrax", True), ("Hindrax two", True), ("bluerov2", False)])
+def test_the_paper_stands_beside_its_own_vehicle_only(name, shown):
+    assert (published_of(name, "surge") is not None) == shown

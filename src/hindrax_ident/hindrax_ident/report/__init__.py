@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hindrax_ident.report.comparison import comparison_page
 from hindrax_ident.report.figures import Trace
-from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.published import published_of
 from hindrax_ident.report.run_page import RunReport, run_page
 
-__all__ = ["PUBLISHED", "RunReport", "Trace", "comparison_page", "run_page"]
+__all__ = ["RunReport", "Trace", "comparison_page", "published_of", "run_page"]

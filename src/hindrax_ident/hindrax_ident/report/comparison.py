@@ -15,7 +15,7 @@ from hindrax_ident.report.chart import Role
 from hindrax_ident.report.figures import LABELS, pretty
 from hindrax_ident.report.forest import Entry, forest
 from hindrax_ident.report.page import chips, page, plus_minus, table
-from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.published import Published, published_of
 from hindrax_ident.report.tables import HEADINGS, title_of
 from hindrax_ident.results import Number
 
@@ -92,7 +92,9 @@ def _runs(runs: Sequence[Saved]) -> str:
 
 def _motion(motion: str, runs: Sequence[Saved]) -> str:
     own = [(run.label, run.motions[motion]) for run in runs if motion in run.motions]
-    plots = [plot for name in FOREST if (plot := _forest(motion, name, own))]
+    vehicles = {run.conditions.vehicle for run in runs}
+    paper = published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
+    plots = [plot for name in FOREST if (plot := _forest(motion, paper, name, own))]
     return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own)}<div class="plots">{"".join(plots)}</div>'
 
 
@@ -129,7 +131,7 @@ def _scatter(name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
     return "" if found is None else f"{found.scatter:.2g} <small>({found.ratio:.1f} \u00d7 as stated)</small>"
 
 
-def _forest(motion: str, name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+def _forest(motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
     entries = []
     for label, found in own:
         if name in found.numbers:
@@ -142,7 +144,6 @@ def _forest(motion: str, name: str, own: Sequence[tuple[str, SavedMotion]]) -> s
     pooled = spread_of(_believed(name, own))
     if pooled is not None:
         entries.append(Entry("all, weighted", pooled.mean, pooled.std, pooled.std_calibrated, "online"))
-    paper = PUBLISHED.get(motion)
     if paper is not None and name in paper.coefficients:
         entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
     known = [found.numbers[name].truth for _, found in own if name in found.numbers]

@@ -15,7 +15,7 @@ from hindrax_ident.faces import face_of
 from hindrax_ident.models import MOTIONS, Motion
 from hindrax_ident.quality import Validation
 from hindrax_ident.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems
-from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.published import published_of
 from hindrax_ident.report.scale import spread
 from hindrax_ident.results import MotionResult, Number, truth_of
 
@@ -173,7 +173,7 @@ def _bands(flown: Flown, v: Array) -> list[Band]:
 
 
 def _paper_curve(flown: Flown, v: Array) -> list[Line]:
-    paper = PUBLISHED.get(flown.result.motion)
+    paper = published_of(flown.vehicle.name, flown.result.motion)
     if paper is None:
         return []
     k = {name: pair[0] for name, pair in paper.in_our_axes.items()}

@@ -1,4 +1,4 @@
-"""What COB-2023-1394 found for the Hindrax: Table 3 and Table 4, beside which every result is shown."""
+"""What COB-2023-1394 found for the Hindrax: Table 3 and Table 4, beside which its results are shown."""
 
 from __future__ import annotations
 
@@ -43,4 +43,8 @@ PUBLISHED: Mapping[str, Published] = {**_ROWS, "heave_up": replace(_ROWS["heave_
 """COB-2023-1394 tables 3 and 4: N, N m, SI; one standard deviation."""
 
 VEHICLE = "hindrax"
-"""The vehicle that the paper is about; beside another vehicle its rows are only a comparison."""
+
+
+def published_of(vehicle: str, motion: str) -> Published | None:
+    """The paper's row for a motion of the vehicle that it is about: beside another vehicle it would only mislead."""
+    return PUBLISHED.get(motion) if vehicle.lower().startswith(VEHICLE) else None

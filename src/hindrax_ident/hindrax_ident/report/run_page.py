@@ -15,7 +15,7 @@ from hindrax_ident.report.chart import Role, figure
 from hindrax_ident.report.figures import LABELS, METHODS, ROLES, Flown, Trace, charts_of, comparable, pretty
 from hindrax_ident.report.forest import Entry, forest
 from hindrax_ident.report.page import chips, definitions, page, plus_minus
-from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.published import published_of
 from hindrax_ident.report.tables import UNITS, table_3, table_4, table_methods, title_of
 from hindrax_ident.results import MotionResult, Number, Results, truth_of
 
@@ -181,7 +181,7 @@ def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
     prior = truth_of(report.vehicle).get(result.motion, {})
     if name in prior and not report.conditions.mock:
         entries.append(Entry("vehicle file", prior[name], math.nan, math.nan, "prior"))
-    paper = PUBLISHED.get(result.motion)
+    paper = published_of(report.vehicle.name, result.motion)
     if paper is not None and name in paper.coefficients:
         entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
     for saved in report.earlier:

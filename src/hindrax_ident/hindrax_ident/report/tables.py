@@ -10,7 +10,7 @@ from hindrax_ident.models import MOTIONS, coefficients
 from hindrax_ident.report.dimensionless import dimensionless, in_words
 from hindrax_ident.report.figures import METHODS, comparable, pretty, rights_itself
 from hindrax_ident.report.page import decimals, number, plus_minus, table
-from hindrax_ident.report.published import PUBLISHED
+from hindrax_ident.report.published import published_of
 from hindrax_ident.results import MotionResult, Number, Results
 
 COLUMNS = ("k_q", "k_l", "b", "added_mass")
@@ -40,8 +40,9 @@ def table_3(results: Results) -> str:
         rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in COLUMNS), _verdict(result)])
         if any(one.truth is not None for one in result.coefficients.values()):
             rows.append(["<small>truth of the mock</small>", *_truths(result), ""])
-        if motion in PUBLISHED:
-            pairs = PUBLISHED[motion].in_our_axes
+        paper = published_of(results.vehicle.name, motion)
+        if paper is not None:
+            pairs = paper.in_our_axes
             printed = [as_printed(*pairs[name]) if name in pairs else "" for name in COLUMNS]
             rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
     return table(["motion", *HEADINGS, "verdict"], rows, own)
@@ -85,8 +86,8 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
             low, high = float(found.reynolds[0]), float(found.reynolds[-1])
             top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
             rows.append([title_of(motion), plus_minus(*found.mean), top, _range(low, high)])
-            if motion in PUBLISHED:
-                paper = PUBLISHED[motion]
+            paper = published_of(vehicle.name, motion)
+            if paper is not None:
                 cells = [as_printed(*paper.drag_coefficient), "", _range(*paper.reynolds)]
                 rows.append(["<small>COB-2023-1394</small>", *map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
