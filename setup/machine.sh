@@ -135,6 +135,9 @@ explain() {
   tail -n 20 <<<"$end" | sed 's/^/    /' >&2
   if grep -qi 'no space left' <<<"$end"; then
     fail "$1 failed: the disk is full ($(free_mb) MB free in $root). Make room and run again; what is done is kept."
+  elif grep -qiE 'certificate_?verify_?failed|certificate verify failed|unknownissuer' <<<"$end"; then
+    fail "$1 failed: the package index shows a certificate that is not trusted here. If your network puts its own in" \
+      "between, name the file of its authority: pip config set global.cert FILE (or SSL_CERT_FILE), and run again."
   elif grep -qiE 'name resolution|dns error|error sending request|network is unreachable|timed? ?out' <<<"$end" \
     || grep -qiE 'connection (refused|reset|error)|could not connect|failed to fetch' <<<"$end"; then
     fail "$1 failed: the package index does not answer. Check network and proxy (pip's settings are used) and run" \

@@ -284,6 +284,8 @@ def test_everything_missing_is_named_at_once(clone: Clone) -> None:
         ("Temporary failure in name resolution", "the package index does not answer"),
         ("error sending request for url", "the package index does not answer"),
         ("OSError: [Errno 28] No space left on device", "the disk is full"),
+        ("[SSL: CERTIFICATE_VERIFY_FAILED] self-signed certificate", "pip config set global.cert FILE"),
+        ("invalid peer certificate: UnknownIssuer; error sending request", "pip config set global.cert FILE"),
         ("hash mismatch for numpy", "hash mismatch for numpy"),
     ],
 )
