@@ -35,5 +35,5 @@ def _info(bag: Path, capsys) -> str:
 
 def test_a_bag_without_wires_is_refused(tmp_path, capsys):
     bare = recover(BAG, tmp_path / "bare", keep=lambda topic, after_s: "raw/" not in topic and after_s < 3.0).output
-    assert cli.main(["replay", "--ros", str(bare)]) == 1
+    assert cli.main(["replay", "--ros", str(bare)]) == 2
     assert "holds no wire frames" in capsys.readouterr().err
