@@ -92,7 +92,7 @@ def _tolerance(block: Mapping[str, Any], where: str) -> Tolerance:
 
 
 def load_rules(path: Path = TOLERANCES, section: str = "pure") -> Rules:
-    """Read a section of a file of tolerances, `pure` or `ros`; UsageError when it is none."""
+    """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is none."""
     try:
         return Rules(yaml.load(path.read_text(encoding="utf-8"), Loader)[section])  # noqa: S506  # a safe one
     except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:

@@ -78,7 +78,8 @@ def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
         return replay_ros(bag, rules, arguments.vehicle, arguments.out)
     vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     names = {} if arguments.all else names_of(bag, arguments.remap)
-    replayed = replay(bag, load_rules(arguments.tolerances), vehicle, results=arguments.all, names=names)
+    rules = load_rules(arguments.tolerances, "reference" if arguments.all else "pure")
+    replayed = replay(bag, rules, vehicle, results=arguments.all, names=names)
     if not replayed.ledger.messages and not replayed.ledger.differences():
         raise UsageError(
             f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
