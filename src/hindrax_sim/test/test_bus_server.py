@@ -127,8 +127,9 @@ def test_whose_sleep_is_cut_short_is_served_and_sleeps_again(world: World, bus: 
     holder = open_clock(f"mock:{world.path}", "holder")
     holder.sleep_until(Stamp(2_000))
     for byte in range(3):
-        bus.wake()
-        bus.sleep_until(Stamp(10**15))
+        for _ in range(byte + 1):
+            bus.wake()
+            bus.sleep_until(Stamp(10**15))
         bus.transfer(Write(0x42, bytes([byte])))
         assert bus.transfer(Read(0x42, 2)) == bytes([byte, 0xEE])
     bus.wake()

@@ -33,7 +33,7 @@ class VirtualClock:
     def __init__(self, path: str, name: str = "") -> None:
         self._path, self._name = path, name
         self._alarm = Alarm()
-        self._frames, self._heard, self._owed = Frames(), deque[tuple[Kind, bytes]](), False
+        self._frames, self._heard, self._owed = Frames(), deque[tuple[Kind, bytes]](), 0
         self._socket: socket.socket | None = None
         try:
             self._page = _map_page(path)
@@ -84,7 +84,7 @@ class VirtualClock:
                 self._hear(link)
             if not self._heard and ready != [link.fileno()]:
                 self._send(protocol.frame(Kind.WAKE))
-                self._owed = True
+                self._owed += 1
                 return
         self._heard.clear()
 
@@ -106,7 +106,7 @@ class VirtualClock:
         return self._heard.popleft()
 
     def _hear(self, link: socket.socket) -> None:
-        """Take what has come; the answer to a sleep that was cut short is for nobody any more."""
+        """Take what has come; answers to sleeps that were cut short are for nobody any more."""
         try:
             data = link.recv(65536)
             if not data:
@@ -114,9 +114,9 @@ class VirtualClock:
             self._heard += self._frames.feed(data)
         except (OSError, protocol.ProtocolError) as error:
             raise self._lost(error) from error
-        if self._owed and self._heard:
+        while self._owed and self._heard:
             self._heard.popleft()
-            self._owed = False
+            self._owed -= 1
 
     def _connected(self) -> socket.socket:
         if self._socket is None:
@@ -131,7 +131,7 @@ class VirtualClock:
     def _connect(self) -> None:
         link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         link.settimeout(ANSWER_TIMEOUT_S)
-        self._frames, self._owed = Frames(), False
+        self._frames, self._owed = Frames(), 0
         self._heard.clear()
         try:
             link.connect(self._path)
