@@ -45,7 +45,8 @@ def check(truth: WaterTruth, model: str) -> None:
         # One step of the datasheet's integers, and what a hundredth of a degree is worth at this pressure.
         tolerance_Pa = STEPS_Pa[model] + 4 * 0.02 * NOISE_Pa[model][4] + 2e-5 * truth.pressure_Pa
         assert one.reading.pressure_Pa == pytest.approx(truth.pressure_Pa, abs=tolerance_Pa)
-        assert one.reading.temperature_C == pytest.approx(truth.temperature_C, abs=0.0101)
+        # Two integers are rounded down and subtracted, a step either way, and a count of D2 is worth a third of one.
+        assert one.reading.temperature_C == pytest.approx(truth.temperature_C, abs=0.0135)
 
 
 def test_fifty_pressures_a_second_at_oversampling_4096() -> None:

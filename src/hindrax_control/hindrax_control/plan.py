@@ -223,10 +223,9 @@ class Planner:
         freedom = self.freedoms[motion]
         start, end, back = stretch
         boost, pace = self._boost(motion, freedom, rate)
-        name = motion if motion != "heave" else "heave_down" if rate > 0.0 else "heave_up"
         return Leg(
             axis=motion,
-            name=name,
+            name=motion_name(motion, rate),
             sign=math.copysign(1.0, rate),
             level=freedom.drag_force(rate),
             rate=rate,
@@ -247,6 +246,11 @@ class Planner:
         limit = min(self.force_limit(motion, 1.0), self.force_limit(motion, -1.0))
         boost = min(max(wanted, freedom.inertia * PACE_LEAST + drag), limit)
         return boost, max(boost - drag, 0.1 * boost) / freedom.inertia
+
+
+def motion_name(axis: str, rate: float) -> str:
+    """Name of what is identified: drag down and drag up are two motions (COB-2023-1394, Table 3)."""
+    return axis if axis != "heave" else "heave_down" if rate > 0.0 else "heave_up"
 
 
 def stopping(rate: float, pace: float, lag_s: float = LAG_S) -> float:

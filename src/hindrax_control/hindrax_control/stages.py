@@ -12,7 +12,7 @@ from typing import Protocol
 from hindrax_control.box import Place
 from hindrax_control.excitation import Excite
 from hindrax_control.holds import Setpoint, down_rate
-from hindrax_control.plan import ALONG
+from hindrax_control.plan import ALONG, motion_name
 from hindrax_control.prior import Freedom
 from hindrax_control.run import Drive, Run
 from hindrax_control.station import Station
@@ -211,7 +211,7 @@ class Driven:
     """Drives one degree of freedom by a leg or an excitation; station and holds keep all others."""
 
     def __init__(self, axis: str, driver: Run | Excite, freedom: Freedom, station: Station, pose: Pose) -> None:
-        self.motion = driver.leg.name if isinstance(driver, Run) else axis
+        self.motion = driver.leg.name if isinstance(driver, Run) else motion_name(axis, 0.0)
         self.seconds = driver.seconds
         self._axis, self._driver, self._freedom, self._station = axis, driver, freedom, station
         self._pose = pose
@@ -227,6 +227,8 @@ class Driven:
         if not math.isfinite(coordinate + rate):
             return Act((0.0,) * 6, "transient", trouble=f"navigation: {self._axis} unknown")
         drive = self._drive(coordinate, rate, moment)
+        if not isinstance(self._driver, Run):
+            self.motion = motion_name(self._axis, rate)
         free = "x" if self._axis in ALONG else ""
         X, Y = self._station.step(moment.place, moment.dt, left_free=free, held_back=moment.held_back)
         wrench = [X, Y, 0.0, 0.0, 0.0, 0.0]

@@ -329,6 +329,20 @@ def test_excitations_stay_clear_of_walls_and_limits(rig, motion, excitation):
     assert max(tilts) < math.radians(45.0)
 
 
+def test_an_excitation_of_heave_says_which_way_it_goes(rig):
+    """Down and up are identified as two motions; nobody learns of one that is called otherwise."""
+    named = set()
+
+    def note(one):
+        told, down_mps = one.flight.maneuver.phase, one.ideal.navigation().velocity_mps[2]
+        if told.phase == "excite" and abs(down_mps) > 0.02:
+            named.add((told.motion, down_mps > 0.0))
+
+    output, _ = rig.fly(Goal(("heave",), "multisine", seed=5), note)
+    assert output.aborted == ""
+    assert named == {("heave_down", True), ("heave_up", False)}
+
+
 @pytest.mark.parametrize(
     ("goal", "reason"),
     [
