@@ -23,8 +23,7 @@ class Branch:
 
     def force_N(self, pulse_us: float) -> float:
         """Value of the cubic (Horner); no check of validity."""
-        c1, c2, c3, c4 = self.c
-        return ((c4 * pulse_us + c3) * pulse_us + c2) * pulse_us + c1
+        return cubic.value(self.c, pulse_us)
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,35 +91,3 @@ class Record:
     def within(self, stretches: tuple[Stretch, ...]) -> Record:
         """Return the same record with other stretches."""
         return replace(self, stretches=stretches)
-
-
-def pooled(records: tuple[Record, ...]) -> Record:
-    """Several runs as one record: each shifted behind the one before, with a gap that no stretch spans."""
-    if len(records) == 1:
-        return records[0]
-    shifts, end = [], 0.0
-    for record in records:
-        shifts.append(end - float(record.thrust.t[0]))
-        end += float(record.thrust.t[-1] - record.thrust.t[0]) + 1000.0
-    pairs = list(zip(records, shifts, strict=True))
-    return Record(
-        velocity=_joined([(record.velocity, shift) for record, shift in pairs]),
-        thrust=_joined([(record.thrust, shift) for record, shift in pairs]),
-        stretches=_shifted([(record.stretches, shift) for record, shift in pairs]),
-        known=_joined([(record.known, shift) for record, shift in pairs]),
-        position=_joined([(record.position, shift) for record, shift in pairs]),
-        effort=_joined([(record.effort, shift) for record, shift in pairs]),
-        lag_s=records[0].lag_s,
-        plateaus=_shifted([(record.plateaus, shift) for record, shift in pairs]),
-    )
-
-
-def _joined(parts: list[tuple[Series, float]]) -> Series:
-    times = np.concatenate([part.t + shift for part, shift in parts])
-    return Series(times, np.concatenate([part.y for part, _ in parts]))
-
-
-def _shifted(parts: list[tuple[tuple[Stretch, ...], float]]) -> tuple[Stretch, ...]:
-    return tuple(
-        replace(one, start_s=one.start_s + shift, end_s=one.end_s + shift) for many, shift in parts for one in many
-    )

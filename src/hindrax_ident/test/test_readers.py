@@ -44,6 +44,11 @@ def test_rates_may_differ_and_rows_may_be_out_of_order():
         ("t,u,X\n0,1,2\n,1,2", "line 3: no time"),
         ("t,u,u_mps,X\n0,1,1,2", "columns u and u_mps mean the same"),
         ('t,u,X\n0,1,"2\n1,1,2', "quotation mark"),
+        ("t,u (furlong/s),X\n0,1,2", "unit 'furlong/s', wanted one of m/s"),
+        ("t,u,X\ns,parsec,N\n0,1,2", "line 2, column u: found the unit 'parsec'"),
+        ("t,u,pwm1\n0,1,1600", "forces are missing"),
+        ("velocity,force\n0.1,2", "hindrax towing"),
+        ("t,u,X\n1,1,2\n1,2,3", "all times are the same"),
     ],
 )
 def test_what_is_wrong_is_named(text, named):
