@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from hindrax_control.plan import TURNING
 from hindrax_core.events import Stamped
 from hindrax_core.state import Estimate
 
@@ -54,7 +55,7 @@ class Progress:
         if phase != self._phase:
             self._phase = phase
             if maneuver.phase == "plateau":
-                self.say(f"{maneuver.motion}: plateau at {maneuver.force:+.1f} N, {100.0 * maneuver.progress:.0f} %")
+                self.say(plateau_line(maneuver, estimates))
 
 
 def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> Table:
@@ -63,8 +64,9 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     done = round(20 * min(1.0, max(0.0, maneuver.progress)))
     bar = "#" * done + "." * (20 - done)
     table.add_row("maneuver", f"{bar} {100.0 * maneuver.progress:3.0f} %  {maneuver.motion} {maneuver.phase}")
-    force = f"{maneuver.force:+.1f} N, {maneuver.velocity:+.3f} m/s, wall {maneuver.wall_distance:.1f} m"
-    table.add_row("", f"{force}, {maneuver.remaining:.0f} s of vehicle time to go")
+    unit, rate = units(maneuver.motion)
+    now = f"{maneuver.force:+.1f} {unit}, {maneuver.velocity:+.3f} {rate}{wall(maneuver)}"
+    table.add_row("", f"{now}, {maneuver.remaining:.0f} s of vehicle time to go")
     if navigation is not None:
         state = navigation.reading
         heading = math.degrees(state.attitude_rad[2])
@@ -74,6 +76,24 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     for motion, stamped in estimates.items():
         table.add_row(motion, coefficients_line(stamped.reading))
     return table
+
+
+def plateau_line(maneuver: Any, estimates: dict[str, Stamped[Estimate]]) -> str:
+    """One line for a plateau that begins: where the maneuver is, and what is known of this motion by now."""
+    line = f"{maneuver.motion}: plateau at {maneuver.force:+.1f} {units(maneuver.motion)[0]}"
+    line += f", {100.0 * maneuver.progress:.0f} %, {maneuver.remaining:.0f} s to go{wall(maneuver)}"
+    known = estimates.get(maneuver.motion)
+    return f"{line}; {coefficients_line(known.reading)}" if known else line
+
+
+def units(motion: str) -> tuple[str, str]:
+    """Units of the force and of the rate along a motion."""
+    return ("Nm", "rad/s") if motion in TURNING else ("N", "m/s")
+
+
+def wall(maneuver: Any) -> str:
+    """How far the wall ahead is, where that is known."""
+    return "" if math.isnan(maneuver.wall_distance) else f", wall {maneuver.wall_distance:.1f} m ahead"
 
 
 def coefficients_line(estimate: Estimate) -> str:

@@ -118,7 +118,7 @@ ROLES: tuple[Role, ...] = (
         "pilot",
         "control",
         says=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
-        hears=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH),
+        hears=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
         executes=(FLY,),
     ),
     Role(

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hindrax_bringup.monitor.watched import Flight, Health, Hold, Picture, Thrusters
+from hindrax_bringup.progress import units
 from hindrax_core.state import Estimate, Navigation
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
@@ -142,7 +143,7 @@ def maneuver(flight: Flight | None, width: int = 78) -> RenderableType:
         (f"{flight.motion} {flight.phase}", VALUE),
         (f"  {_time(flight.remaining_s)} to go", DIM),
     )
-    unit, rate = ("Nm", "rad/s") if flight.motion in ("roll", "pitch", "yaw") else ("N", "m/s")
+    unit, rate = units(flight.motion)
     wall = "" if math.isnan(flight.wall_m) else f", wall {flight.wall_m:.1f} m ahead"
     second = Text(f"{flight.force:+.1f} {unit}, {flight.velocity:+.3f} {rate}{wall}", style=DIM)
     return Group(first, second)

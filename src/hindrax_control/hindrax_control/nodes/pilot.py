@@ -9,16 +9,18 @@ from typing import Any, TypeAlias
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-from hindrax_control.holds import HoldState, Setpoint
-from hindrax_control.maneuvers import Goal, ManeuverOutput, check_goal
+from hindrax_control.holds import Setpoint
+from hindrax_control.maneuvers import ManeuverOutput, check_goal
+from hindrax_control.nodes.pilot_messages import feedback_to_msg, goal_from_msg, holds_to_msg, maneuver_to_msg
 from hindrax_control.pilot import Flight, Pilot, PilotKnobs
 from hindrax_control.supply import Supply
 from hindrax_control.watch import Suspicion
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
-from hindrax_core.state import NAN, Allocation, Navigation
+from hindrax_core.state import NAN, Allocation, Estimate, Navigation
 from hindrax_core.topics import (
+    ESTIMATE,
     HOLD_SETPOINT,
     HOLD_STATUS,
     MANEUVER,
@@ -30,8 +32,8 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import HoldStatus, ManeuverStatus, ThrusterHealth
-from hindrax_ros.convert import FSD, stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_msgs.msg import ThrusterHealth
+from hindrax_ros.convert import FSD, estimate_from_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.health import Reporter, status
 from hindrax_ros.parameters import knobs
@@ -67,6 +69,7 @@ class PilotNode(PolledNode):
         self._waiting: tuple[Any, int] | None = None
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
+        self._estimates: dict[str, Stamped[Estimate]] = {}
         self._turn = 0
         self._wrench = publisher(self, WRENCH)
         self._holds = publisher(self, HOLD_STATUS)
@@ -79,6 +82,7 @@ class PilotNode(PolledNode):
         subscription(self, THRUSTER_HEALTH_ORDER, self._on_health_order)
         subscription(self, HOLD_SETPOINT, self._on_setpoint)
         subscription(self, OPERATOR_WRENCH, self._on_hand)
+        subscription(self, ESTIMATE, self._on_estimate)
         self._server = ActionServer(
             self,
             FlyManeuver,
@@ -100,6 +104,10 @@ class PilotNode(PolledNode):
 
     def _on_thrusters(self, data: bytes) -> None:
         self._armed = applied_from_bytes(data).armed
+
+    def _on_estimate(self, message: Any) -> None:
+        """Keep what is known of a motion, for who flies it."""
+        self._estimates[message.motion] = estimate_from_msg(message)
 
     def hear(self, _: Stamp, allocation: Allocation) -> None:
         """Keep what became of the last wrench."""
@@ -172,7 +180,7 @@ class PilotNode(PolledNode):
     def _judge(self, goal: Any) -> GoalResponse:
         refused = self._stale(stamp_from_msg(goal.stamp))
         try:
-            check_goal(_goal(goal))
+            check_goal(goal_from_msg(goal))
         except HindraxError as error:
             refused = refused or str(error)
         if refused:
@@ -197,7 +205,7 @@ class PilotNode(PolledNode):
             self._waiting = (handle, cycles - 1)
             return
         try:
-            maneuver = self._pilot.fly(_goal(handle.request))
+            maneuver = self._pilot.fly(goal_from_msg(handle.request))
         except HindraxError as error:
             handle.execute(partial(self._conclude, f"start: {error}"))
             return
@@ -225,7 +233,7 @@ class PilotNode(PolledNode):
         self._turn += 1
         self._tell_maneuver(flight.maneuver, stamp)
         if self._turn % STATUS_EVERY == 0:
-            self._holds.publish(_hold_status(flight.holds, stamp))
+            self._holds.publish(holds_to_msg(flight.holds, stamp))
         if self._turn % REPORT_EVERY == 0:
             self._report(flight, stamp)
 
@@ -236,14 +244,14 @@ class PilotNode(PolledNode):
         phase = (output.phase.motion, output.phase.phase)
         if phase != self._phase or (self._turn % STATUS_EVERY == 0 and not output.done):
             self._phase = phase
-            self._maneuver.publish(_maneuver_status(output, stamp))
+            self._maneuver.publish(maneuver_to_msg(output, stamp))
         if self._flying is None:
             return
         if output.done:
             handle, self._flying = self._flying, None
             handle.execute(partial(self._conclude, output.aborted))
         elif self._turn % FEEDBACK_EVERY == 0:
-            self._flying.publish_feedback(_feedback(output))
+            self._flying.publish_feedback(feedback_to_msg(output, self._estimates, stamp))
 
     def _report(self, flight: Flight, stamp: Stamp) -> None:
         notes = (f"{state.axis} hold: {state.note}" for state in flight.holds if state.note)
@@ -253,46 +261,3 @@ class PilotNode(PolledNode):
         text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in flight.holds if state.engaged)
         self._reporter.publish(stamp, status("hindrax: pilot", level, text, {"holds": held}))
-
-
-def _goal(message: Any) -> Goal:
-    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel)
-
-
-def _hold_status(holds: tuple[HoldState, ...], stamp: Stamp) -> HoldStatus:
-    message = HoldStatus(
-        axes=[one.axis for one in holds],
-        engaged=[one.engaged for one in holds],
-        setpoints=[one.setpoint for one in holds],
-        errors=[one.error for one in holds],
-        notes=[one.note for one in holds],
-    )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
-
-
-def _maneuver_status(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
-    message = ManeuverStatus(
-        motion=output.phase.motion,
-        phase=output.phase.phase,
-        aborted=output.aborted,
-        progress=output.progress,
-        remaining=output.remaining_s,
-        wall_distance=output.wall_distance_m,
-        force=output.force,
-        velocity=output.velocity,
-    )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
-
-
-def _feedback(output: ManeuverOutput) -> Any:
-    return FlyManeuver.Feedback(
-        motion=output.phase.motion,
-        phase=output.phase.phase,
-        progress=output.progress,
-        remaining_s=output.remaining_s,
-        wall_distance_m=output.wall_distance_m,
-        force=output.force,
-        velocity=output.velocity,
-    )
