@@ -1,7 +1,9 @@
-"""The pilot node and an operator, by messages: what is told of a maneuver while it is flown."""
+"""The pilot node and an operator, by messages: what is told of a maneuver while it is flown, and of one that is not."""
 
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -21,7 +23,7 @@ from hindrax_core.state import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import ThrusterState
+from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
 from hindrax_ros.graph import publisher
 
@@ -33,6 +35,7 @@ ADRIFT = Navigation(
     (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0), 0.9, 0.9, (0.0, 0.0), dvl_locked=True, ages_s=AGES_S
 )
 """Never at rest, so that a maneuver stays at its first stage."""
+DISARMED = ThrusterState(armed=False, state="faulted", reason="output is faulted: no answer", pulses=[1500.0] * 8)
 
 
 class Bench:
@@ -48,27 +51,40 @@ class Bench:
         self.estimates = publisher(self.operator.node, ESTIMATE, held=False)
         self.state = ThrusterState(armed=False, state="disarmed", reason="not armed since start", pulses=[1500.0] * 8)
         self.navigation: Navigation | None = ADRIFT
-        self.later_s = 0.0
-
-    def now(self) -> Stamp:
-        return after(self.operator.now(), self.later_s)
+        self._plans: list[tuple[Callable[[], object], Callable[[], object]]] = []
 
     def turn(self) -> None:
-        self.state.header.stamp = stamp_to_msg(self.now())
+        if self._plans and self._plans[0][0]():
+            self._plans.pop(0)[1]()
+        self.state.header.stamp = stamp_to_msg(self.operator.now())
         self._thrusters.publish(self.state)
         self._executor.spin_once(timeout_sec=0.0)
         self.pilot.drain()
         if self.navigation is not None:
-            self.pilot.take(Stamped(self.now(), self.navigation))
+            self.pilot.take(Stamped(self.operator.now(), self.navigation))
         self.pilot.outbox.flush()
 
     def until(self, done) -> None:
         self.operator.wait(done, PATIENT_S, lambda: "the bench")
 
+    def fly(self, motions=("surge",), *, excitation="plateaus") -> str:
+        """What the operator is told in the end."""
+        return self.operator.fly(list(motions), excitation=excitation, seed=1, on_cancel="neutral", seconds=PATIENT_S)
+
     def say_armed(self, *, armed: bool, reason: str = "") -> None:
         self.state.armed, self.state.reason = armed, reason
         self.state.state = "armed" if armed else "disarmed"
         self.until(lambda: self.operator.thrusters is not None and self.operator.thrusters.armed is armed)
+
+    def when(self, true, act) -> None:
+        """Act once, in the turn in which something is true."""
+        self._plans.append((true, act))
+
+    def when_flying(self, act) -> None:
+        self.when(lambda: self.operator.flying, act)
+
+    def go_on(self) -> None:
+        self.navigation = ADRIFT
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -109,7 +125,7 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     client = ActionClient(bench.operator.node, FlyManeuver, "maneuver/fly")
     bench.until(client.server_is_ready)
     goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="neutral")
-    goal.stamp = stamp_to_msg(bench.now())
+    goal.stamp = stamp_to_msg(bench.operator.now())
     client.send_goal_async(goal, feedback_callback=lambda message: heard.append(message.feedback))
     bench.until(lambda: heard)
     assert (heard[-1].motion, heard[-1].phase) == ("surge", "settle")
@@ -122,8 +138,8 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
             assert time.monotonic() < deadline, heard[-1]
             bench.operator.spin()
 
-    bench.estimates.publish(estimate_to_msg(estimate(bench.now(), motion="sway", values=(1.0, 2.0))))
-    bench.estimates.publish(estimate_to_msg(estimate(bench.now())))
+    bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now(), motion="sway", values=(1.0, 2.0))))
+    bench.estimates.publish(estimate_to_msg(estimate(bench.operator.now())))
     told(lambda last: last.learning)
     assert heard[-1].coefficients == ["k_q", "k_l"]
     assert heard[-1].units == ["N s^2/m^2", "N s/m"]
@@ -132,3 +148,80 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     told(lambda last: not last.learning)  # nothing is heard of the identifier any more
     assert list(heard[-1].estimates) == [66.1, 1.3]
     client.destroy()
+
+
+def test_a_goal_that_nobody_can_fly_is_told_why(bench: Bench) -> None:
+    bench.say_armed(armed=True)
+    assert bench.fly(["loop"]) == "goal: motion 'loop' unknown, wanted one of surge, sway, heave, roll, pitch, yaw"
+    assert bench.fly([]).startswith("goal: no motion, wanted some of surge, ")
+    assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
+
+
+def test_a_goal_that_waited_in_the_link_is_told_its_age(bench: Bench, monkeypatch) -> None:
+    bench.say_armed(armed=True)
+    late = bench.operator.now
+    monkeypatch.setattr(bench.operator, "now", lambda: after(late(), -3.0))
+    assert re.fullmatch(r"goal: 3\.\d s old, wanted at most 1\.0 s; ask again, .*set the clocks.*", bench.fly())
+
+
+def test_before_arming_and_while_a_guard_objects_nothing_begins(bench: Bench) -> None:
+    assert bench.fly() == "start: the vehicle is not armed; `./hindrax arm` first"
+    bench.say_armed(armed=True)
+    bench.navigation = replace(ADRIFT, altitude_m=0.3)
+    assert re.fullmatch(r"start: altitude_band: 0\.10 m of water .*, wanted 0\.15 m; let it rise .*", bench.fly())
+
+
+def test_one_goal_at_a_time_and_the_second_is_told_so(bench: Bench) -> None:
+    client = ActionClient(bench.operator.node, FlyManeuver, "maneuver/fly")
+    bench.until(client.server_is_ready)
+    goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="neutral")
+    goal.stamp = stamp_to_msg(bench.operator.now())
+    bench.navigation = None  # so that the first one waits
+    first = client.send_goal_async(goal)
+    bench.until(first.done)
+    assert bench.fly() == "start: a maneuver is being flown; `./hindrax stop` ends it"
+    bench.say_armed(armed=True)
+    bench.navigation = ADRIFT
+    bench.until(lambda: bench.operator.flying == "surge")
+    assert bench.fly() == "start: a maneuver is being flown; `./hindrax stop` ends it"
+    assert bench.operator.flying == "surge"
+    client.destroy()
+
+
+def test_disarming_ends_it_with_the_thrusters_own_reason(bench: Bench) -> None:
+    bench.say_armed(armed=True)
+    bench.when_flying(lambda: setattr(bench, "state", DISARMED))
+    assert bench.fly() == "disarmed: the thrusters were disarmed (output is faulted: no answer); arm and fly again"
+
+
+def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_says_so(bench: Bench) -> None:
+    bench.say_armed(armed=True)
+    bench.when_flying(lambda: setattr(bench, "navigation", None))
+    wanted = r"navigation: no state of the vehicle for [567] s, so the thrusters are neutral; .*`\./hindrax doctor`.*"
+    assert re.fullmatch(wanted, bench.fly())
+    assert (bench.operator.maneuver.phase, bench.operator.flying) == ("aborted", "")
+    assert re.fullmatch(r"navigation: no state of the vehicle for \d+ s.*", bench.fly())
+    bench.navigation = ADRIFT
+    bench.when_flying(bench.operator.cancel)
+    assert bench.fly() == "cancelled: by the operator"
+
+
+def test_a_goal_cancelled_before_it_begins_is_not_begun(bench: Bench) -> None:
+    bench.navigation = None
+    bench.when(lambda: bench.pilot._waiting is not None, bench.operator.cancel_all)
+    bench.when(lambda: bench.pilot._waiting is None or bench.pilot._waiting[0].is_cancel_requested, bench.go_on)
+    assert bench.fly() == "cancelled: by the operator"
+
+
+def test_a_result_that_went_lost_is_told_from_the_last_word(bench: Bench) -> None:
+    bench.say_armed(armed=True)
+    operator = bench.operator
+    operator.maneuver = ManeuverStatus(phase="done")
+    assert operator._last_heard() == ""
+    operator.maneuver = ManeuverStatus(phase="aborted", aborted="battery: 12.0 V")
+    assert operator._last_heard() == "battery: 12.0 V"
+    operator.maneuver, operator.thrusters = ManeuverStatus(phase="plateau"), DISARMED
+    assert re.fullmatch(
+        r"link: nothing heard of the maneuver for 10 s, and the thrusters are faulted \(.*: no answer\); .*fly again",
+        operator._last_heard(),
+    )

@@ -116,9 +116,12 @@ def fly(options: PoolOptions, vehicle: Vehicle, folder: RunFolder, progress: Pro
 def _operate(options: PoolOptions, flight: Flight, supervisor: Supervisor, progress: Progress) -> None:
     from hindrax_bringup.nodes.operator import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
 
+    deaths: list[str] = []
+
     def tick() -> None:
         for said in supervisor.check():
             progress.say(said)
+            deaths.append(said)
         supervisor.require()
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
@@ -140,6 +143,11 @@ def _operate(options: PoolOptions, flight: Flight, supervisor: Supervisor, progr
                 )
             except KeyboardInterrupt:
                 flight.aborted = "operator: stopped by Ctrl-C"
+            except HindraxError as error:
+                # What was flown until then is in the bag, and worth to be identified.
+                flight.aborted = f"stack: {error}"
+            if flight.aborted and deaths:
+                flight.aborted += f"; meanwhile {deaths[-1]}"
             flight.ailments = ailments(operator) if flight.aborted else []
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9

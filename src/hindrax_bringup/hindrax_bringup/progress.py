@@ -41,7 +41,8 @@ class Progress:
 
     def say(self, text: str) -> None:
         """One line with the wall time since the start."""
-        self._console.print(f"[{time.monotonic() - self._begin:5.1f} s] {text}", highlight=False, markup=False)
+        line = f"[{time.monotonic() - self._begin:5.1f} s] {text}"
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
 
     def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:
         """Show the state of the maneuver, at most five times a second."""

@@ -20,8 +20,8 @@ from hindrax_bag.reader import attachments, messages
 from hindrax_bringup.replay_run import Replayed
 from hindrax_bringup.ros_compare import compare_bags
 from hindrax_bringup.run_folder import RunFolder, write_parameters
-from hindrax_bringup.stack import environment, first_line, last_words, mock_parameters, own_domain
-from hindrax_bringup.supervisor import Child, Supervisor
+from hindrax_bringup.stack import environment, first_line, mock_parameters, own_domain
+from hindrax_bringup.supervisor import Child, Supervisor, last_words
 from hindrax_bringup.system import CONTROL, IDENTIFIER, RECORDER, SENSORS, Process
 from hindrax_bringup.wire_replay import parameters_of
 from hindrax_core.errors import HindraxError, UsageError

@@ -17,7 +17,7 @@ from hindrax_bringup import security
 from hindrax_bringup.network_profile import profile_file
 from hindrax_bringup.presence import Presence, graph_settings
 from hindrax_bringup.run_folder import RunFolder, write_parameters
-from hindrax_bringup.supervisor import Child, Supervisor
+from hindrax_bringup.supervisor import Child, Supervisor, last_words
 from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
@@ -113,12 +113,6 @@ def first_line(child: Child, seconds: float, log: Path) -> Mapping[str, object]:
             found: Mapping[str, object] = json.loads(line)
             return found
     raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
-
-
-def last_words(log: Path) -> str:
-    """Last line that a process wrote to its log."""
-    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if log.is_file() else []
-    return f"its last words: {lines[-1]}" if lines else f"its log {log} is empty"
 
 
 def environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:

@@ -92,10 +92,11 @@ class Supervisor:
         return f"{child.process.name} {how}; started again (see {where})"
 
     def require(self) -> None:
-        """Raise HindraxError if a process is down for good."""
-        for child in self.children.values():
+        """Raise HindraxError, with its last words, if a process is down for good."""
+        for name, child in self.children.items():
             if child.ended:
-                raise HindraxError(f"the {child.process.name} process ended; read {self.logs}/{child.process.name}.log")
+                log = self.logs / f"{name}.log"
+                raise HindraxError(f"{name}: the process has ended for good; {last_words(log)}; all of it is in {log}")
 
     def stop(self, name: str) -> None:
         """End one process in an orderly way."""
@@ -109,6 +110,12 @@ class Supervisor:
         self.children.clear()
         _end([child for child in children if child.process.restart])
         _end([child for child in children if not child.process.restart])
+
+
+def last_words(log: Path) -> str:
+    """Last line that a process wrote to its log."""
+    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if log.is_file() else []
+    return f"its last words: {lines[-1]}" if lines else f"its log {log} is empty"
 
 
 def _in_a_group_of_its_own() -> None:

@@ -15,7 +15,7 @@ from hindrax_bringup.presence import Presence, announced
 from hindrax_bringup.pulse import Pulse, pulse
 from hindrax_bringup.run_folder import RunFolder, make_run_folder
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.supervisor import Supervisor, last_words
 from hindrax_bringup.system import MOCK, ONBOARD, THRUSTERS
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, waited_for
 from hindrax_core.errors import HindraxError
@@ -90,7 +90,8 @@ def _look_after(
             told = dict(keeper.troubles)
             lost = [name for name in VITAL if name in supervisor.children and supervisor.children[name].ended]
             if lost:
-                raise HindraxError(f"the {lost[0]} process is gone for good; read {supervisor.logs}/{lost[0]}.log")
+                log = supervisor.logs / f"{lost[0]}.log"
+                raise HindraxError(f"the {lost[0]} process is gone for good; {last_words(log)}; all of it is in {log}")
 
 
 def _require_same(tether: Tether | None, address: str) -> None:

@@ -33,14 +33,14 @@ def shown(estimates, **changes):
 def headless(capsys, estimates, **changes):
     with Progress(headless=True) as progress:
         progress.show(SimpleNamespace(**(FLOWN | changes)), None, estimates)
-    return " ".join(capsys.readouterr().err.split()).partition("s] ")[2]
+    return capsys.readouterr().err.rstrip().partition("s] ")[2]
 
 
 def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys):
     known = {"surge": Stamped(Stamp(0), SURGE)}
     line = "surge: plateau at +9.5 N, 42 %, 61 s to go, wall 3.2 m ahead"
     assert headless(capsys, {}) == line
-    assert headless(capsys, known) == f"{line}; k_q 66.10 +- 0.40 k_l 1.30 +- 0.50 (120 samples)"
+    assert headless(capsys, known) == f"{line}; k_q 66.10 +- 0.40  k_l 1.30 +- 0.50  (120 samples)"
 
 
 def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys):

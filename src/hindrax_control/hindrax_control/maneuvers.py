@@ -73,6 +73,11 @@ class ManeuverOutput:
     aborted: str = ""
 
 
+def abandoned(reason: str) -> ManeuverOutput:
+    """Say of a maneuver that it is over, where no state of the vehicle is left to end it on."""
+    return ManeuverOutput(ZERO6, RELEASED, Phase("", "aborted"), 0.0, 0.0, done=True, aborted=reason)
+
+
 class Maneuver:
     """One goal, from its first step to its end. UsageError when the goal cannot be flown at all."""
 

@@ -15,6 +15,7 @@ from hindrax_control.holds import HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.maneuvers import Goal, Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.plan import PlanKnobs
 from hindrax_control.safety import Safety, SafetyKnobs, Situation
+from hindrax_control.stages import SENSELESS
 from hindrax_control.station import StationKnobs
 from hindrax_control.watch import Suspicion, ThrusterWatch, WatchKnobs
 from hindrax_core.errors import HindraxError
@@ -23,6 +24,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.state import NAN, ZERO6, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 
+BUSY = "a maneuver is being flown; `./hindrax stop` ends it"
 REFUSAL_S = 5.0
 """Time for which a refused setpoint or wrench is shown."""
 HAND = "hand"
@@ -97,17 +99,17 @@ class Pilot:
 
     def _unwelcome(self, setpoint: Setpoint) -> str:
         if not self._armed:
-            return f"hold {setpoint.axis}: the vehicle is not armed"
-        if self._flying:
-            return f"hold {setpoint.axis}: a maneuver is being flown; cancel it first"
+            return f"hold {setpoint.axis}: the vehicle is not armed; `./hindrax arm` first"
+        if self.flying:
+            return f"hold {setpoint.axis}: {BUSY}"
         return ""
 
     def by_hand(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> tuple[str, ...]:
         """Add a wrench by hand to the holds until it is stale; returns what of it is refused, and why."""
         judged = self._guard.step(wrench, frame, stamp, now)
         refused = judged.refused
-        if judged.wrench is not None and self._flying:
-            refused = ("wrench: a maneuver is being flown; cancel it first",)
+        if judged.wrench is not None and self.flying:
+            refused = (f"wrench: {BUSY}",)
         elif judged.wrench is not None:
             self._keeping = False
             self._by_hand = (stamp, judged.wrench)
@@ -121,12 +123,14 @@ class Pilot:
 
     def fly(self, goal: Goal) -> Maneuver:
         """Begin a maneuver with the next step; HindraxError says why it cannot be flown now or at all."""
-        if self._flying:
-            raise HindraxError("a maneuver is being flown; cancel it first")
-        if not self._armed or self._box is None:
-            raise HindraxError("the vehicle is not armed; arm it first")
+        if self.flying:
+            raise HindraxError(BUSY)
+        if not self._armed:
+            raise HindraxError("the vehicle is not armed; `./hindrax arm` first")
         if self._guards:
-            raise HindraxError(f"{self._guards[0]} (before the start)")
+            raise HindraxError(self._guards[0])
+        if self._box is None:
+            raise HindraxError(f"the heading is unknown; {SENSELESS}")
         knobs = self._knobs
         self._maneuver = Maneuver(
             self._vehicle,
@@ -147,8 +151,14 @@ class Pilot:
         if self._maneuver is not None:
             self._maneuver.cancel(ending=ending)
 
+    def abandon(self) -> None:
+        """Forget what is flown, held and pushed: there is no state of the vehicle on which it could be ended."""
+        self._maneuver, self._keeping, self._by_hand = None, False, None
+        self._holds.release()
+
     @property
-    def _flying(self) -> bool:
+    def flying(self) -> bool:
+        """Whether a maneuver is not over yet."""
         return self._maneuver is not None and not self._maneuver.done
 
     # ---- time
@@ -160,14 +170,15 @@ class Pilot:
         allocation: Allocation | None = None,
         *,
         armed: bool,
+        unarmed: str = "",
         battery_V: float = NAN,
     ) -> Flight:
         """Return the wrench for this state; `allocation` is what became of the last wrench.
 
-        Where it says the forces of the thrusters, a dead one is noticed.
+        Where it says the forces of the thrusters, a dead one is noticed. `unarmed` is why they are not armed.
         """
         self._stamp = stamp
-        self._note(navigation, stamp, battery_V, armed=armed)
+        self._note(navigation, stamp, battery_V, armed=armed, unarmed=unarmed)
         shortfall = allocation.shortfall if allocation else ZERO6
         lost = allocation.lost_axes if allocation else ()
         flown, wrench = self._fly_on(navigation, stamp, shortfall, lost, battery_V)
@@ -191,7 +202,7 @@ class Pilot:
             return state
         return replace(state, note=f"{state.note}; refused: {reason}" if state.note else f"refused: {reason}")
 
-    def _note(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool) -> None:
+    def _note(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
         if not self._was_armed and math.isfinite(navigation.attitude_rad[2]):
             # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
             self._box = Box(self._vehicle, navigation.attitude_rad[2], self._knobs.box)
@@ -202,7 +213,8 @@ class Pilot:
             self._keeping = False
             self._by_hand = None
             if self._maneuver is not None:
-                self._maneuver.cancel("disarmed: the thrusters were disarmed", "neutral")
+                why = f" ({unarmed})" if unarmed else ""
+                self._maneuver.cancel(f"disarmed: the thrusters were disarmed{why}; arm and fly again", "neutral")
         self._armed = armed
         self._was_armed = self._was_armed or armed
 

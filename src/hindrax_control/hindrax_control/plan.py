@@ -149,11 +149,12 @@ class Planner:
         if motion not in MOTIONS:
             raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(MOTIONS)}")
         if motion in self._allocator.lost_axes(self._disabled):
-            raise UsageError(f"{motion}: the thrusters left ({len(self._disabled)} disabled) cannot serve it")
+            raise UsageError(f"{motion}: {self._unserved()}")
         low, high = self._span(motion, box)
         if high <= low:
             raise UsageError(
-                f"{motion}: the pool leaves {high - low:.2f} m of room, wanted more; check pool and margins"
+                f"{motion}: the pool leaves {high - low:.2f} m of room, wanted more; "
+                "check `pool` in the vehicle file and the margins among the pilot's parameters"
             )
         legs = self._legs(motion, low, high)
         along_m = legs[0].start if motion in ALONG else 0.5 * box.length_m
@@ -166,6 +167,12 @@ class Planner:
             start_m=(along_m, 0.5 * box.width_m),
             hover_s=self.knobs.hover_s if motion == "heave" else 0.0,
         )
+
+    def _unserved(self) -> str:
+        out = ", ".join(sorted(self._disabled))
+        if not out:
+            return "no thruster of this vehicle serves it; fly other motions"
+        return f"without {out} no thruster serves it; `./hindrax thruster enable` what works, or fly other motions"
 
     def force_limit(self, axis: str, sign: float) -> float:
         """Largest force [N, Nm] that a plan may ask for along an axis: thrusters with reserve, vehicle limit."""

@@ -20,6 +20,20 @@ INERTIAL = ("icm20948",)
 VELOCITY = ("dvl75",)
 DEPTH = ("ms5837",)
 
+REMEDIES: Mapping[str, str] = {
+    "pool_box": "bring it to the middle of the pool, or correct `pool` in the vehicle file",
+    "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
+    "altitude_band": "let it rise (`./hindrax hold altitude`)",
+    "battery": "charge the battery",
+    "time_out": "look for what held it back (a current, a cable, a weak thruster) and fly it again",
+    "thrusters": "mend them and `./hindrax thruster enable` them, or fly other motions",
+    "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
+    "speed": "let it come to rest, and see whether the DVL tells the truth (`./hindrax monitor`)",
+    "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
+    "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",
+}
+"""What the operator can do about each guard."""
+
 
 @dataclass(frozen=True, slots=True)
 class SafetyKnobs:
@@ -65,7 +79,7 @@ class Safety:
         self._wrong_since_s: dict[str, float] = {}
 
     def step(self, situation: Situation) -> tuple[str, ...]:
-        """Return "guard: sentence" for everything that is wrong now; nothing when all is well."""
+        """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
         at_once = {
             "pool_box": self._pool_box(situation.place, situation.walls_m),
             "depth_band": self._depth_band(situation.navigation),
@@ -80,9 +94,9 @@ class Safety:
             "sensor_age": self._sensor_age(situation.navigation),
             "dvl_lock": self._dvl_lock(situation),
         }
-        found = [f"{name}: {text}" for name, text in at_once.items() if text]
-        found += [f"{name}: {text}" for name, text in lasting.items() if self._lasts(name, text, situation.time_s)]
-        return tuple(found)
+        found = {name: text for name, text in at_once.items() if text}
+        found |= {name: text for name, text in lasting.items() if self._lasts(name, text, situation.time_s)}
+        return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in found.items())
 
     def _lasts(self, name: str, text: str, time_s: float) -> bool:
         if not text:

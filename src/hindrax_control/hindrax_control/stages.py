@@ -119,6 +119,7 @@ class Rest:
 
 
 REST = Rest()
+UNSETTLED = "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)"
 
 
 class Settle:
@@ -154,7 +155,7 @@ class Settle:
         if off:
             self._still_since_s = moment.time_s
         waited_s = moment.time_s - self._begun_s
-        trouble = f"settle: {off} after {waited_s:.0f} s" if off and waited_s > REST.patience_s else ""
+        trouble = f"settle: {off} after {waited_s:.0f} s; {UNSETTLED}" if off and waited_s > REST.patience_s else ""
         finished = moment.time_s - self._still_since_s >= REST.lasting_s
         return Act((X, Y, 0.0, 0.0, 0.0, 0.0), "settle", finished=finished, trouble=trouble)
 
@@ -203,6 +204,7 @@ class Hover:
         return Act((X, Y, 0.0, 0.0, 0.0, 0.0), "hover", finished=finished)
 
 
+SENSELESS = "see which sensor is silent (`./hindrax doctor`), then fly again"
 STEADY_m, STEADY_rad = 0.08, math.radians(4.0)
 """A plateau along the pool counts only while altitude and heading are this near to their setpoints."""
 
@@ -225,7 +227,7 @@ class Driven:
         """Drive the axis, with what holds it against buoyancy and righting moment; keep station in the others."""
         coordinate, rate = along(self._axis, moment)
         if not math.isfinite(coordinate + rate):
-            return Act((0.0,) * 6, "transient", trouble=f"navigation: {self._axis} unknown")
+            return Act((0.0,) * 6, "transient", trouble=f"navigation: {self._axis} unknown; {SENSELESS}")
         drive = self._drive(coordinate, rate, moment)
         if not isinstance(self._driver, Run):
             self.motion = motion_name(self._axis, rate)

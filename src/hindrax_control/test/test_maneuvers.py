@@ -24,12 +24,14 @@ class Rig:
     def __init__(self, hindrax, ideal_vehicle, knobs=SHORT):
         self.ideal, self.pilot = ideal_vehicle(hindrax, step_s=0.05), Pilot(hindrax, knobs)
         self.box, self.limits = Box(hindrax, 0.0), hindrax.limits.wrench
-        self.nearest_m, self.armed, self.flight = math.inf, False, None
+        self.nearest_m, self.armed, self.unarmed, self.flight = math.inf, False, "", None
         self.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 
     def step(self):
         ideal = self.ideal
-        self.flight = self.pilot.step(ideal.navigation(), ideal.stamp, self.became, armed=self.armed)
+        self.flight = self.pilot.step(
+            ideal.navigation(), ideal.stamp, self.became, armed=self.armed, unarmed=self.unarmed
+        )
         ideal.step(tuple(max(-top, min(top, f)) for f, top in zip(self.flight.wrench, self.limits, strict=True)))
         self.nearest_m = min(self.nearest_m, *self.box.walls_m(self.box.place(ideal.navigation())).values())
         return self.flight
@@ -248,11 +250,12 @@ def test_disarming_in_flight_aborts_and_asks_for_nothing(rig):
     rig.pilot.fly(Goal(("surge",)))
     for _ in range(100):
         rig.step()
-    rig.armed = False
+    rig.armed, rig.unarmed = False, "no command for 5 s"
     assert rig.step().wrench == ZERO6
     for _ in range(200):
         flight = rig.step()
-    assert flight.maneuver.aborted == "disarmed: the thrusters were disarmed"
+    aborted = "disarmed: the thrusters were disarmed (no command for 5 s); arm and fly again"
+    assert flight.maneuver.aborted == aborted
     rig.armed = True
     assert rig.step().wrench == ZERO6
 
@@ -264,7 +267,7 @@ def test_nothing_flies_before_it_is_armed_or_while_a_guard_objects(rig):
     assert "not armed" in rig.pilot.set(Setpoint("depth", value=1.0))
     rig.ideal.north = 4.6
     rig.arm()
-    with pytest.raises(HindraxError, match=r"pool_box.*before the start"):
+    with pytest.raises(HindraxError, match=r"pool_box: .* wanted 0\.30 m; bring it to the middle"):
         rig.pilot.fly(Goal(("surge",)))
 
 
@@ -272,11 +275,14 @@ def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig):
     rig.arm()
     rig.pilot.fly(Goal(("surge",)))
     rig.step()
-    with pytest.raises(HindraxError, match="cancel it first"):
+    with pytest.raises(HindraxError, match=r"`\./hindrax stop` ends it"):
         rig.pilot.fly(Goal(("yaw",)))
-    assert "cancel it first" in rig.pilot.set(Setpoint("depth", value=1.0))
+    assert "`./hindrax stop` ends it" in rig.pilot.set(Setpoint("depth", value=1.0))
     stamp = rig.ideal.stamp
-    assert "cancel it first" in rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)[0]
+    assert (
+        "`./hindrax stop` ends it"
+        in rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)[0]
+    )
 
 
 def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig):
@@ -315,7 +321,7 @@ def test_unknown_navigation_aborts_instead_of_guessing(hindrax, ideal_vehicle):
     for index in range(400):
         output = maneuver.step(blind, Stamp(rig.ideal.stamp + 1 + index * 50_000_000))
     assert output.done
-    assert output.aborted == "navigation: surge unknown"
+    assert output.aborted.startswith("navigation: surge unknown; see which sensor is silent (`./hindrax doctor`)")
 
 
 @pytest.mark.parametrize("excitation", ["steps", "doublets", "chirp", "multisine"])
@@ -361,6 +367,6 @@ def test_plans_are_for_the_thrusters_that_work(hindrax, ideal_vehicle):
     rig = Rig(hindrax, ideal_vehicle)
     rig.pilot.disable(frozenset({"T3", "T4"}))
     rig.arm()
-    with pytest.raises(UsageError, match="sway: the thrusters left"):
+    with pytest.raises(UsageError, match="sway: without T3, T4 no thruster serves it"):
         rig.pilot.fly(Goal(("sway",)))
     assert Allocator(hindrax).lost_axes(frozenset({"T3", "T4"})) == ("sway",)

@@ -38,7 +38,9 @@ def test_a_refused_setpoint_is_shown_for_a_while(hovering):
 def test_it_is_shown_disarmed_too(hovering):
     hovering.step(armed=False)
     hovering.pilot.set(Setpoint("depth", value=0.5))
-    assert hovering.step(armed=False) == {"depth": "refused: hold depth: the vehicle is not armed"}
+    assert hovering.step(armed=False) == {
+        "depth": "refused: hold depth: the vehicle is not armed; `./hindrax arm` first"
+    }
 
 
 def test_a_good_setpoint_takes_its_place(hovering):

@@ -131,7 +131,7 @@ def maneuver(flight: Flight | None, width: int = 78) -> RenderableType:
     if flight is None:
         return Text("none; ./hindrax pool-test flies them", style=DIM)
     if flight.aborted:
-        return Text(f"{flight.motion} aborted by {flight.aborted}", style=BAD)
+        return Text(f"{flight.motion} aborted by {flight.aborted}".lstrip(), style=BAD)
     if flight.phase == "done":
         return Text("done", style=GOOD)
     length = max(10, width - 50)

@@ -40,6 +40,7 @@ from hindrax_ros.polled import PolledNode, events_executor
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0
+AGAIN = "see what is wrong (`./hindrax doctor`), arm and fly again"
 LINK_S = 0.3
 """Time for what was published last to reach its readers, before the node goes away."""
 FLOWN_s = 1.0
@@ -224,24 +225,40 @@ class Operator:
         goal.stamp = stamp_to_msg(self.now())
         self.maneuver = None
         future = self._fly.send_goal_async(goal)
-        self.wait(future.done, ANSWER_S, lambda: "the pilot to answer a goal")
+        self.wait(future.done, ANSWER_S, lambda: f"the pilot to answer a goal; {AGAIN}")
         self._goal = future.result()
         if not self._goal.accepted:
-            raise HindraxError("the pilot refused the maneuver; logs/control.log of the run says why")
+            raise HindraxError(
+                "the pilot rejected the maneuver without a reason; it is of another version: start it anew"
+            )
         result = self._goal.get_result_async()
         try:
-            self.wait(lambda: result.done() or self._unheard(), seconds, lambda: "the maneuver to end")
+            self.wait(lambda: result.done() or self._unheard(), seconds, self._unended)
         except BaseException:
-            self.cancel()
+            with contextlib.suppress(HindraxError):  # what went wrong first is what to tell
+                self.cancel()
             raise
         self._goal = None
         if not result.done():
-            said = self.maneuver.aborted if self.maneuver is not None else ""
-            return said or "link: the end of the maneuver was not heard"
+            return self._last_heard()
         outcome = result.result()
         if outcome.status == GoalStatus.STATUS_SUCCEEDED and outcome.result.completed:
             return ""
         return str(outcome.result.aborted) or "maneuver: ended without a reason"
+
+    def _unended(self) -> str:
+        at = f", now at {self.maneuver.motion} {self.maneuver.phase}" if self.maneuver is not None else ""
+        return f"the maneuver to end{at}; it is cancelled"
+
+    def _last_heard(self) -> str:
+        """Say how a maneuver ended whose result went lost."""
+        if self.maneuver.phase in ("done", "aborted"):
+            return str(self.maneuver.aborted)
+        now = (
+            f"the thrusters are {self.thrusters.state}" if self.thrusters is not None else "the thrusters are not heard"
+        )
+        because = f" ({self.thrusters.reason})" if self.thrusters is not None and self.thrusters.reason else ""
+        return f"link: nothing heard of the maneuver for {UNHEARD_s:.0f} s, and {now}{because}; {AGAIN}"
 
     def _unheard(self) -> bool:
         """Whether the vehicle is heard, but of no maneuver any more: the result went lost with the link."""

@@ -7,12 +7,14 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.serialization import deserialize_message
 
 from hindrax_control.holds import Setpoint
-from hindrax_control.maneuvers import ManeuverOutput, check_goal
+from hindrax_control.maneuvers import ManeuverOutput, abandoned, check_goal
 from hindrax_control.nodes.pilot_messages import feedback_to_msg, goal_from_msg, holds_to_msg, maneuver_to_msg
-from hindrax_control.pilot import Flight, Pilot, PilotKnobs
+from hindrax_control.pilot import BUSY, Flight, Pilot, PilotKnobs
+from hindrax_control.stages import SENSELESS
 from hindrax_control.supply import Supply
 from hindrax_control.watch import Suspicion
 from hindrax_core.errors import HindraxError
@@ -32,7 +34,7 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import ThrusterHealth
+from hindrax_msgs.msg import ThrusterHealth, ThrusterState
 from hindrax_ros.convert import FSD, estimate_from_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.health import Reporter, status
@@ -47,6 +49,9 @@ STATUS_EVERY = 5
 FEEDBACK_EVERY = 10
 REPORT_EVERY = 50
 COMMAND_LIFESPAN_S = 1.0
+WATCH_S = 0.5
+SILENT_S = 5.0
+"""Silence of the navigator that ends a maneuver [ROS time]: the thrusters, told nothing, disarm by then."""
 ARMED_WITHIN = 25
 """Cycles for which a goal waits for the news that the thrusters are armed."""
 
@@ -61,7 +66,8 @@ class PilotNode(PolledNode):
         super().__init__("pilot")
         self._give = give
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs))
-        self._armed = False
+        self._armed, self._unarmed = False, ""
+        self._heard = Stamp(0)
         self._supply = supply
         self._allocation: Allocation | None = None
         self._flight: Flight | None = None
@@ -88,10 +94,10 @@ class PilotNode(PolledNode):
             FlyManeuver,
             "maneuver/fly",
             partial(self._conclude, ""),
-            goal_callback=self._judge,
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
+        self.every(WATCH_S, self._watch_navigator)
 
     def close(self) -> None:
         """Take the action away before the node."""
@@ -103,7 +109,10 @@ class PilotNode(PolledNode):
     # ---- what the vehicle says
 
     def _on_thrusters(self, data: bytes) -> None:
-        self._armed = applied_from_bytes(data).armed
+        armed = applied_from_bytes(data).armed
+        if self._armed and not armed:
+            self._unarmed = deserialize_message(data, ThrusterState).reason
+        self._armed = armed
 
     def _on_estimate(self, message: Any) -> None:
         """Keep what is known of a motion, for who flies it."""
@@ -136,10 +145,16 @@ class PilotNode(PolledNode):
 
     def take(self, stamped: Stamped[Navigation]) -> None:
         """Fly one cycle on a new state."""
+        self._heard = stamped.stamp
         self._cancel_if_asked()
         battery_V = self._supply.measured_V(stamped.stamp) or NAN
         flight = self._pilot.step(
-            stamped.reading, stamped.stamp, self._allocation, armed=self._armed, battery_V=battery_V
+            stamped.reading,
+            stamped.stamp,
+            self._allocation,
+            armed=self._armed,
+            unarmed=self._unarmed,
+            battery_V=battery_V,
         )
         self._flight = flight
         if flight.suspicion is not None:
@@ -177,23 +192,30 @@ class PilotNode(PolledNode):
         for refused in self._pilot.by_hand(wrench_from_msg(message), message.header.frame_id, stamp, self._now()):
             self.get_logger().warning(f"operator's {refused}", throttle_duration_sec=1.0)
 
-    def _judge(self, goal: Any) -> GoalResponse:
-        refused = self._stale(stamp_from_msg(goal.stamp))
-        try:
-            check_goal(goal_from_msg(goal))
-        except HindraxError as error:
-            refused = refused or str(error)
-        if refused:
-            self.get_logger().warning(f"maneuver refused: {refused}")
-        return GoalResponse.REJECT if refused else GoalResponse.ACCEPT
-
     def _accept(self, handle: Any) -> None:
-        """Keep a goal until the vehicle can begin it.
+        """Keep a goal until the vehicle can begin it, or conclude it at once: a rejection could not say why.
 
         The goal is concluded by `handle.execute` when it is over. A coroutine that waited for that would be turned by
         the events executor without pause, for as long as the maneuver takes.
         """
-        self._waiting = (handle, ARMED_WITHIN)
+        refused = self._unflyable(handle.request)
+        if refused:
+            handle.execute(partial(self._conclude, refused))
+        else:
+            self._waiting = (handle, ARMED_WITHIN)
+
+    def _unflyable(self, request: Any) -> str:
+        """Why a goal is not even kept, as "guard: sentence"; empty when it is."""
+        stale = self._stale(stamp_from_msg(request.stamp))
+        if stale:
+            return f"goal: {stale}; ask again, and set the clocks of both machines if that does not help"
+        if self._waiting is not None or self._flying is not None:
+            return f"start: {BUSY}"
+        try:
+            check_goal(goal_from_msg(request))
+        except HindraxError as error:
+            return str(error)
+        return ""
 
     def _begin_waiting(self) -> None:
         """Begin a goal that waits; the news that the thrusters are armed may be a few cycles behind it."""
@@ -201,6 +223,9 @@ class PilotNode(PolledNode):
             return
         handle, cycles = self._waiting
         self._waiting = None
+        if handle.is_cancel_requested:
+            handle.execute(partial(self._conclude, "cancelled: by the operator"))
+            return
         if not self._armed and cycles > 0:
             self._waiting = (handle, cycles - 1)
             return
@@ -222,6 +247,19 @@ class PilotNode(PolledNode):
         else:
             handle.abort()
         return FlyManeuver.Result(completed=not aborted, aborted=aborted)
+
+    def _watch_navigator(self) -> None:
+        """End what waits or is flown when there is no state to fly on: nothing else would."""
+        silent_s = seconds_between(self._heard, self._now())
+        if silent_s <= SILENT_S or (self._waiting is None and self._flying is None):
+            return
+        said = f"for {silent_s:.0f} s" if self._heard else "yet"
+        reason = f"navigation: no state of the vehicle {said}, so the thrusters are neutral; {SENSELESS}"
+        handle = self._flying if self._waiting is None else self._waiting[0]
+        self._waiting = self._flying = None
+        self._pilot.abandon()
+        self._maneuver.publish(maneuver_to_msg(abandoned(reason), self._now()))
+        handle.execute(partial(self._conclude, reason))
 
     def _cancel_if_asked(self) -> None:
         if self._flying is not None and self._flying.is_cancel_requested:
