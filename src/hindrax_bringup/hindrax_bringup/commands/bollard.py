@@ -25,6 +25,8 @@ from hindrax_ident.bench.bollard import COEFFICIENTS, COLUMNS, Direction, Thrust
 NAME = "bollard"
 HELP = "thrust curve from a bollard-pull sweep, with the block for the vehicle file"
 EXAMPLE = "./hindrax bollard sweep.csv --lever-ratio 2.0 --supply 14.8 --plot curve.png"
+OUTLIERS = "remove outliers (--plot shows them)"
+UNFIT = f"look for another unit, or {OUTLIERS}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,9 +74,9 @@ def _check_block(block: str, name: str) -> None:
     try:
         problems = problems_of(build(Curve, yaml.safe_load(block)["curves"][name], f"curves.{name}"))
     except UsageError as error:
-        raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}") from error
+        raise HindraxError(f"bollard: the sweep gives no curve for a vehicle file: {error}; {UNFIT}") from error
     if problems:
-        raise HindraxError(f"bollard: {'; '.join(problems)}; tare the load cell, or widen --dead-band")
+        raise HindraxError(f"bollard: {'; '.join(problems)}; tare the load cell, widen --dead-band, or {OUTLIERS}")
 
 
 def tell(arguments: argparse.Namespace, curve: ThrustCurve, block: str) -> None:
