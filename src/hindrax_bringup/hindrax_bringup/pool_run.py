@@ -146,8 +146,8 @@ def _operate(options: PoolOptions, flight: Flight, supervisor: Supervisor, progr
             except HindraxError as error:
                 # What was flown until then is in the bag, and worth to be identified.
                 flight.aborted = f"stack: {error}"
-            if flight.aborted and deaths:
-                flight.aborted += f"; meanwhile {deaths[-1]}"
+            else:
+                flight.aborted += f"; meanwhile {deaths[-1]}" if flight.aborted and deaths else ""
             flight.ailments = ailments(operator) if flight.aborted else []
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9

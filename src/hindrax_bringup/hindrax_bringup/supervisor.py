@@ -95,8 +95,10 @@ class Supervisor:
         """Raise HindraxError, with its last words, if a process is down for good."""
         for name, child in self.children.items():
             if child.ended:
-                log = self.logs / f"{name}.log"
-                raise HindraxError(f"{name}: the process has ended for good; {last_words(log)}; all of it is in {log}")
+                words = last_words(self.logs / f"{name}.log")
+                raise HindraxError(
+                    f"{name}: the process has ended for good; {words}; look into {self.logs}, start again"
+                )
 
     def stop(self, name: str) -> None:
         """End one process in an orderly way."""

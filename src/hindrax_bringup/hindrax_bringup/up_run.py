@@ -90,8 +90,8 @@ def _look_after(
             told = dict(keeper.troubles)
             lost = [name for name in VITAL if name in supervisor.children and supervisor.children[name].ended]
             if lost:
-                log = supervisor.logs / f"{lost[0]}.log"
-                raise HindraxError(f"the {lost[0]} process is gone for good; {last_words(log)}; all of it is in {log}")
+                words = last_words(supervisor.logs / f"{lost[0]}.log")
+                raise HindraxError(f"{lost[0]}: the process is gone for good; {words}; look into {supervisor.logs}")
 
 
 def _require_same(tether: Tether | None, address: str) -> None:
