@@ -20,7 +20,7 @@ from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import cross
-from hindrax_core.state import NAN, Navigation
+from hindrax_core.state import NAN, ZERO6, Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
 
 LONG_AGO = Stamp(-(2**62))
@@ -60,6 +60,7 @@ class Navigator:
         self.refused = 0
         self._begin(Stamp(0))
         self._imu = LONG_AGO
+        self._sample = ZERO6
 
     def _begin(self, stamp: Stamp) -> None:
         """Start anew: at the first sample, or after a gap in which anything may have happened."""
@@ -113,16 +114,20 @@ class Navigator:
         if not (dt > 0.0 and math.isfinite(fx + fy + fz + p + q + r)):
             self.refused += 1
             return None
+        ex, ey, ez, o, n, m = self._sample
+        self._sample = (fx, fy, fz, p, q, r)
         if dt > self._knobs.longest_gap_s:
             self._begin(stamp)
             return None
         self._imu = self._heard[source] = stamp
-        self._turned_x += p * dt
-        self._turned_y += q * dt
-        self._turned_z += r * dt
-        self._pushed_x += fx * dt
-        self._pushed_y += fy * dt
-        self._pushed_z += fz * dt
+        # Samples are instants: without the one before, the angle would be half a period ahead of the rate.
+        half = 0.5 * dt
+        self._turned_x += half * (o + p)
+        self._turned_y += half * (n + q)
+        self._turned_z += half * (m + r)
+        self._pushed_x += half * (ex + fx)
+        self._pushed_y += half * (ey + fy)
+        self._pushed_z += half * (ez + fz)
         if stamp < self._due:
             return None
         at = self._seats.get(source, NOWHERE)

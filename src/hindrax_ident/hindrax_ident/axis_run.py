@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 
-from hindrax_core.state import Estimate, Thrust
+import numpy as np
+
+from hindrax_core.readings import Vec6
+from hindrax_core.state import ZERO6, Estimate, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.belief import Belief
 from hindrax_ident.bounds import bounded
+from hindrax_ident.coriolis import Masses, coriolis, doubts
 from hindrax_ident.faces import face_of
 from hindrax_ident.intake import DEPTH_S, NAVIGATORS, Bin, Source, mean
 from hindrax_ident.learner import Learner, Verdict
 from hindrax_ident.models import Model, Motion, effect, known_force, lag_s, motions_of
-from hindrax_ident.record import Record, Stretch, series
+from hindrax_ident.record import Record, Series, Stretch, series
 from hindrax_ident.tuning import Tuning
 
 ANGLE_S = 0.5
@@ -42,6 +46,9 @@ class AxisRun:
         self._efforts: list[tuple[float, float]] = []
         self._knows_efforts = True
         self._knowns: list[tuple[float, float]] = []
+        self._motions: list[tuple[float, ...]] = []
+        self._others: tuple[float, ...] = ZERO6
+        self._hydrostatic = self._carried = 0.0
         self._faces = {motion.side: face_of(model, motion) for motion in motions_of(model.axis)}
 
     # ---- what comes in, in the order of time
@@ -59,6 +66,17 @@ class AxisRun:
             self._knows_efforts = False
             return 0.0
         return sum((share * force) ** 2 for share, force in zip(self._per_newton, forces_N, strict=True))
+
+    def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
+        """What moves on all axes from this time on, and the masses that are believed for now (see `coriolis`)."""
+        axis = self.model.axis
+        others = (*nu[:axis], 0.0, *nu[axis + 1 :])
+        if others == self._others:
+            return
+        self._others = others
+        self._motions.append((t_s, *others))
+        self._carried = coriolis(axis, masses.values, nu)
+        self.learner.known(t_s, self._hydrostatic + self._carried)
 
     def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
         """One velocity of one source: the verdicts on the means that it completes."""
@@ -78,9 +96,9 @@ class AxisRun:
         axis = self.model.axis
         roll, pitch, _ = attitude_rad
         if axis < 2 and math.isfinite(roll) and math.isfinite(pitch):
-            force = known_force(self._vehicle, axis, attitude_rad)
-            self._knowns.append((t_s, force))
-            self.learner.known(t_s, force)
+            self._hydrostatic = known_force(self._vehicle, axis, attitude_rad)
+            self._knowns.append((t_s, self._hydrostatic))
+            self.learner.known(t_s, self._hydrostatic + self._carried)
         if axis in (3, 4) and math.isfinite(attitude_rad[axis - 3]):
             self._place(t_s, attitude_rad[axis - 3], "attitude")
         if axis == 2 and math.isfinite(depth_m):
@@ -138,10 +156,11 @@ class AxisRun:
             innovation=verdict.innovation * self.learner.regression.rate * float(theta[-1]),
         )
 
-    def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...]) -> Record:
+    def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
         """What was kept, with the stretches of time in which it may be used."""
         velocities = [] if self._is_derived else self._velocities.get(self._speed_source.name, [])
         velocity = series(velocities)
+        moved_s, *nu = np.array(self._motions or [(0.0,) * 7]).T
         position = series(self._positions.get(self._depth_source.name or "attitude", []))
         return Record(
             velocity=velocity,
@@ -149,6 +168,8 @@ class AxisRun:
             effort=series(self._efforts if self._knows_efforts else []),
             stretches=stretches,
             known=series(self._knowns),
+            carried=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
+            doubts=tuple(Series(moved_s, error) for error in doubts(self.model.axis, masses, nu)),
             position=position,
             lag_s=self.lag_s,
             plateaus=plateaus,

@@ -26,6 +26,14 @@ class Belief:
         """Inverse covariance: (p, p)."""
         return np.diag(1.0 / self.sigmas**2)
 
+    def told(self, index: int, value: float, sigma: float) -> Belief:
+        """Believe this of one parameter besides."""
+        values, sigmas = self.values.copy(), self.sigmas.copy()
+        weight = np.array([1.0 / sigmas[index] ** 2, 1.0 / sigma**2])
+        values[index] = weight @ [values[index], value] / weight.sum()
+        sigmas[index] = weight.sum() ** -0.5
+        return Belief(values, sigmas)
+
 
 def wide_belief(vehicle: Vehicle, model: Model) -> Belief:
     """Know nothing but the size: a drag coefficient of 2 give or take 30, a mass of 1.8 bodies give or take 3.

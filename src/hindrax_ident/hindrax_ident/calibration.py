@@ -171,6 +171,16 @@ def by_tilt(vehicle: Vehicle, fit: Fit, sigma_rad: float) -> Array:
     return array(np.outer(shift, shift))
 
 
+def by_masses(record: Record, fit: Fit) -> Array:
+    """Covariance that masses of other axes add where nobody knows them: (p, p); see `coriolis`."""
+    if not record.doubts:
+        return np.zeros_like(fit.covariance)
+    times = fit.problem.grid.times_s - record.late_s
+    totals = [LaggedThrust(error.t, error.y, 0.0).impulse(times) for error in record.doubts]
+    shifts = score(fit, per_step(np.stack(totals, axis=1), fit)).shifts
+    return array(shifts @ shifts.T)
+
+
 def with_velocity_gain(covariance: Array, fit: Fit, sigma: float) -> Array:
     """Covariance with what an unknown gain of the measured velocity adds: k_q goes with its inverse square."""
     model = fit.model

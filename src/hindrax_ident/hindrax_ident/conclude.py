@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.belief import Belief
 from hindrax_ident.bounds import bounded
 from hindrax_ident.calibration import (
+    by_masses,
     by_tilt,
     tilt_sigma_rad,
     with_calibration,
@@ -54,6 +56,8 @@ LONGEST_LAG_S = 2.0
 MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
 METHOD = "output-error"
+CONTRADICTION = 1e-4
+"""Probability with which two values of one quantity may be called different."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +101,28 @@ def together(drafts: Mapping[int, Draft]) -> dict[int, Draft]:
     """Drafts of all axes of a run, weighed by what they say of the thrusters together."""
     known = {axis: one.fit for axis, one in drafts.items() if len(one.record.effort)}
     better = {axis: reweighted(known[axis], noise, drafts[axis].belief) for axis, noise in common_noise(known).items()}
-    return {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
+    weighed = {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
+    return weighed | _with_one_stiffness({axis: one for axis, one in weighed.items() if one.fit.model.restores})
+
+
+def _with_one_stiffness(drafts: Mapping[int, Draft]) -> dict[int, Draft]:
+    """Roll and pitch have one k_r, buoyancy times its height (Fossen 2011 eq. 4.6): tell each what the other found.
+
+    Not where they contradict each other: then an arm or a thrust of one of them is not what the vehicle file says.
+    """
+    at = -2
+    found = {axis: (float(one.fit.theta[at]), float(one.fit.covariance[at, at])) for axis, one in drafts.items()}
+    if len(found) < 2:
+        return {}
+    (value, variance), (other, its_variance) = found.values()
+    if (value - other) ** 2 > float(chi2.isf(CONTRADICTION, 1)) * (variance + its_variance):
+        return {}
+    told = dict(zip(found, reversed(found.values()), strict=True))
+    return {axis: replace(one, fit=_told(one, at, *told[axis])) for axis, one in drafts.items()}
+
+
+def _told(drafted: Draft, index: int, value: float, variance: float) -> Fit:
+    return reweighted(drafted.fit, drafted.fit.noise, drafted.belief.told(index, value, math.sqrt(variance)))
 
 
 def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
@@ -112,6 +137,7 @@ def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
             fit, covariance=fit.covariance + current.current**2 * np.outer(current.per_unit, current.per_unit)
         )
     unseen = by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + lag.covariance(tuning.timing_sigma_s)
+    unseen = unseen + by_masses(record, fit)
     unseen = unseen + tuning.stamp_doubt_s**2 * np.outer(lag.per_s, lag.per_s)
     systematic = by_tilt(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
     fit = replace(fit, covariance=fit.covariance + unseen)

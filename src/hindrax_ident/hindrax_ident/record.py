@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.lag import LaggedThrust
 
 EMPTY: Array = np.zeros(0)
@@ -51,15 +51,18 @@ class Stretch:
 class Record:
     """One axis of one run, times in seconds from the run's first event.
 
-    `thrust` is what the thrusters were told, `known` the hydrostatic force (both hold until their next sample);
-    `position` is the depth [m] in heave, the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the
-    squares of what each thruster gives on the axis [N^2, N^2 m^2]: it holds like thrust; empty where nobody knows it.
+    `thrust` is what the thrusters were told, `known` the hydrostatic force, `carried` that by motions along other axes,
+    `doubts` its errors (see `coriolis.doubts`); all hold until their next sample. `position` is the depth [m] in heave,
+    the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the squares of what each thruster gives
+    on the axis [N^2, N^2 m^2]: it holds like thrust; empty where nobody knows it.
     """
 
     velocity: Series
     thrust: Series
     stretches: tuple[Stretch, ...]
     known: Series = Series(EMPTY, EMPTY)
+    carried: Series = Series(EMPTY, EMPTY)
+    doubts: tuple[Series, ...] = ()
     position: Series = Series(EMPTY, EMPTY)
     effort: Series = Series(EMPTY, EMPTY)
     lag_s: float = 0.0
@@ -68,20 +71,18 @@ class Record:
     """By how much the stamps of velocity and position are known to be late; they are told as they were stamped."""
 
     def impulse(self, at_s: Array) -> Array:
-        """Integral of thrust after its lag and of the known force, up to each time: (n,) [N s, N m s]."""
+        """Integral of thrust after its lag and of the known forces, up to each time: (n,) [N s, N m s]."""
         at_s = at_s - self.late_s
-        total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s)
-        if len(self.known):
-            total = total + LaggedThrust(self.known.t, self.known.y, 0.0).impulse(at_s)
-        return total
+        return array(sum(part.impulse(at_s) for part in self._parts()))
 
     def force(self, at_s: Array) -> Array:
-        """Thrust after its lag and known force: (n,) [N, N m]."""
+        """Thrust after its lag and known forces: (n,) [N, N m]."""
         at_s = at_s - self.late_s
-        total = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).force(at_s)
-        if len(self.known):
-            total = total + LaggedThrust(self.known.t, self.known.y, 0.0).force(at_s)
-        return total
+        return array(sum(part.force(at_s) for part in self._parts()))
+
+    def _parts(self) -> list[LaggedThrust]:
+        known = [LaggedThrust(part.t, part.y, 0.0) for part in (self.known, self.carried) if len(part)]
+        return [LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s), *known]
 
     def efforts(self, at_s: Array) -> Array:
         """Integral of the effort (without one: of the squared thrust) after the lag: (n,) [N^2 s, N^2 m^2 s]."""

@@ -21,9 +21,10 @@ from hindrax_core.state import Attitude, Estimate, IdentEvent, Phase, Thrust, Ve
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.axis_run import AxisRun
 from hindrax_ident.belief import wide_belief, with_prior
-from hindrax_ident.conclude import Conclusion, Draft, conclude, draft, result_of, together, unidentified
+from hindrax_ident.conclude import MASS_SHARE, Conclusion, Draft, conclude, draft, result_of, together, unidentified
+from hindrax_ident.coriolis import SPREAD, USUAL, Masses, Motions
 from hindrax_ident.learner import Verdict
-from hindrax_ident.models import MOTIONS, Motion, model_of, motions_of
+from hindrax_ident.models import MOTIONS, Motion, model_of, motions_of, rigid_mass
 from hindrax_ident.phases import Limits, PhaseLog, usable
 from hindrax_ident.record import Record
 from hindrax_ident.results import MotionResult, Results
@@ -66,6 +67,8 @@ class Session:
         self._phase = Phase("", "")
         self._origin: Stamp | None = None
         self._thrust: Thrust | None = None
+        self._moves = Motions(self.tuning.gap_s)
+        self._masses = self._believed_masses({})
         self._now_s = 0.0
 
     # ---- while it runs
@@ -113,6 +116,7 @@ class Session:
             return
         self._phase = phase
         self._log.add(t_s, phase.motion, phase.phase)
+        self._masses = self._believed_masses({})
         motion = self._motion
         if motion and motion.axis not in self._axes:
             self._axes[motion.axis] = self._new_axis(motion.axis)
@@ -149,9 +153,12 @@ class Session:
         return self._told(run.attitude(t_s, attitude.attitude_rad, attitude.depth_m, self._refusal()))
 
     def _measure(self, t_s: float, velocity: Velocity) -> Sequence[Stamped[Estimate]]:
+        heard = self._moves.hear(t_s, velocity.nu)
         run, motion = self._active(), self._motion
         if not run or not motion:
             return ()
+        if heard:
+            run.motion(t_s, self._moves.at(t_s), self._masses)
         return self._told(run.velocity(t_s, velocity.nu[motion.axis], velocity.source, self._refusal()))
 
     def _told(self, verdicts: list[tuple[float, Verdict]]) -> Sequence[Stamped[Estimate]]:
@@ -174,7 +181,7 @@ class Session:
         conclusions: dict[int, Conclusion] = {}
         for axis in sorted(self._axes):
             try:
-                drafts[axis] = self._draft(axis)
+                drafts[axis] = self._draft(axis, self._believed_masses(drafts))
             except ValueError as error:
                 motions |= self._unidentified(axis, error)
         for axis, one in together(drafts).items():
@@ -202,20 +209,40 @@ class Session:
             return motions
         return tuple(motion for motion in motions if motion.side == side_of(conclusion.record))
 
-    def record(self, axis: int) -> Record:
-        """What was kept of an axis."""
+    def _believed_masses(self, drafts: Mapping[int, Draft]) -> Masses:
+        values, sigmas = zip(*(self._believed_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
+        return Masses(values, sigmas)
+
+    def _believed_mass(self, axis: int, drafted: Draft | None) -> tuple[float, float]:
+        """Body and added mass of an axis and its deviation: refined, learned, from the prior, or a guess."""
+        rigid = rigid_mass(self.vehicle, axis)
+        if drafted or axis in self._axes:
+            fit = drafted.fit if drafted else None
+            theta, covariance = (fit.theta, fit.covariance) if fit else self._axes[axis].learner.estimate()
+            value, sigma = float(theta[-1]), float(np.sqrt(covariance[-1, -1]))
+            if sigma < MASS_SHARE * value:
+                return value, sigma
+        for motion in motions_of(axis):
+            if "added_mass" in self._prior.get(motion.name, {}):
+                added, sigma = self._prior[motion.name]["added_mass"]
+                return rigid + added, sigma
+        return USUAL * rigid, SPREAD * rigid
+
+    def record(self, axis: int, masses: Masses | None = None) -> Record:
+        """What was kept of an axis; `masses` of all axes by default as they were learned."""
         run, tuning = self._axes[axis], self.tuning
         names = [motion.name for motion in motions_of(axis)]
         phases = ("plateau",) if tuning.plateaus_only else tuning.phases
         spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
-        kept = run.record((), tuple(self._log.stretches(names, ("plateau",), self._now_s)))
+        plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
+        kept = run.record((), plateaus, masses or self._believed_masses({}))
         measured = kept.velocity.t if len(kept.velocity) else kept.position.t
         limits = Limits(tuning.gap_s, tuning.thrust_age_s, tuning.stretch_s)
         return kept.within(usable(spans, measured, kept.thrust, limits))
 
-    def _draft(self, axis: int) -> Draft:
+    def _draft(self, axis: int, masses: Masses) -> Draft:
         run = self._axes[axis]
-        record = self.record(axis)
+        record = self.record(axis, masses)
         model, belief = run.model, run.belief
         online: Online = {self.tuning.estimator: run.learner.estimate()} if run.learner.samples else {}
         side = side_of(record) if model.split else 0

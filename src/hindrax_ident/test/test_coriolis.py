@@ -1,0 +1,103 @@
+"""Motions on other axes: the forces they make, and what becomes of an estimate that knows of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.state import NAN, Velocity
+from hindrax_ident.coriolis import Masses, Motions, coriolis, doubts
+from hindrax_ident.lag import LaggedThrust
+from hindrax_ident.models import model_of
+from hindrax_ident.results import truth_of
+from hindrax_ident.session import Session
+from hindrax_ident.synthetic import GYRO, back_and_forth, events, fly
+
+six = st.tuples(*[st.floats(-3.0, 3.0)] * 6)
+masses_six = st.tuples(*[st.floats(0.1, 60.0)] * 6)
+
+
+@given(masses_six, six)
+def test_they_take_and_give_no_power(masses, nu):
+    forces = [coriolis(axis, masses, nu) for axis in range(6)]
+    powers = [force * x for force, x in zip(forces, nu, strict=True)]
+    assert sum(powers) == pytest.approx(0.0, abs=1e-9 * (1.0 + sum(map(abs, powers))))
+
+
+@pytest.mark.parametrize(
+    ("axis", "nu", "wanted"),
+    [
+        (0, (0, 0.5, 0, 0, 0, 2.0), 20.0),  # turning to starboard while slipping to starboard: thrown ahead
+        (1, (0.5, 0, 0, 0, 0, 2.0), -10.0),  # turning to starboard while going ahead: thrown to port
+        (2, (0.5, 0, 0, 0, 2.0, 0), 10.0),  # nose rising while going ahead: thrown down
+        (3, (0, 0.5, 2.0, 0, 0, 0), -10.0),  # Munk: a body that is lighter along y turns broadside to its motion
+        (4, (0.5, 0, 2.0, 0, 0, 0), 20.0),
+        (5, (0.5, 2.0, 0, 0, 0, 0), -10.0),
+        (5, (0, 0, 0, 2.0, 3.0, 0), -6.0),
+    ],
+)
+def test_each_term_has_its_sign(axis, nu, wanted):
+    assert coriolis(axis, (10.0, 20.0, 30.0, 1.0, 2.0, 4.0), nu) == pytest.approx(wanted)
+
+
+def test_a_mass_nobody_knows_leaves_a_doubt():
+    masses = Masses((10.0, 20.0, 30.0, 1.0, 2.0, 4.0), (0.1, 20.0, 6.0, 0.0, 0.0, 0.0))
+    nu = [np.array([value]) for value in (0.5, 0.1, 2.0, 0.0, 0.0, 0.0)]
+    assert np.array(doubts(4, masses, nu)) == pytest.approx([6.0])
+    assert np.array(doubts(3, masses, nu)).ravel() == pytest.approx([20.0 * 0.2, -6.0 * 0.2])
+    assert doubts(0, masses, nu) == []  # nothing turns
+
+
+def test_a_velocity_that_was_not_heard_of_late_is_not_believed():
+    motions = Motions(1.0)
+    assert motions.at(0.0) == (0.0,) * 6
+    assert motions.hear(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
+    assert motions.hear(0.8, (NAN, NAN, 0.1, NAN, NAN, NAN))
+    assert not motions.hear(0.9, (NAN,) * 6)
+    assert motions.at(1.0) == (0.3, 0.0, 0.1, 0.0, 0.0, 0.0)
+    assert motions.at(1.1) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
+
+
+SURGE_mps, HEAVE_PER_Nm, LAG_S = 0.1, 0.05, 0.15
+
+
+@pytest.fixture(scope="module")
+def drifting(vehicle):
+    """Pitch while the vehicle goes ahead, and sinks and rises with the moment; the record knows the thrust only."""
+    truth = truth_of(vehicle)
+    told, model = truth["pitch"], model_of(vehicle, 4)
+    theta = np.array([told["k_q"], told["k_l"], told["b"], told["k_r"], model.rigid + told["added_mass"]])
+    plan = back_and_forth((0.6, 1.0, 1.4, 1.7), 5.0, 80.0)
+    lead = truth["heave_down"]["added_mass"] - truth["surge"]["added_mass"]
+    _, commands = plan.commands()
+    flight = fly(model, theta, plan, LAG_S, np.full(len(commands), lead * SURGE_mps * HEAVE_PER_Nm))
+    rng = np.random.default_rng(3)
+    said = list(events(flight, 4, "pitch", dataclasses.replace(GYRO), rng, plateau_s=3.0))
+    moments = LaggedThrust(flight.times_s, commands, LAG_S).force(flight.times_s)
+    for t, moment in zip(flight.times_s[::2].tolist(), moments[::2].tolist(), strict=True):
+        nu = (SURGE_mps, NAN, HEAVE_PER_Nm * moment, NAN, NAN, NAN)
+        said.append(Stamped(stamp_from_s(t), Velocity(nu, (0.01,) * 6, "dvl75")))
+    return sorted(said, key=lambda event: event.stamp)
+
+
+def off(vehicle, said, prior):
+    """Error of k_r [N m] and its standard deviation: refined and online."""
+    session = Session(vehicle, prior=prior, silent=True)
+    for event in said:
+        session.step(event)
+    result, truth = session.finish().motions["pitch"], truth_of(vehicle)["pitch"]["k_r"]
+    both = result.coefficients["k_r"], result.methods["rls"]["k_r"]
+    return [(number.value - truth, number.std) for number in both]
+
+
+def test_a_drift_while_pitching_is_no_stiffness(vehicle, drifting):
+    truth = truth_of(vehicle)
+    prior = {motion: {"added_mass": (truth[motion]["added_mass"], 0.1)} for motion in ("surge", "heave_down")}
+    for (error, sigma), (error_without, sigma_without) in zip(
+        off(vehicle, drifting, prior), off(vehicle, drifting, None), strict=True
+    ):
+        assert abs(error) < 3.5 * sigma
+        assert 10.0 * sigma < abs(error_without) < 3.0 * sigma_without
