@@ -38,7 +38,7 @@ MessageInfo = dict[str, Any]
 """What rclpy tells beside a message."""
 FLUSH_S = 0.5
 SYNC_EVERY = 2
-QUEUE = 1000
+QUEUE = 4000
 """Messages of one topic that may wait for the recorder; more are lost, and counted."""
 
 

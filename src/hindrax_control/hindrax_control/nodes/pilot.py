@@ -8,7 +8,6 @@ from typing import Any, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.serialization import deserialize_message
 
 from hindrax_control.holds import Setpoint
 from hindrax_control.maneuvers import ManeuverOutput, abandoned, check_goal
@@ -40,6 +39,7 @@ from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.health import Reporter, status
 from hindrax_ros.parameters import knobs
 from hindrax_ros.polled import PolledNode
+from hindrax_ros.serialized import deserialized
 from hindrax_ros.swift import applied_from_bytes, wrench_writer
 
 Give: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], None]
@@ -111,7 +111,7 @@ class PilotNode(PolledNode):
     def _on_thrusters(self, data: bytes) -> None:
         armed = applied_from_bytes(data).armed
         if self._armed and not armed:
-            self._unarmed = deserialize_message(data, ThrusterState).reason
+            self._unarmed = deserialized(data, ThrusterState).reason
         self._armed = armed
 
     def _on_estimate(self, message: Any) -> None:
