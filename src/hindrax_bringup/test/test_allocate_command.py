@@ -40,6 +40,12 @@ def test_axis_that_is_no_number_is_named(capsys):
     ]
 
 
+@pytest.mark.parametrize("words", [["T3", "T4"], ["T3,T4"], ["T3", "--disable", "T4"]])
+def test_several_thrusters_are_left_out_however_they_are_listed(capsys, words):
+    found = document(capsys, "--wrench", *"500000", "--disable", *words)
+    assert (found["disabled"], found["lost_axes"]) == (["T3", "T4"], ["sway"])
+
+
 def test_table_names_thrusters_and_axes(capsys):
     assert main(["allocate", "--wrench", "100", "0", "0", "0", "0", "0", "--disable", "T1,T2"]) == 0
     out = capsys.readouterr().out

@@ -28,9 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wrench", nargs=6, type=float, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"
     )
-    parser.add_argument(
-        "--disable", action="append", default=[], metavar="NAME", help="leave out a thruster; repeatable"
-    )
+    parser.add_argument("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters")
     parser.add_argument("--supply", type=float, metavar="V", help="supply voltage; default: of the vehicle file")
     parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
