@@ -59,16 +59,18 @@ def show(identified: Identified) -> None:
     motions = identified.results.motions
     table = Table(title="Identified coefficients (SI, SNAME axes)", title_justify="left")
     truths = ("truth of the mock",) if identified.mock else ()
-    for heading in ("motion", "", "value", "+-", "calibrated +-", *truths, "COB-2023-1394"):
+    name = identified.results.vehicle.name
+    papers = ("COB-2023-1394",) if any(published_of(name, motion) for motion in motions) else ()
+    for heading in ("motion", "", "value", "+-", "calibrated +-", *truths, *papers):
         table.add_column(heading, justify="left" if heading in ("motion", "") else "right", no_wrap=True)
     for motion, result in motions.items():
-        published = published_of(identified.results.vehicle.name, motion)
+        published = published_of(name, motion)
         paper = published.in_our_axes if published else {}
-        for name, number in result.coefficients.items():
+        for key, number in result.coefficients.items():
             truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.2f}",)
-            printed = f"{paper[name][0]:.2f} +- {paper[name][1]:.2f}" if name in paper else ""
-            row = (motion, name, f"{number.value:.3f}", f"{number.std:.3f}", f"{number.std_calibrated:.3f}")
-            table.add_row(*row, *truth, printed)
+            printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
+            row = (motion, key, f"{number.value:.3f}", f"{number.std:.3f}", f"{number.std_calibrated:.3f}")
+            table.add_row(*row, *truth, *((printed,) if papers else ()))
     console().print(table)
     for motion, result in motions.items():
         if not result.identifiable:

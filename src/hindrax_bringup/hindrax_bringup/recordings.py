@@ -29,7 +29,7 @@ from hindrax_ident.report import Trace
 from hindrax_ident.report.comparison import Spread, spread_of
 from hindrax_ident.results import MotionResult, Results, with_truth
 from hindrax_ident.session import Outcome, Session
-from hindrax_ident.suspicion import suspected
+from hindrax_ident.suspicion import blamed, moves_against, suspected
 from hindrax_ident.tuning import Tuning
 
 APART_S = 1000.0
@@ -208,7 +208,9 @@ def _foreign(recordings: Sequence[Recording], vehicle: Vehicle, task: Task) -> F
         usable = [one for one in recordings if not objection(one, axis)]
         if usable:
             outcome, seen = _axis(usable, vehicle, axis, tuning)
-            motions |= {name: suspected(one, vehicle) for name, one in outcome.results.motions.items()}
+            against = moves_against(usable, axis)
+            found = {name: suspected(one, vehicle) for name, one in outcome.results.motions.items()}
+            motions |= {name: blamed(one, against) for name, one in found.items()}
             conclusions |= outcome.conclusions
             traces |= seen
         elif task.axes or any(holds(one, axis) for one in recordings):
@@ -255,7 +257,8 @@ def _axis(
                 at_s = seconds_between(first, estimate.stamp)
                 seen.setdefault(told.motion, []).append((at_s, told.values, told.sigmas))
         begin_s += recording.duration_s + APART_S
-    return session.conclude(), {motion: _trace(names[motion], rows) for motion, rows in seen.items()}
+    traces = {motion: _trace(names[motion], rows) for motion, rows in seen.items()}
+    return session.conclude(), traces
 
 
 def _trace(names: tuple[str, ...], rows: list[tuple[float, tuple[float, ...], tuple[float, ...]]]) -> Trace:

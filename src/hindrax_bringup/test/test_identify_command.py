@@ -224,7 +224,7 @@ def test_wrong_units_are_suspected(tmp_path, small, capsys, speed, force):
     assert any("check the units" in reason for reason in surge["reasons"])
 
 
-@pytest.mark.parametrize(("words", "share"), [([], 0.05), (["--gain-sigma", 0.2], 0.2)])
+@pytest.mark.parametrize(("words", "share"), [([], 0.1), (["--gain-sigma", 0.2], 0.2)])
 def test_the_gain_of_a_wrench_is_never_taken_as_exact(tmp_path, small, capsys, words, share):
     record = as_csv(tmp_path / "a.csv", *flown(gain=1.15, end_s=60.0))
     document = identified(capsys, record, "--vehicle", small, *words)

@@ -44,7 +44,7 @@ class AxisRun:
         self._per_newton = tuple(effect(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
         self._thrusts: list[tuple[float, float]] = []
         self._efforts: list[tuple[float, float]] = []
-        self._knows_efforts = True
+        self._knows_efforts = bool(vehicle.thrusters)
         self._knowns: list[tuple[float, float]] = []
         self._motions: list[tuple[float, ...]] = []
         self._others: tuple[float, ...] = ZERO6

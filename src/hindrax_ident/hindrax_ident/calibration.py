@@ -16,8 +16,8 @@ import numpy as np
 from hindrax_core.curves import Branch, Curve
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.delay import per_step
 from hindrax_ident.lag import LaggedThrust
-from hindrax_ident.misfit import per_step
 from hindrax_ident.models import HORIZONTAL, effect
 from hindrax_ident.record import Record
 from hindrax_ident.refine import Fit
@@ -175,9 +175,9 @@ def by_masses(record: Record, fit: Fit) -> Array:
     """Covariance that masses of other axes add where nobody knows them: (p, p); see `coriolis`."""
     if not record.doubts:
         return np.zeros_like(fit.covariance)
-    times = fit.problem.grid.times_s - record.late_s
-    totals = [LaggedThrust(error.t, error.y, 0.0).impulse(times) for error in record.doubts]
-    shifts = score(fit, per_step(np.stack(totals, axis=1), fit)).shifts
+    grid = fit.problem.grid
+    totals = [LaggedThrust(error.t, error.y, 0.0).impulse(grid.times_s) for error in record.doubts]
+    shifts = score(fit, per_step(np.stack(totals, axis=1), grid)).shifts
     return array(shifts @ shifts.T)
 
 
@@ -193,9 +193,9 @@ def with_velocity_gain(covariance: Array, fit: Fit, sigma: float) -> Array:
 
 def _impulses(record: Record, fit: Fit, errors: Array) -> Array:
     """Impulse over each step of the fit's grid for each column of thrust errors: (n, k)."""
-    times = fit.problem.grid.times_s
+    times = fit.problem.grid.times_s - record.late_s
     totals = np.stack([LaggedThrust(record.thrust.t, error, record.lag_s).impulse(times) for error in errors.T], axis=1)
-    return per_step(totals, fit)
+    return per_step(totals, fit.problem.grid)
 
 
 def _block_diagonal(blocks: list[Array]) -> Array:

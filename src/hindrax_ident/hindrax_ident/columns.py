@@ -29,7 +29,7 @@ DEGREE = math.pi / 180.0
 KGF, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
 _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0}
 _SPEED = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "ft/s": 12.0 * INCH}
-_SPEED |= {"mps": 1.0, "cmps": 0.01, "mmps": 1e-3, "kt": _SPEED["kn"], "knots": _SPEED["kn"]}
+_SPEED |= {"mps": 1.0, "cmps": 0.01, "mmps": 1e-3, **dict.fromkeys(("kt", "kts", "knots"), _SPEED["kn"])}
 _RATE = {"rad/s": 1.0, "radps": 1.0, "deg/s": DEGREE, "degps": DEGREE, "dps": DEGREE, "rpm": math.tau / 60.0}
 _FORCE = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "kgf": KGF, "gf": 1e-3 * KGF, "lbf": LBF}
 _MOMENT = {"nm": 1.0, "knm": 1e3, "mnm": 1e-3, "kgfm": KGF, "lbfft": LBF * 12.0 * INCH, "lbfin": LBF * INCH}
@@ -47,6 +47,15 @@ UNITS: dict[str, dict[str, float]] = {
     "t_ns": {},
 }
 """SI per unit, for the units a column may be in."""
+
+_ALONG = (
+    ("speed velocity vel", {"u": "surge", "v": "sway", "w": "heave"}),
+    ("force thrust", {"X": "surge", "Y": "sway", "Z": "heave"}),
+    ("rate angular_velocity", {"p": "roll", "q": "pitch", "r": "yaw"}),
+    ("torque moment", {"K": "roll", "M": "pitch", "N": "yaw"}),
+)
+AXES_OF = {name: columns for names, columns in _ALONG for name in names.split()}
+"""Names that say what is measured but not along which axis, and the columns that they may be, by what moves."""
 
 UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
 """Cells that say nothing."""
@@ -107,6 +116,18 @@ def meaning_of(header: str) -> Meaning | None:
     return Meaning(name, factor, told=True) if name and factor else None
 
 
+def near_miss(header: str) -> str:
+    """What to do about the head of a column that says too little to be used; empty where it is of no use anyway."""
+    before, _, unit = header.strip().rpartition("_")
+    for text, suffix in ((header, ""), (before, f"_{unit}")):
+        columns = AXES_OF.get(_words(text), {})
+        if columns:
+            names = " or ".join(f"{column}{suffix} for {moved}" for column, moved in columns.items())
+            return f"{header} names no axis: call it {names}"
+    name = _name(before) if before else None
+    return f"{header}: the unit {unit!r} is none of {', '.join(UNITS[name])}" if name and not _name(header) else ""
+
+
 def factor_of(name: str, unit: str, where: str) -> float:
     """SI per unit of a column. HindraxError when the unit is none of those that the column may be in."""
     factor = UNITS[name].get(_plain(unit))
@@ -127,10 +148,14 @@ def _name(text: str) -> str | None:
     bare = text.strip().strip("%").strip()
     if bare in COLUMNS:
         return bare
-    words = re.sub(r"[^0-9a-z]+", "_", bare.lower()).strip("_")
+    words = _words(bare)
     if words in NAMES:
         return NAMES[words]
     return next((name for ending, name in _ENDINGS.items() if words.endswith(ending)), None)
+
+
+def _words(text: str) -> str:
+    return re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
 
 
 def number(text: str) -> float:

@@ -21,6 +21,7 @@ from hindrax_ident.calibration import (
     with_known_buoyancy,
     with_velocity_gain,
 )
+from hindrax_ident.delay import by_delays, settled
 from hindrax_ident.faces import Face, face_of
 from hindrax_ident.gusts import common_noise
 from hindrax_ident.misfit import (
@@ -31,8 +32,10 @@ from hindrax_ident.misfit import (
     check_form,
     check_lag,
     check_latency,
+    check_slow,
 )
 from hindrax_ident.models import HORIZONTAL, Model, Motion, coefficients
+from hindrax_ident.omitted import by_omission
 from hindrax_ident.plateaus import BatchFit, Plateaus, measure
 from hindrax_ident.plateaus import fit as fit_plateaus
 from hindrax_ident.quality import (
@@ -70,6 +73,7 @@ class Conclusion:
     lag: LagCheck
     form: FormCheck
     current: CurrentCheck
+    omitted: Array
     plateaus: Plateaus
     whiteness: Whiteness
     validation: Validation | None
@@ -90,9 +94,14 @@ class Draft:
     moved: bool
 
 
-def draft(model: Model, record: Record, belief: Belief, online: Online) -> Draft:
-    """Refine a record from the last online estimate. ValueError when it holds too few samples."""
+def draft(model: Model, record: Record, belief: Belief, online: Online, lag_doubt_s: float = 0.0) -> Draft:
+    """Refine a record from the last online estimate. ValueError when it holds too few samples.
+
+    With `lag_doubt_s` its lag and latency are only believed to within that.
+    """
     start = list(online.values())[-1][0] if online else belief.values
+    if lag_doubt_s > 0.0:
+        return Draft(*settled(record, start, model, belief, lag_doubt_s), belief, online, moved=False)
     record, fit, moved = _with_lag(record, refine(model, record, start, belief), belief)
     return Draft(record, fit, belief, online, moved)
 
@@ -128,7 +137,10 @@ def _told(drafted: Draft, index: int, value: float, variance: float) -> Fit:
 def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
     """Check a draft for what it does not know of, and widen its bands accordingly."""
     record, belief, online = drafted.record, drafted.belief, drafted.online
-    fit, lag = _with_doubt(record, drafted.fit, moved=drafted.moved)
+    fit = drafted.fit
+    if tuning.thrust_doubt > 0.0:
+        fit = replace(fit, covariance=array(check_slow(fit) * fit.covariance))
+    fit, lag = _with_doubt(record, fit, moved=drafted.moved, lag_doubt_s=tuning.lag_doubt_s)
     form, current = check_form(fit), check_current(fit)
     if form.significant:
         fit = replace(fit, covariance=fit.covariance + np.outer(form.bias, form.bias))
@@ -136,10 +148,12 @@ def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
         fit = replace(
             fit, covariance=fit.covariance + current.current**2 * np.outer(current.per_unit, current.per_unit)
         )
-    unseen = by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + lag.covariance(tuning.timing_sigma_s)
-    unseen = unseen + by_masses(record, fit)
+    late = check_latency(record, fit)
+    unseen = by_tilt(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + by_masses(record, fit)
+    unseen = unseen + lag.covariance(tuning.timing_sigma_s) + late.covariance(tuning.timing_sigma_s)
     unseen = unseen + tuning.stamp_doubt_s**2 * np.outer(lag.per_s, lag.per_s)
-    systematic = by_tilt(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
+    omitted = by_omission(record, fit, tuning.thrust_doubt)
+    systematic = omitted + by_tilt(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
     fit = replace(fit, covariance=fit.covariance + unseen)
     calibrated = with_calibration(vehicle, record, fit) + systematic
     calibrated = with_velocity_gain(calibrated, fit, tuning.velocity_gain_sigma)
@@ -152,6 +166,7 @@ def conclude(vehicle: Vehicle, drafted: Draft, *, tuning: Tuning) -> Conclusion:
         lag=lag,
         form=form,
         current=current,
+        omitted=omitted,
         plateaus=measure(record),
         whiteness=whiteness(fit),
         validation=validation(record, fit, belief),
@@ -183,10 +198,12 @@ def _with_lag(record: Record, fit: Fit, belief: Belief) -> tuple[Record, Fit, bo
     return record, fit, moved
 
 
-def _with_doubt(record: Record, fit: Fit, *, moved: bool) -> tuple[Fit, LagCheck]:
-    """Let the uncertainty of a lag that was found be felt."""
+def _with_doubt(record: Record, fit: Fit, *, moved: bool, lag_doubt_s: float) -> tuple[Fit, LagCheck]:
+    """Let the uncertainty of a lag that was found be felt, and of one that is hardly known."""
     lag = check_lag(record, fit)
-    if moved or lag.significant:
+    if lag_doubt_s > 0.0:
+        fit = replace(fit, covariance=fit.covariance + by_delays(record, fit, lag_doubt_s))
+    elif moved or lag.significant:
         doubt = lag.per_s * math.hypot(lag.sigma_s, lag.missing_s)
         fit = replace(fit, covariance=fit.covariance + np.outer(doubt, doubt))
     return fit, lag
@@ -206,7 +223,9 @@ def result_of(motion: Motion, vehicle: Vehicle, conclusion: Conclusion, tuning: 
     offered = excitation(fit, motion.side)
     evidence = Evidence(
         k=k,
-        covariance=covariance[:2, :2] + conclusion.current.covariance(tuning.current_sigma_mps)[face.square][:2, :2],
+        covariance=(fit.covariance + conclusion.current.covariance(tuning.current_sigma_mps) + conclusion.omitted)[
+            face.square
+        ][:2, :2],
         excitation=offered,
         effective_samples=fit.effective_samples,
         noise=fit.sigmas[0] if math.isfinite(fit.sigmas[0]) else 0.0,

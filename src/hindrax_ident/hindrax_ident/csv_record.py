@@ -11,7 +11,7 @@ import numpy as np
 from hindrax_core.errors import HindraxError
 from hindrax_core.state import NAN
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.columns import Meaning, factor_of, meaning_of, moment, number
+from hindrax_ident.columns import Meaning, factor_of, meaning_of, moment, near_miss, number
 from hindrax_ident.readers import Recording
 
 PREAMBLE = 40
@@ -112,14 +112,17 @@ def _check_names(found: list[tuple[str, str]], header: list[str], source: str) -
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
-            f"SI, such as u_cmps; rename them in the header line{_hint(set(names))}"
+            f"SI, such as u_cmps; rename them in the header line{_hint(set(names), header)}"
         )
 
 
-def _hint(names: set[str]) -> str:
+def _hint(names: set[str], header: list[str]) -> str:
     """What to do about the part of a record that is missing."""
     if "t" not in names:
         return "; speeds and forces without times are for `hindrax towing`"
+    misses = [miss for cell in header if not meaning_of(cell) and (miss := near_miss(cell))]
+    if misses:
+        return f"; {'; '.join(misses)}"
     return "" if names & set("XYZKMN") else "; forces are missing: pulses or commands must be made newtons first"
 
 

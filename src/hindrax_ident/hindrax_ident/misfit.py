@@ -12,16 +12,18 @@ import numpy as np
 from scipy.stats import chi2
 
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.lag import LaggedThrust
+from hindrax_ident.delay import by_lag, by_latency
 from hindrax_ident.models import HORIZONTAL
 from hindrax_ident.record import Record
 from hindrax_ident.refine import Fit
 from hindrax_ident.score import score
 
-SMALL_S = 1e-4
 LAG_SIGMAS = 4.0
 LAG_LEAST_S = 0.005
 CURRENT_SIGMAS = 3.0
+SLOW_S = 3.0
+"""Shortest period of forces that are slow against the motion of a small vehicle."""
+SLOW_RATES = 16
 CHANCE = 1e-6
 """Probability with which a drag of the right form may be called wrong."""
 
@@ -50,33 +52,18 @@ class LagCheck:
 
 def check_lag(record: Record, fit: Fit) -> LagCheck:
     """Test the thruster lag: a wrong one makes a wrong mass, and shows in the residuals after each change of thrust."""
-    return _lag_check(fit, _lag_impulse(record, fit))
+    return _lag_check(fit, by_lag(record, fit.problem.grid))
 
 
 def check_latency(record: Record, fit: Fit) -> LagCheck:
     """Test the stamps of the measurements: late ones look like thrust that comes late, all of it by the same time."""
-    times = fit.problem.grid.times_s
-    return _lag_check(fit, per_step(-record.force(times)[:, None], fit))
+    return _lag_check(fit, by_latency(record, fit.problem.grid))
 
 
 def _lag_check(fit: Fit, impulse: Array) -> LagCheck:
     found = score(fit, impulse)
     sigma_s = math.sqrt(float(found.covariance[0, 0]))
     return LagCheck(float(found.values[0]), sigma_s, array(found.shifts[:, 0]), found.distance)
-
-
-def _lag_impulse(record: Record, fit: Fit) -> Array:
-    times = fit.problem.grid.times_s - record.late_s
-    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
-    as_is = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).impulse(times)
-    return per_step(((slower - as_is) / SMALL_S)[:, None], fit)
-
-
-def per_step(totals: Array, fit: Fit) -> Array:
-    """Impulses over each step from impulses up to each time: (n, m); none at the start of a stretch."""
-    steps = np.diff(totals, axis=0, prepend=0.0)
-    steps[fit.problem.grid.starts] = 0.0
-    return array(steps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +127,21 @@ def check_current(fit: Fit) -> CurrentCheck:
     variance = float(found.covariance[0, 0])
     sigma = math.sqrt(variance) if variance > 0.0 else math.inf
     return CurrentCheck(float(found.values[0]), sigma, array(found.shifts[:, 0]))
+
+
+def check_slow(fit: Fit) -> float:
+    """Power of slow unknown forces, as the residuals have it, over what the noise that was found explains; 1 or more.
+
+    A filter that whitens over the memory of the thrusters does not know of a tether, a helmsman or a swell.
+    """
+    grid = fit.problem.grid
+    longest_s = max(float(np.ptp(fit.problem.t[span])) for span in fit.problem.spans)
+    rates = np.geomspace(math.tau / max(longest_s, 2.0 * SLOW_S), math.tau / SLOW_S, SLOW_RATES)
+    angles = np.outer(grid.times_s - grid.times_s[0], rates)
+    found = score(fit, np.hstack([np.cos(angles), np.sin(angles)]) * grid.steps_s[:, None])
+    inverse = np.linalg.pinv(found.information, rcond=1e-9, hermitian=True)
+    known = float(np.trace(inverse @ found.information))
+    return max(1.0, float(found.values @ found.information @ found.values) / max(1.0, known))
 
 
 def _beyond(values: Array, shifts: Array, fit: Fit, high: float) -> float:

@@ -8,6 +8,7 @@ which are nuisances: they are taken out by projection, so that only the paramete
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,7 +177,7 @@ class Linear:
 
 
 def linearize(
-    problem: Problem, theta: Array, path: Trajectory, white: Whitener, impulses: Array | None = None
+    problem: Problem, theta: Array, path: Trajectory, white: Callable[[Array], Array], impulses: Array | None = None
 ) -> Linear | None:
     """Simulate from the start of each stretch of `path` and differentiate; None where no motion follows from theta.
 

@@ -26,6 +26,7 @@ SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5
 FORM_SHARE = 0.1
 OFFSET_SHARE = 0.2
+LINEAR_SHARE = 0.1
 HELD_OUT_SHARE = 0.25
 
 
@@ -204,6 +205,9 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
     sigma = math.sqrt(max(0.0, float(evidence.covariance[0, 0])))
     if evidence.k[0] < -3.0 * sigma:
         out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): the record is not drag alone")
+    sigma = math.sqrt(max(0.0, float(evidence.covariance[1, 1])))
+    if evidence.k[1] < -3.0 * sigma and -evidence.k[1] * evidence.excitation.high > LINEAR_SHARE * force:
+        out.append(f"k_l is negative ({evidence.k[1]:.3g} +- {sigma:.2g}): the record is not drag alone")
     if evidence.mass_gap < -3.0:
         below = f"the mass comes out below the body's own by {-evidence.mass_gap:.3g} standard deviations"
         out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")

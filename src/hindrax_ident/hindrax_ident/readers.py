@@ -29,6 +29,10 @@ SLOWEST_S = 5.0
 """Median time between velocities above which the times of a record are not taken to be in seconds."""
 STAMP_DOUBT_S = 0.03
 """How well stamps of different topics are believed to agree: delays, jitter and slow sampling look like a lag."""
+LAG_DOUBT_S = 0.1
+"""How well the lag of the thrust, and that of the velocities behind it, are known before such a record is read."""
+THRUST_DOUBT = 0.025
+"""Dead band of the thrusters, or pull of a tether, that such a record keeps silent about, of the largest thrust [-]."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -171,6 +175,8 @@ def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuni
         gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)),
         thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w),
         stamp_doubt_s=max(base.stamp_doubt_s, STAMP_DOUBT_S),
+        thrust_doubt=max(base.thrust_doubt, THRUST_DOUBT),
+        lag_doubt_s=max(base.lag_doubt_s, LAG_DOUBT_S),
     )
 
 
@@ -190,8 +196,10 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     forces = recording.wrench[:, axis]
     parts += [(t, 0, Thrust(_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
     unknown = _only(axis, NAN, NAN)
-    speeds = _pairs(recording.velocity_t, recording.velocity[:, axis])
-    parts += [(t, 3, Velocity(_only(axis, v, NAN), unknown, SOURCE)) for t, v in speeds]
+    known = np.isfinite(recording.velocity).any(axis=1)
+    rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
+    # Of all axes: what moves there makes forces here.
+    parts += [(t, 3, Velocity((u, v, w, p, q, r), unknown, SOURCE)) for t, (u, v, w, p, q, r) in rows]
     parts += [(t, 2, attitude) for t, attitude in _attitudes(recording, axis)]
     parts.sort(key=lambda part: part[:2])
     yield from (Stamped(_at(begin_s + t), event) for t, _, event in parts)

@@ -72,17 +72,17 @@ class Record:
 
     def impulse(self, at_s: Array) -> Array:
         """Integral of thrust after its lag and of the known forces, up to each time: (n,) [N s, N m s]."""
-        at_s = at_s - self.late_s
-        return array(sum(part.impulse(at_s) for part in self._parts()))
+        thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).impulse(at_s - self.late_s)
+        return array(thrust + sum(part.impulse(at_s) for part in self._measured()))
 
     def force(self, at_s: Array) -> Array:
         """Thrust after its lag and known forces: (n,) [N, N m]."""
-        at_s = at_s - self.late_s
-        return array(sum(part.force(at_s) for part in self._parts()))
+        thrust = LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s).force(at_s - self.late_s)
+        return array(thrust + sum(part.force(at_s) for part in self._measured()))
 
-    def _parts(self) -> list[LaggedThrust]:
-        known = [LaggedThrust(part.t, part.y, 0.0) for part in (self.known, self.carried) if len(part)]
-        return [LaggedThrust(self.thrust.t, self.thrust.y, self.lag_s), *known]
+    def _measured(self) -> list[LaggedThrust]:
+        """Forces that follow from velocities and attitudes, whose stamps are as late as those that are fitted."""
+        return [LaggedThrust(part.t, part.y, 0.0) for part in (self.known, self.carried) if len(part)]
 
     def efforts(self, at_s: Array) -> Array:
         """Integral of the effort (without one: of the squared thrust) after the lag: (n,) [N^2 s, N^2 m^2 s]."""

@@ -19,12 +19,13 @@ class Score:
     """Unknown impulses, m of them.
 
     `shifts` (p, m): error of the parameters per unit of each; `values` (m,) as the residuals have them, with their
-    covariance (m, m).
+    covariance (m, m) and its inverse, `information`, which is singular where the residuals cannot tell.
     """
 
     shifts: Array
     values: Array
     covariance: Array
+    information: Array
 
     @property
     def distance(self) -> float:
@@ -37,12 +38,13 @@ def score(fit: Fit, impulses: Array) -> Score:
     p, m = len(fit.theta), impulses.shape[1]
     linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses)
     if linear is None:
-        return Score(np.zeros((p, m)), np.zeros(m), np.eye(m))
+        return Score(np.zeros((p, m)), np.zeros(m), np.eye(m), np.zeros((m, m)))
     information = linear.information
     shifts = array(np.linalg.lstsq(information[:p, :p], information[:p, p:], rcond=None)[0])
     rest = information[p:, p:] - information[p:, :p] @ shifts
     inverse = np.linalg.pinv(rest, rcond=1e-12, hermitian=True)
-    return Score(shifts, array(inverse @ linear.gradient[p:]), array(inverse * _noise(fit) + 1e-30 * np.eye(m)))
+    values, size = array(inverse @ linear.gradient[p:]), _noise(fit)
+    return Score(shifts, values, array(inverse * size + 1e-30 * np.eye(m)), array(rest / size))
 
 
 def _noise(fit: Fit) -> float:

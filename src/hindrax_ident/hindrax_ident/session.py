@@ -248,4 +248,4 @@ class Session:
         side = side_of(record) if model.split else 0
         if side:
             model, belief, online = one_sided(model, belief, online, side)
-        return draft(model, record, belief, online)
+        return draft(model, record, belief, online, self.tuning.lag_doubt_s)

@@ -62,7 +62,10 @@ def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Tra
             residual = _residual(model, theta, grid, v, s)
             if not np.all(np.isfinite(residual)):
                 return None
-            change = _solve(_bands(model, theta, grid, v, s), residual)
+            try:
+                change = _solve(_bands(model, theta, grid, v, s), residual)
+            except np.linalg.LinAlgError:
+                return None
             v, s = v - change[:, 0], s - change[:, 1]
             if np.abs(change).max(initial=0.0) < CONVERGED * (1.0 + np.abs(v).max(initial=0.0)):
                 return Trajectory(v, s)

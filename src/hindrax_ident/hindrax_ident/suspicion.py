@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.lag import LaggedThrust
 from hindrax_ident.models import MOTIONS, rigid_mass
+from hindrax_ident.readers import Recording
 from hindrax_ident.results import MotionResult
 
 DRAG_COEFFICIENTS = (0.03, 100.0)
@@ -19,12 +23,43 @@ FASTEST = (10.0, 12.0)
 REMEDY = "check the units of force and velocity, and the vehicle file"
 
 
+USUAL_S = 0.7
+"""Time after which a small vehicle has followed its thrust."""
+AGAINST = -0.6
+"""Correlation of velocity and thrust that no vehicle has which is pushed by it."""
+
+
+def moves_against(recordings: Sequence[Recording], axis: int) -> str:
+    """What to say of a vehicle that moves the way its thrust does not push; empty where it does not."""
+    pairs = [pair for one in recordings if len(pair := _follows(one, axis))]
+    if not pairs:
+        return ""
+    v, force = np.concatenate(pairs).T
+    spread = float(np.std(v) * np.std(force))
+    if spread == 0.0 or float(np.mean((v - v.mean()) * (force - force.mean()))) > AGAINST * spread:
+        return ""
+    return "it moves against its thrust: check the sign of the wrench, and the axes of both"
+
+
+def _follows(recording: Recording, axis: int) -> Array:
+    """Velocities, and thrust as a vehicle would follow it, at the times of the velocities: (n, 2)."""
+    told, moved = np.isfinite(recording.wrench[:, axis]), np.isfinite(recording.velocity[:, axis])
+    if not told.any() or not moved.any():
+        return np.zeros((0, 2))
+    thrust = LaggedThrust(recording.wrench_t[told], recording.wrench[told, axis], USUAL_S)
+    return np.column_stack([recording.velocity[moved, axis], thrust.force(recording.velocity_t[moved])])
+
+
+def blamed(result: MotionResult, reason: str) -> MotionResult:
+    """The same result with one more reason against it, if there is one."""
+    return replace(result, identifiable=False, reasons=(*result.reasons, reason)) if reason else result
+
+
 def suspected(result: MotionResult, vehicle: Vehicle) -> MotionResult:
     """The same result, with every suspicion as a reason against it."""
-    found = tuple(_suspicions(result, vehicle)) if result.coefficients else ()
-    if not found:
-        return result
-    return replace(result, identifiable=False, reasons=(*result.reasons, *found))
+    for found in _suspicions(result, vehicle) if result.coefficients else ():
+        result = blamed(result, found)
+    return result
 
 
 def _suspicions(result: MotionResult, vehicle: Vehicle) -> list[str]:

@@ -28,11 +28,15 @@ class Tuning:
     buoyancy_sigma_N: float = knob(0.0, 0.0, 1e3, "how well net buoyancy is known from weighing; 0: not at all [N]")
     timing_sigma_s: float = knob(0.003, 0.0, 0.1, "stamps of velocities against those of thrust [s]")
     stamp_doubt_s: float = knob(0.0, 0.0, 1.0, "error of stamps that residuals are not trusted to tell [s]")
+    lag_doubt_s: float = knob(0.0, 0.0, 1.0, "error of lag and stamps before the record; 0: those of our own stack [s]")
     tilt_sigma_rad: float = knob(0.003, 0.0, 0.5, "error of roll and pitch by a calibrated accelerometer [rad]")
     raw_tilt_sigma_rad: float = knob(0.0125, 0.0, 0.5, "error of roll and pitch by one as it was delivered [rad]")
     mount_sigma_rad: float = knob(0.02, 0.0, 0.5, "error of roll and pitch by the mount, calibrated band [rad]")
     velocity_gain_sigma: float = knob(0.0, 0.0, 0.5, "standard deviation of the velocity's gain, calibrated band [-]")
     wrench_gain_sigma: float = knob(0.0, 0.0, 1.0, "gain of a wrench no curve stands behind, calibrated band [-]")
+    thrust_doubt: float = knob(
+        0.0, 0.0, 0.5, "dead band or pull nobody knows of, share of the largest thrust, calibrated band and verdict [-]"
+    )
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "steady current nobody knows of, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn from the plateaus of a maneuver alone")
     phases: tuple[str, ...] = knob(("hover", "transient", "plateau", "excite"), meaning="phases that teach")

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from hindrax_core.errors import HindraxError
 from hindrax_ident.columns import meaning_of
 from hindrax_ident.csv_record import read_csv
 
@@ -89,3 +90,16 @@ def test_axes_that_are_told_are_turned():
 @pytest.mark.parametrize("header", ["linear_acceleration.x", "temperature", "V", "x", "mag_x", "t_air", "", "pwm_x_y"])
 def test_what_means_nothing_is_left_alone(header):
     assert meaning_of(header) is None
+
+
+@pytest.mark.parametrize(
+    ("header", "remedy"),
+    [
+        ("t,speed_kn,X", "speed_kn names no axis: call it u_kn for surge or v_kn for sway or w_kn for heave"),
+        ("t,u,Thrust", "Thrust names no axis: call it X for surge"),
+        ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
+    ],
+)
+def test_a_column_that_says_too_little_is_told_what_it_lacks(header, remedy):
+    with pytest.raises(HindraxError, match=remedy):
+        read_csv(f"{header}\n0,1,2\n", "x.csv")

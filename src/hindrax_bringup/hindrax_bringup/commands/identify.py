@@ -46,7 +46,7 @@ NO_VEHICLE = (
     "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
     "a file with name, mass_kg, volume_m3 and envelope_m is enough"
 )
-GAIN_SIGMA = 0.05
+GAIN_SIGMA = 0.1
 """How well a wrench is believed that no curve of the vehicle file stands behind [-]."""
 CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """

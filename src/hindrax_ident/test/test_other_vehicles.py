@@ -1,0 +1,144 @@
+"""What records of other vehicles do not say: lag and latency, dead bands, tethers, motions along other axes."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from hindrax_core.events import to_s
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.misfit import check_slow
+from hindrax_ident.models import Model
+from hindrax_ident.readers import Recording, events, tuned
+from hindrax_ident.session import Session
+from hindrax_ident.synthetic import Plan, back_and_forth, fly
+from hindrax_ident.tuning import Tuning
+
+OTHER = Vehicle("other", 11.5, 0.0117, (0.457, 0.338, 0.254))
+TRUTH = {"k_q": 18.2, "k_l": 4.0, "added_mass": 5.5}
+THETA = np.array([18.2, 4.0, 0.0, 17.0])
+EMPTY = np.zeros(0), np.zeros((0, 3))
+
+
+def wave(beat_radps, end_s=60.0):
+    """Smooth commands; with a beat of all sizes."""
+    times = np.arange(0.0, end_s, 0.01)
+    return Plan(times, 40.0 * np.sin(0.7 * times) * np.cos(beat_radps * times), end_s)
+
+
+PLANS = {
+    "steps": back_and_forth((4.0, 25.0, 45.0), 5.0, 60.0),
+    "two": back_and_forth((8.0, 40.0), 5.0, 60.0),
+    "smooth": wave(0.11),
+    "sine": wave(0.0),
+}
+
+
+@functools.cache
+def flight(kind="steps", lag_s=0.2):
+    return fly(Model(0, OTHER.mass_kg), THETA, PLANS[kind], lag_s)
+
+
+def only(axis, values):
+    table = np.full((len(values), 6), np.nan)
+    table[:, axis] = values
+    return table
+
+
+def recorded(flown, late_s=0.0, noise=0.01, wrench=None):
+    """Velocities at 20 Hz whose stamps are late, and commands that are taken for forces."""
+    rng = np.random.default_rng(1)
+    v = flown.path.v[::10]
+    velocity = only(0, v + noise * rng.standard_normal(len(v)))
+    told = flown.commands if wrench is None else wrench
+    return Recording("x", flown.grid.times_s[::10] + late_s, velocity, flown.times_s, only(0, told), *EMPTY)
+
+
+def concluded(recording, **knobs):
+    session = Session(OTHER, tuned([recording], Tuning(**knobs)), silent=True)
+    for event in events(recording, 0):
+        session.step(event)
+    return session.conclude(), to_s(next(iter(events(recording, 0))).stamp)
+
+
+def surge(recording, **knobs):
+    return concluded(recording, **knobs)[0].results.motions["surge"]
+
+
+def off(result, name, truth=TRUTH):
+    """Distance from the truth in calibrated standard deviations."""
+    number = result.coefficients[name]
+    return abs(number.value - truth[name]) / number.std_calibrated
+
+
+@pytest.mark.parametrize(("lag_s", "late_s"), [(0.0, 0.0), (0.25, 0.0), (0.1, 0.2), (0.3, 0.1)])
+def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, late_s):
+    found = surge(recorded(flight(lag_s=lag_s), late_s))
+    assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(lag_s + late_s, abs=0.03)
+    assert max(off(found, name) for name in TRUTH) < 3.0
+    # Without them the added mass would be wrong by 5 kg and more.
+    assert found.coefficients["added_mass"].std_calibrated < 2.0
+
+
+def test_smooth_commands_tell_the_lag_too():
+    found = surge(recorded(flight("smooth", 0.12), noise=0.003))
+    assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(0.12, abs=0.02)
+    assert found.coefficients["k_q"].value == pytest.approx(TRUTH["k_q"], rel=0.003)
+
+
+def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt():
+    # One frequency has one phase: that of the mass and that of the lag are the same.
+    recording = recorded(flight("sine", 0.2))
+    found, wider = surge(recording), surge(recording, lag_doubt_s=0.5)
+    assert off(found, "added_mass") < 3.0
+    assert wider.coefficients["added_mass"].std > found.coefficients["added_mass"].std > 0.5
+
+
+def test_a_dead_band_that_nobody_told_is_within_the_band():
+    flown = flight("two", 0.1)
+    recording = recorded(flown, wrench=flown.commands + 1.2 * np.sign(flown.commands))
+    wide = surge(recording)
+    assert max(off(wide, name) for name in TRUTH) < 3.0
+    # It is the dead band that makes most of this one.
+    assert wide.coefficients["k_l"].std_calibrated > 2.0 * wide.coefficients["k_l"].std
+
+
+def test_forces_that_wander_slowly_are_noticed():
+    rng = np.random.default_rng(3)
+    flown = flight(lag_s=0.1)
+    push = np.interp(flown.times_s, np.arange(0.0, 61.0, 2.0), 3.0 * rng.standard_normal(31))
+    calm = concluded(recorded(flown))[0].conclusions[0].fit
+    pushed = concluded(recorded(flown, wrench=flown.commands + push))[0].conclusions[0].fit
+    assert check_slow(calm) < 1.3
+    assert np.all(np.diag(pushed.covariance)[:2] > 4.0 * np.diag(calm.covariance)[:2])
+
+
+def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_record_says():
+    flown = flight(lag_s=0.1)
+    plain = recorded(flown)
+    sway, yaw = 0.6 * flown.path.v, 0.5
+    # What the water makes of it acts like thrust, through no lag.
+    pushed = np.interp(flown.times_s, flown.grid.times_s, 1.8 * OTHER.mass_kg * sway * yaw)
+    moving = plain.velocity.copy()
+    moving[:, 1], moving[:, 5] = sway[::10], yaw
+    told, silent = (
+        surge(Recording("x", plain.velocity_t, v, plain.wrench_t, only(0, flown.commands - pushed), *EMPTY))
+        for v in (moving, plain.velocity)
+    )
+    assert max(off(told, name) for name in TRUTH) < 3.0
+    assert abs(told.coefficients["k_l"].value - 4.0) < 1.0
+    assert abs(silent.coefficients["k_l"].value - 4.0) > 4.0
+
+
+def test_linear_drag_that_pushes_is_no_drag():
+    flown = flight(lag_s=0.1)
+    # Thrust that grows with the speed, as nobody would build it.
+    speeds = np.interp(flown.times_s, flown.grid.times_s, flown.path.v)
+    found = surge(recorded(flown, wrench=flown.commands - 18.0 * speeds, noise=0.003))
+    assert not found.identifiable
+    assert any("k_l is negative" in reason for reason in found.reasons)
+
+
+def test_thrusters_that_nobody_described_may_be_unsteady_all_the_same():
+    fit = concluded(recorded(flight(lag_s=0.1)))[0].conclusions[0].fit
+    assert np.any(fit.problem.efforts > 0.0)
