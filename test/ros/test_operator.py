@@ -141,9 +141,10 @@ def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal):
     assert (code, said) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
     code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
     assert json.loads(said) == {"disabled": ["T3"], "lost_axes": []}, wrong
-    code, _, wrong = terminal.run("thruster", "disable", "T12")
-    assert code == 1
-    assert "found no thruster T12; the vehicle has T1" in wrong
+    for what in ("disable", "enable"):
+        code, _, wrong = terminal.run("thruster", what, "T3", "T12")
+        assert code == 1
+        assert "found no thruster T12; the vehicle has T1" in wrong
     assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
 
 

@@ -58,7 +58,8 @@ class ManeuverOutput:
     """What a maneuver wants and tells.
 
     `wrench` comes beside that of the holds [N, Nm]; `setpoints` are events for the holds; `force` and `velocity` are
-    along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`.
+    along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`, and `neutral`
+    says whether it has ended without holding anything.
     """
 
     wrench: Vec6
@@ -71,11 +72,12 @@ class ManeuverOutput:
     velocity: float = 0.0
     done: bool = False
     aborted: str = ""
+    neutral: bool = False
 
 
 def abandoned(reason: str) -> ManeuverOutput:
     """Say of a maneuver that it is over, where no state of the vehicle is left to end it on."""
-    return ManeuverOutput(ZERO6, RELEASED, Phase("", "aborted"), 0.0, 0.0, done=True, aborted=reason)
+    return ManeuverOutput(ZERO6, RELEASED, Phase("", "aborted"), 0.0, 0.0, done=True, aborted=reason, neutral=True)
 
 
 class Maneuver:
@@ -112,7 +114,7 @@ class Maneuver:
         self._turned_rad = 0.0
         self._passed = 0.0
         self._aborted = ""
-        self._stopping = False
+        self._stopping = self._neutral = False
         self._done: ManeuverOutput | None = None
 
     @property
@@ -140,10 +142,10 @@ class Maneuver:
         """Stop now, whatever is going on; ends in a hold or neutral as `ending` says (default: as the goal does)."""
         if self._stopping or self._done is not None:
             return
-        neutral = (ending or self.goal.on_cancel) == "neutral"
+        self._neutral = (ending or self.goal.on_cancel) == "neutral"
         motion = self._stages[self._at].motion if self._at >= 0 else ""
         self._aborted, self._stopping = reason, True
-        self._stages, self._at = [Stop(motion, self.station, neutral=neutral)], -1
+        self._stages, self._at = [Stop(motion, self.station, neutral=self._neutral)], -1
 
     def step(
         self,
@@ -176,7 +178,8 @@ class Maneuver:
         done = act.finished and self._at == len(self._stages) - 1
         if act.finished and not done:
             setpoints += self._next(moment)
-        if done and self._stopping and act.wrench == ZERO6:
+        neutral = done and self._neutral
+        if neutral:
             setpoints += RELEASED
         motion = self._stages[self._at].motion
         phase = ("aborted" if self._aborted else "done") if done else act.phase
@@ -192,6 +195,7 @@ class Maneuver:
             velocity=act.velocity,
             done=done,
             aborted=self._aborted if done else "",
+            neutral=neutral,
         )
         if done:
             self._done = output

@@ -98,7 +98,7 @@ class Pilot:
         self._refused[axis] = (self._stamp, reason)
 
     def _unwelcome(self, setpoint: Setpoint) -> str:
-        if not self._armed:
+        if not self._armed and setpoint.engaged:
             return f"hold {setpoint.axis}: the vehicle is not armed; `./hindrax arm` first"
         if self.flying:
             return f"hold {setpoint.axis}: {BUSY}"
@@ -228,7 +228,7 @@ class Pilot:
             output = maneuver.step(navigation, stamp, shortfall=shortfall, lost_axes=lost, battery_V=battery_V)
             for setpoint in output.setpoints:
                 self._holds.set(setpoint)
-            self._keeping = output.wrench != ZERO6 or not output.done
+            self._keeping = not output.neutral
             return output, output.wrench
         return maneuver.last, maneuver.keep(navigation, stamp) if self._keeping else ZERO6
 

@@ -221,12 +221,13 @@ def test_lying_dead_reckoning_is_caught_before_the_wall(rig):
 
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
 @pytest.mark.parametrize("at_s", [3.0, 17.0, 31.0])
-def test_cancel_at_any_moment_ends_as_asked(rig, ending, at_s):
+@pytest.mark.parametrize("motion", ["surge", "heave", "yaw"])
+def test_cancel_at_any_moment_ends_as_asked(rig, motion, ending, at_s):
     def cancel(rig):
         if rig.ideal.time_s >= at_s:
             rig.pilot.cancel()
 
-    output, phases = rig.fly(Goal(("surge",), on_cancel=ending), cancel)
+    output, phases = rig.fly(Goal((motion,), on_cancel=ending), cancel)
     assert output.aborted == "cancelled: by the operator"
     assert rig.ideal.time_s < at_s + 9.0
     held = rig.step()

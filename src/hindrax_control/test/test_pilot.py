@@ -43,6 +43,12 @@ def test_it_is_shown_disarmed_too(hovering):
     }
 
 
+def test_letting_go_disarmed_is_no_news(hovering):
+    hovering.step(armed=False)
+    assert hovering.pilot.set(Setpoint("depth", engaged=False)) == ""
+    assert hovering.step(armed=False) == {}
+
+
 def test_a_good_setpoint_takes_its_place(hovering):
     hovering.step()
     hovering.pilot.set(Setpoint("depth", value=-1.0))

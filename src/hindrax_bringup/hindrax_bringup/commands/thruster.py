@@ -86,9 +86,8 @@ def _set_health(arguments: argparse.Namespace) -> int:
         raise UsageError(f"thruster {arguments.what}: found no thruster, wanted one or more such as T3")
     from hindrax_bringup.nodes.orders import set_health  # noqa: PLC0415  # wrong words are refused before rclpy loads
 
-    change = set.union if arguments.what == "disable" else set.difference
     with operator_of(arguments) as operator:
-        left_out = set_health(operator, lambda before: change(before, names), arguments.reason)
+        left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes)
     if arguments.json:
         print(json.dumps({"disabled": left_out, "lost_axes": lost}))

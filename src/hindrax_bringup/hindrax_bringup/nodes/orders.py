@@ -142,14 +142,15 @@ def _until(operator: Operator, over: Callable[[], bool], seconds: float, what: s
     operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; time stands still")
 
 
-def set_health(operator: Operator, change: Callable[[set[str]], set[str]], reason: str) -> list[str]:
-    """Change the set of thrusters out of use; returns it as the allocator has it. Others keep their reasons."""
+def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
+    """Take thrusters into use or out of it; returns all that are out, as the allocator has it, with their reasons."""
     listed = _list_in_force(operator)
-    wanted = sorted(change(set(listed.disabled)))
-    known = set(operator.allocation.thrusters)
-    if not set(wanted) <= known:
-        strange = ", ".join(sorted(set(wanted) - known))
-        raise HindraxError(f"found no thruster {strange}; the vehicle has {', '.join(operator.allocation.thrusters)}")
+    strange = sorted(names - set(operator.allocation.thrusters))
+    if strange:
+        raise HindraxError(
+            f"found no thruster {', '.join(strange)}; the vehicle has {', '.join(operator.allocation.thrusters)}"
+        )
+    wanted = sorted(set(listed.disabled) - names if usable else names.union(listed.disabled))
     kept: Mapping[str, str] = dict(zip(listed.disabled, listed.reasons, strict=False))
     message = ThrusterHealth(disabled=wanted, reasons=[kept.get(name, reason) for name in wanted])
     # Later than the list in force, whatever the clock did since: the pilot takes nothing older.
