@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
-from hindrax_ident.exports.model import drag_at, export_model, read_motions
+from hindrax_ident.exports.model import drag_at, export_model, header, read_motions
 from hindrax_ident.exports.tables import write_csv, write_latex
 
 PRIOR = Hydrodynamics(added_mass=(10, 20, 22, 0.2, 0.4, 0.3), **{axis: Drag(7.0, 2.0) for axis in AXES})
@@ -63,13 +63,25 @@ def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> 
 
 
 def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> None:
-    lacking = results(pitch={"identifiable": False})
-    with pytest.raises(HindraxError, match="no motion pitch in the results; name a --vehicle"):
+    lacking = results(pitch={"identifiable": False, "reasons": ["it hardly moved", "it is short"]})
+    with pytest.raises(HindraxError, match=r"motion pitch is not identifiable \(it hardly moved\); name a --vehicle"):
         export_model(lacking, VEHICLE, "c.yaml")
+    without = {"motions": {name: body for name, body in lacking["motions"].items() if name != "pitch"}}
+    with pytest.raises(HindraxError, match="no motion pitch in the results; name a --vehicle"):
+        export_model(without, VEHICLE, "c.yaml")
     model = export_model(lacking, VEHICLE, "c.yaml", complete=True)
     assert model.hydrodynamics.pitch == Drag(7.0, 2.0)
     assert model.hydrodynamics.added_mass[4] == 0.4
-    assert any(note.startswith("pitch: drag and added mass are not in the results") for note in model.notes)
+    said = "pitch: not identifiable in the results (it hardly moved); drag and added mass are from the vehicle file"
+    assert said in model.notes
+
+
+def test_bands_and_assumptions_go_with_the_numbers() -> None:
+    told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
+    told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
+    lines = header(export_model(told, VEHICLE, "c.yaml"), ())
+    assert any("surge: k_q 18 +- 1.9" in line for line in lines)
+    assert any("assumed: the gain is believed" in line for line in lines)
 
 
 def test_missing_added_mass_is_asked_for() -> None:

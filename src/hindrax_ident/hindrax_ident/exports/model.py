@@ -85,6 +85,29 @@ def read_motions(document: object, source: str) -> dict[str, MotionResult]:
     return {name: motion for name, motion in motions.items() if motion is not None}
 
 
+def doubted(document: object) -> dict[str, str]:
+    """Motions that the results hold but do not believe, by name, and the first reason why."""
+    motions = document.get("motions") if isinstance(document, Mapping) else None
+    rows = motions.items() if isinstance(motions, Mapping) else ()
+    found = {name: body for name, body in rows if isinstance(body, Mapping) and body.get("identifiable") is False}
+    return {name: str(next(iter(body.get("reasons") or ()), "no reason given")) for name, body in found.items()}
+
+
+def _assumed(document: object) -> list[str]:
+    """What had to be assumed to identify."""
+    told = document.get("conditions") if isinstance(document, Mapping) else None
+    return [f"assumed: {one}" for one in (told.get("assumptions") or ())] if isinstance(told, Mapping) else []
+
+
+def _banded(motions: Mapping[str, MotionResult]) -> list[str]:
+    """How well each motion is known, calibration and all; formats have no place for it among the numbers."""
+    said = {
+        name: ", ".join(f"{key} {one.get(key):.4g} +- {std:.2g}" for key, std in one.calibrated.items() if key != "b")
+        for name, one in motions.items()
+    }
+    return [f"{name}: {words} (one deviation, with calibration)" for name, words in said.items() if words]
+
+
 def _motion(body: object, path: str) -> MotionResult | None:
     if not isinstance(body, Mapping):
         raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
@@ -131,17 +154,18 @@ def export_model(document: object, vehicle: Vehicle, source: str, *, complete: b
     drag coefficients, which would drive a simulated vehicle, are folded into the other one so that the force at the
     largest tested speed stays.
     """
-    motions = read_motions(document, source)
+    motions, doubts = read_motions(document, source), doubted(document)
     notes: list[str] = []
     prior = vehicle.hydrodynamics if complete else None
     top = tuple(_top_speed(motions, axis, vehicle) for axis in AXES)
-    drags = {axis: _axis_drag(axis, motions, prior, top[i], notes) for i, axis in enumerate(AXES)}
+    drags = {axis: _axis_drag(axis, motions, prior, top[i], notes, doubts=doubts) for i, axis in enumerate(AXES)}
     masses = [_axis_added_mass(axis, motions, prior, i, notes) for i, axis in enumerate(AXES)]
     cross = prior.added_mass_cross if prior else ()
     hydrodynamics = Hydrodynamics(
         added_mass=(masses[0], masses[1], masses[2], masses[3], masses[4], masses[5]), added_mass_cross=cross, **drags
     )
     speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
+    notes = [*notes, *_banded(motions), *_assumed(document)]
     return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes), motions)
 
 
@@ -159,19 +183,28 @@ def _top_speed(motions: Mapping[str, MotionResult], axis: str, vehicle: Vehicle)
 
 
 def _axis_drag(
-    axis: str, motions: Mapping[str, MotionResult], prior: Hydrodynamics | None, top: float, notes: list[str]
+    axis: str,
+    motions: Mapping[str, MotionResult],
+    prior: Hydrodynamics | None,
+    top: float,
+    notes: list[str],
+    *,
+    doubts: Mapping[str, str],
 ) -> Drag:
     forward, backward = _sides(axis, motions)
+    doubt = next((why for name, why in doubts.items() if name.startswith(axis)), "")
     if forward is None and backward is None:
         if prior is None:
+            lacking = f"motion {axis} is not identifiable ({doubt})" if doubt else f"no motion {axis} in the results"
             raise HindraxError(
-                f"no motion {axis} in the results; name a --vehicle FILE that has hydrodynamics for it "
-                "(`hindrax estimate` gives some)"
+                f"{lacking}; name a --vehicle FILE that has hydrodynamics for it (`hindrax estimate` gives some)"
             )
-        notes.append(f"{axis}: drag and added mass are not in the results but from the vehicle file")
+        why = f"not identifiable in the results ({doubt})" if doubt else "not in the results"
+        notes.append(f"{axis}: {why}; drag and added mass are from the vehicle file")
         return prior.drag(axis)
     if forward is None or backward is None:
-        notes.append(f"{axis}: only one direction was tested, the other is taken to be the same")
+        one_way = f"only one direction is identifiable ({doubt})" if doubt else "only one direction was tested"
+        notes.append(f"{axis}: {one_way}, the other is taken to be the same")
     k_q, k_l = _passive(forward or backward, axis, top, notes)
     if forward is backward or forward is None or backward is None:
         return Drag(k_q=k_q, k_l=k_l)
