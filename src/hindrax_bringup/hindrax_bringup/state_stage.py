@@ -12,7 +12,7 @@ from hindrax_bag.reader import BagMessage
 from hindrax_bag.stamps import stamp_of
 from hindrax_bringup.wire_replay import Parameters, knobs_of
 from hindrax_control.navigator import Navigator, NavigatorKnobs
-from hindrax_control.nodes.navigator import AS_BYTES, SOURCES
+from hindrax_control.nodes.navigator import SOURCES
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.state import Estimate, Navigation, Thrust
 from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, ODOMETRY, resolved
@@ -47,7 +47,7 @@ STATES: dict[str, Callable[[Stamped[Navigation]], Any]] = {
 }
 HEARD = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME}
 """Topics that this stage takes."""
-OBJECTS = HEARD - {resolved(topic) for topic in AS_BYTES} - STATES.keys() - {ALLOCATION_NAME}
+OBJECTS = HEARD - READERS.keys() - BYTES_LISTENERS.keys() - STATES.keys()
 """Those that are unpacked for it; of the others the bytes are read in place."""
 
 
@@ -77,7 +77,7 @@ class StateStage:
         reader = READERS.get(topic)
         if reader is not None:
             read, source = reader
-            found = self._navigator.step(read(data if said is None else said), source)
+            found = self._navigator.step(read(data if said is None else serialized(said)), source)
             if found is not None:
                 for states in self._states.values():
                     states.append(found)

@@ -64,7 +64,7 @@ def test_a_velocity_without_lock_is_unknown_there_too() -> None:
 
 def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
     assert optional_class(marine_acoustic.TYPE) is None
-    marine_acoustic.outlet(SimpleNamespace())("anything")
+    assert marine_acoustic.outlet(SimpleNamespace()) is None
 
 
 @pytest.mark.usefixtures("package")
@@ -76,6 +76,7 @@ def test_with_the_package_every_detail_is_published() -> None:
 
     node = SimpleNamespace(get_name=lambda: "dvl75", create_publisher=create_publisher)
     publish = marine_acoustic.outlet(node)
+    assert publish is not None
     publish(dvl_to_msg(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77)), None, "dvl75_link", 1490.0))
     assert [one.header.frame_id for one in sent[Dvl, "dvl75/dvl"]] == ["dvl75_link"]
 

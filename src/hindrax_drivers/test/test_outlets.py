@@ -25,7 +25,7 @@ def test_the_altitude_of_either_dvl_is_published(monkeypatch: pytest.MonkeyPatch
         "publisher",
         lambda _, topic: SimpleNamespace(publish=lambda message: said.append((topic.name, message))),
     )
-    monkeypatch.setattr(outlets.marine_acoustic, "outlet", lambda _: lambda _: None)
+    monkeypatch.setattr(outlets.marine_acoustic, "outlet", lambda _: None)
     made = outlets.outlets(SimpleNamespace(get_name=lambda: "dvl75"), load_vehicle(default_vehicle()))  # type: ignore[arg-type]
     track = BottomTrack(True, 0.0, 0.0, 0.0, 1.5, (0.0, 0.0), (), "3333", 0)
     made[BottomTrack](Stamped(Stamp(0), track))

@@ -176,9 +176,14 @@ def _xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, f
 
 def sname_from_quaternion(q: QuaternionMsg) -> Vec3:
     """SNAME roll, pitch, yaw of a REP-103 body in east, north, up."""
-    roll = math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (q.w * q.y - q.z * q.x))))
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return sname_from_xyzw(q.x, q.y, q.z, q.w)
+
+
+def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
+    """Do what `sname_from_quaternion` does, from numbers."""
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
 
 
@@ -200,9 +205,14 @@ def attitude_to_msg(stamped: Stamped[BottomTrack], frame: str, sigma_rad: float)
 
 def attitude_from_msg(message: Imu, *, locked: bool = True) -> Stamped[BottomTrack]:
     """Undo `attitude_to_msg`; beams and altitude travel on their own topics."""
-    roll, pitch, heading = sname_from_quaternion(message.orientation)
-    track = BottomTrack(locked, roll, pitch, heading, None, (math.nan, math.nan), (), "", 0)
-    return Stamped(stamp_from_msg(message.header.stamp), track)
+    return attitude_track(
+        stamp_from_msg(message.header.stamp), sname_from_quaternion(message.orientation), locked=locked
+    )
+
+
+def attitude_track(stamp: Stamp, attitude_rad: Vec3, *, locked: bool = True) -> Stamped[BottomTrack]:
+    """A bottom track of which only the attitude is known."""
+    return Stamped(stamp, BottomTrack(locked, *attitude_rad, None, (math.nan, math.nan), (), "", 0))
 
 
 def dvl_to_msg(stamped: Stamped[BottomVelocity], track: BottomTrack | None, frame: str, sound_mps: float) -> Dvl:

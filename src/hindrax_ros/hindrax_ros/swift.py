@@ -1,4 +1,4 @@
-"""The topics of every cycle as bytes: what `convert` does, without message objects (see `stencil`).
+"""The topics of the sensors and of every cycle as bytes: what `convert` does, without message objects (see `stencil`).
 
 To make, fill and serialize a message object takes 50 to 150 us; to write its numbers into the bytes of the one before
 takes 5. Each writer and reader names the function of `convert` that it stands for, and is tested against it.
@@ -10,14 +10,15 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from sensor_msgs.msg import FluidPressure, Imu
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range
 from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import BottomTrack, Echo, Inertial, Magnetic, Pressure, Vec6
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec6
 from hindrax_core.state import Navigation, Thrust
-from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
+from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros import convert
+from hindrax_ros.serialized import serialized
 from hindrax_ros.stencil import Reader, Writer
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
@@ -32,6 +33,16 @@ def _xyz(path: str) -> tuple[str, str, str]:
 
 
 _IMU = (*_STAMP, *_xyz("angular_velocity"), *_xyz("linear_acceleration"))
+_ATTITUDE = (*_STAMP, *_xyz("orientation"), "orientation.w")
+_BEAM = ("range", "quality", "velocity", "locked")
+_DVL = (
+    *_STAMP,
+    *_xyz("velocity"),
+    *("velocity_covar", "altitude", "course_gnd", "speed_gnd", "num_good_beams"),
+    *("beam_ranges_valid", "beam_velocities_valid"),
+    *(f"beams.{number}.{field}" for number in range(len(Dvl().beams)) for field in _BEAM),
+    *("confidence", "device_time", "interval"),
+)
 _NAVIGATION = (
     *_STAMP,
     *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
@@ -94,7 +105,7 @@ def echo_writer(frame: str, limits_m: tuple[float, float], view_rad: float) -> C
 
 def attitude_writer(frame: str, sigma_rad: float) -> Callable[[Stamped[BottomTrack]], bytes]:
     """Make the writer of one sensor: `convert.attitude_to_msg`."""
-    writer = Writer(*_STAMP, *_xyz("orientation"), "orientation.w")
+    writer = Writer(*_ATTITUDE)
     level = BottomTrack(False, 0.0, 0.0, 0.0, None, (math.nan, math.nan), (), "", 0)
     writer.learn(None, convert.attitude_to_msg(Stamped(Stamp(0), level), frame, sigma_rad))
 
@@ -104,6 +115,72 @@ def attitude_writer(frame: str, sigma_rad: float) -> Callable[[Stamped[BottomTra
         return writer.write((*divmod(stamped.stamp, NS_PER_S), *orientation))
 
     return write
+
+
+def velocity_writer(frame: str) -> Callable[[Stamped[BottomVelocity]], bytes | None]:
+    """Make the writer of one sensor: `convert.velocity_to_msg`."""
+    writer = Writer(*_STAMP, *_xyz("twist.twist.linear"), "twist.covariance")
+    still = BottomVelocity(_ZERO3, 0.0, 0.0, 0.0, 0)
+    example = convert.velocity_to_msg(Stamped(Stamp(0), still), frame)
+    assert example is not None
+    writer.learn(None, example)
+    covariance = [float(value) for value in example.twist.covariance]
+
+    def write(stamped: Stamped[BottomVelocity]) -> bytes | None:
+        velocity = stamped.reading.velocity_mps
+        if velocity is None:
+            return None
+        covariance[0] = covariance[7] = covariance[14] = stamped.reading.sigma_mps**2
+        return writer.write((*divmod(stamped.stamp, NS_PER_S), *convert.half_turn(velocity), *covariance))
+
+    return write
+
+
+def dvl_writer(frame: str, sound_mps: float) -> Callable[[Stamped[BottomVelocity], BottomTrack | None], bytes]:
+    """Make the writer of one sensor: `convert.dvl_to_msg`. Without all four beams it is a message object."""
+    writer = Writer(*_DVL)
+    beams = len(Dvl().beams)
+
+    def write(stamped: Stamped[BottomVelocity], track: BottomTrack | None) -> bytes:
+        if track is None or len(track.beams) != beams:
+            return serialized(convert.dvl_to_msg(stamped, track, frame, sound_mps))
+        if writer.key is None:
+            writer.learn(frame, convert.dvl_to_msg(stamped, track, frame, sound_mps))
+        reading = stamped.reading
+        values: list[float] = []
+        for beam in track.beams:
+            values += (math.nan if beam.range_m is None else beam.range_m, beam.gain_dB, beam.velocity_mps, beam.locked)
+        return writer.write(
+            (
+                *divmod(stamped.stamp, NS_PER_S),
+                *_over_ground(reading),
+                math.nan if track.altitude_m is None else track.altitude_m,
+                *_course(reading),
+                sum(beam.locked for beam in track.beams),
+                any(beam.range_m is not None for beam in track.beams),
+                track.locked,
+                *values,
+                *(reading.confidence, reading.device_us, reading.interval_s),
+            )
+        )
+
+    return write
+
+
+def _over_ground(reading: BottomVelocity) -> tuple[float, ...]:
+    """Velocity and its covariance as `convert.dvl_to_msg` has them."""
+    if reading.velocity_mps is None:
+        return (math.nan,) * 3 + (convert.UNKNOWN_COVARIANCE,) * 9
+    variance = reading.sigma_mps**2
+    return (*reading.velocity_mps, variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
+
+
+def _course(reading: BottomVelocity) -> tuple[float, float]:
+    """Course [rad] and speed [m/s] as `convert.dvl_to_msg` has them."""
+    if reading.velocity_mps is None:
+        return (0.0, 0.0)
+    u, v, _ = reading.velocity_mps
+    return (math.atan2(v, u), math.hypot(u, v))
 
 
 def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
@@ -175,6 +252,30 @@ def command_writer(thrusters: int, frame: str) -> Callable[[Stamp, int, Sequence
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
+def applied_writer(output: str) -> Callable[[AppliedState, str, str], bytes]:
+    """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
+    writer = Writer(*_STAMP, "armed", "pulses", "sequence")
+
+    def write(applied: AppliedState, state: str, reason: str) -> bytes:
+        shape = (state, reason, len(applied.pulses_us))
+        if writer.key != shape:
+            writer.learn(shape, ThrusterState(state=state, reason=reason, pulses=applied.pulses_us, output=output))
+        return writer.write(
+            (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence),
+        )
+
+    return write
+
+
+class Ordered(NamedTuple):
+    """The numbers of a ThrusterCommand."""
+
+    stamp: Stamp
+    sequence: int
+    pulses_us: tuple[float, ...]
+    lights_us: tuple[float, ...]
+
+
 class AppliedState(NamedTuple):
     """The numbers of a ThrusterState."""
 
@@ -185,8 +286,14 @@ class AppliedState(NamedTuple):
 
 
 _inertial = Reader(Imu, *_IMU).read
+_magnetic = Reader(MagneticField, *_STAMP, *_xyz("magnetic_field")).read
+_echo = Reader(Range, *_STAMP, "range").read
+_attitude = Reader(Imu, *_ATTITUDE).read
+_dvl = Reader(Dvl, *_STAMP, *_xyz("velocity"), "velocity_covar", "confidence", "device_time", "interval").read
 _pressure = Reader(FluidPressure, *_STAMP, "fluid_pressure").read
 _navigation = Reader(NavigationStatus, *_NAVIGATION).read
+_command = Reader(ThrusterCommand, *_STAMP, "sequence", "pulses").read
+_lamps = Reader(ThrusterCommand, "lights").read
 _applied = Reader(ThrusterState, *_STAMP, "armed", "pulses", "sequence").read
 _thrust = Reader(AllocationStatus, *_STAMP, "achieved", "forces").read
 
@@ -195,6 +302,32 @@ def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
     """Read what `convert.inertial_from_msg` reads."""
     s, ns, p, q, r, x, y, z = _inertial(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Inertial((x, y, z), (p, q, r), math.nan))
+
+
+def magnetic_from_bytes(data: bytes) -> Stamped[Magnetic]:
+    """Read what `convert.magnetic_from_msg` reads."""
+    s, ns, x, y, z = _magnetic(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Magnetic((x, y, z)))
+
+
+def echo_from_bytes(data: bytes) -> Stamped[Echo]:
+    """Read what `convert.echo_from_msg` reads."""
+    s, ns, range_m = _echo(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Echo(range_m, 1.0))
+
+
+def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
+    """Read what `convert.attitude_from_msg` reads."""
+    s, ns, x, y, z, w = _attitude(data)
+    return convert.attitude_track(Stamp(s * NS_PER_S + ns), convert.sname_from_xyzw(x, y, z, w))
+
+
+def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:
+    """Read what `convert.dvl_from_msg` reads."""
+    s, ns, u, v, w, variance, *_, confidence, device_us, interval_s = _dvl(data)
+    velocity = None if variance < 0.0 else (u, v, w)
+    reading = BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
+    return Stamped(Stamp(s * NS_PER_S + ns), reading)
 
 
 def pressure_from_bytes(data: bytes) -> Stamped[Pressure]:
@@ -218,6 +351,12 @@ def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
         velocity_sigma_mps=(su, sv, sw),
     )
     return Stamped(Stamp(s * NS_PER_S + ns), state)
+
+
+def command_from_bytes(data: bytes) -> Ordered:
+    """Read the numbers of a ThrusterCommand. ValueError for bytes that are none."""
+    s, ns, sequence, *pulses = _command(data)
+    return Ordered(Stamp(s * NS_PER_S + ns), sequence, tuple(pulses), _lamps(data))
 
 
 def applied_from_bytes(data: bytes) -> AppliedState:

@@ -13,7 +13,7 @@ from sensor_msgs.msg import FluidPressure, Imu, Range
 from std_msgs.msg import Header
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import BottomTrack, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.state import Navigation
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros import convert, swift
@@ -90,15 +90,58 @@ def test_pressure(stamp, frame, pressure_Pa, temperature_C):
 @given(stamps, texts, three, number)
 def test_magnetic_and_echo(stamp, frame, field_T, range_m):
     field = Stamped(stamp, Magnetic(field_T))
-    assert same(swift.magnetic_writer(frame, 3e-7)(field), convert.magnetic_to_msg(field, frame, 3e-7))
+    magnetic = convert.magnetic_to_msg(field, frame, 3e-7)
+    assert same(swift.magnetic_writer(frame, 3e-7)(field), magnetic)
+    assert swift.magnetic_from_bytes(serialize_message(magnetic)) == convert.magnetic_from_msg(magnetic)
     message = convert.echo_to_msg(Stamped(stamp, Echo(range_m, 1.0)), frame, (0.25, 50.0), 0.5)
     assert same(swift.echo_writer(frame, (0.25, 50.0), 0.5)(stamp, range_m), message)
+    assert swift.echo_from_bytes(serialize_message(message)) == convert.echo_from_msg(message)
 
 
 @given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
 def test_attitude(stamp, frame, angles_rad):
     track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
-    assert same(swift.attitude_writer(frame, 0.02)(track), convert.attitude_to_msg(track, frame, 0.02))
+    message = convert.attitude_to_msg(track, frame, 0.02)
+    assert same(swift.attitude_writer(frame, 0.02)(track), message)
+    assert repr(swift.attitude_from_bytes(serialize_message(message))) == repr(convert.attitude_from_msg(message))
+
+
+velocities = st.builds(
+    Stamped,
+    stamps,
+    st.builds(
+        BottomVelocity,
+        velocity_mps=st.none() | three,
+        sigma_mps=st.floats(0, 1e3),
+        confidence=number,
+        interval_s=number,
+        device_us=st.integers(0, 2**63),
+    ),
+)
+beams = st.builds(Beam, st.booleans(), number, st.none() | number, number)
+tracks = st.builds(
+    BottomTrack,
+    locked=st.booleans(),
+    roll_rad=number,
+    pitch_rad=number,
+    heading_rad=number,
+    altitude_m=st.none() | number,
+    velocity_north_east_mps=st.just((0.0, 0.0)),
+    beams=st.lists(beams, min_size=4, max_size=4).map(tuple) | st.just(()),
+    imu_calibration=st.just(""),
+    skipped_pings=st.just(0),
+)
+
+
+@given(texts, number, st.lists(st.tuples(velocities, st.none() | tracks), min_size=1, max_size=4))
+def test_dvl(frame, sound_mps, said):
+    detail, velocity = swift.dvl_writer(frame, sound_mps), swift.velocity_writer(frame)
+    for one, track in said:
+        message = convert.dvl_to_msg(one, track, frame, sound_mps)
+        assert same(detail(one, track), message)
+        assert repr(swift.dvl_from_bytes(serialize_message(message))) == repr(convert.dvl_from_msg(message))
+        data, twist = velocity(one), convert.velocity_to_msg(one, frame)
+        assert data is None if twist is None else same(data, twist)
 
 
 @given(stamps, texts, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))
@@ -108,11 +151,24 @@ def test_command(stamp, frame, sequence, pulses):
     assert same(swift.command_writer(len(pulses), frame)(stamp, sequence, pulses), message)
 
 
+@given(stamps, st.integers(0, 2**32 - 1), st.lists(number, max_size=9), st.lists(number, max_size=3))
+def test_a_command_keeps_pulses_and_lights_apart(stamp, sequence, pulses, lights):
+    message = ThrusterCommand(sequence=sequence, pulses=pulses, lights=lights)
+    message.header.stamp = convert.stamp_to_msg(stamp)
+    assert swift.command_from_bytes(serialize_message(message)) == (stamp, sequence, tuple(pulses), tuple(lights))
+
+
 @given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.integers(0, 2**32 - 1))
 def test_applied(stamp, text, armed, pulses, sequence):
     message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
     message.header.stamp = convert.stamp_to_msg(stamp)
-    assert swift.applied_from_bytes(serialize_message(message)) == (stamp, armed, tuple(pulses), sequence)
+    applied = swift.AppliedState(stamp, armed, tuple(pulses), sequence)
+    assert swift.applied_from_bytes(serialize_message(message)) == applied
+    write = swift.applied_writer("o")
+    assert (
+        deserialize_message(write(applied._replace(pulses_us=(1500.0,)), "other", ""), ThrusterState).state == "other"
+    )
+    assert same(write(applied, text, text + "x"), message)
 
 
 @given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))

@@ -22,24 +22,31 @@ from hindrax_core.topics import (
     Topic,
 )
 from hindrax_core.vehicle import Vehicle
-from hindrax_ros import convert
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.health import Reporter, status
 from hindrax_ros.parameters import knobs
 from hindrax_ros.polled import PolledNode
-from hindrax_ros.swift import inertial_from_bytes, navigation_writer, odometry_writer, pressure_from_bytes
+from hindrax_ros.swift import (
+    attitude_from_bytes,
+    dvl_from_bytes,
+    echo_from_bytes,
+    inertial_from_bytes,
+    magnetic_from_bytes,
+    navigation_writer,
+    odometry_writer,
+    pressure_from_bytes,
+)
 from hindrax_ros.transforms import Transforms
 
-SOURCES: dict[Topic, Callable[[Any], Stamped[Any]]] = {
-    MAGNETIC: convert.magnetic_from_msg,
+SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
+    MAGNETIC: magnetic_from_bytes,
     PRESSURE: pressure_from_bytes,
-    ALTITUDE: convert.echo_from_msg,
-    DVL_DETAIL: convert.dvl_from_msg,
-    DVL_ATTITUDE: convert.attitude_from_msg,
+    ALTITUDE: echo_from_bytes,
+    DVL_DETAIL: dvl_from_bytes,
+    DVL_ATTITUDE: attitude_from_bytes,
     IMU: inertial_from_bytes,
 }
 """In the order in which they are taken: the inertial samples, which complete a tick, come last."""
-AS_BYTES = (IMU, PRESSURE)
 REPORT_EVERY = 50
 SETTLE_S = 0.0005
 """In this time the inertial samples of one fetch, and what comes with them, are all there."""
@@ -61,13 +68,13 @@ class NavigatorNode(PolledNode):
         self._turn = 0
         for topic, read in SOURCES.items():
             listener = self._listener(topic.name.partition("/")[0], read)
-            self.lead = subscription(self, topic, listener, raw=topic in AS_BYTES)
+            self.lead = subscription(self, topic, listener, raw=True)
 
-    def _listener(self, source: str, read: Callable[[Any], Stamped[Any]]) -> Callable[[Any], None]:
+    def _listener(self, source: str, read: Callable[[bytes], Stamped[Any]]) -> Callable[[bytes], None]:
         step = self._navigator.step
 
-        def listen(message: Any) -> None:
-            found = step(read(message), source)
+        def listen(data: bytes) -> None:
+            found = step(read(data), source)
             if found is not None:
                 self._publish(found)
 

@@ -39,11 +39,11 @@ def fill(theirs: Any, ours: Any) -> Any:
     return theirs
 
 
-def outlet(node: Node) -> Callable[[Any], None]:
-    """Return what takes every hindrax_msgs/Dvl: publishes it as `NODE/dvl`, or does nothing without the package."""
+def outlet(node: Node) -> Callable[[Any], None] | None:
+    """Return what takes every hindrax_msgs/Dvl and publishes it as `NODE/dvl`; None without the package."""
     kind = optional_class(TYPE)
     if kind is None:
-        return lambda _: None
+        return None
     copy = Topic(f"{node.get_name()}/dvl", TYPE, SENSOR, 0.0, recorded=False, meaning="detail as marine_acoustic_msgs")
     out = publisher(node, copy, held=False)
     return lambda ours: out.publish(fill(kind(), ours))

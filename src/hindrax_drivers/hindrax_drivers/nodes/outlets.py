@@ -27,11 +27,13 @@ from hindrax_ros import convert
 from hindrax_ros.graph import publisher
 from hindrax_ros.swift import (
     attitude_writer,
+    dvl_writer,
     echo_writer,
     inertial_writer,
     magnetic_writer,
     pressure_writer,
     temperature_writer,
+    velocity_writer,
 )
 
 Outlets: TypeAlias = dict[type, Callable[[Stamped[Any]], None]]
@@ -134,10 +136,10 @@ def _profile(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[E
 
 
 def _velocity(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[BottomVelocity]], None]:
-    out, frame = publisher(node, topic), _frame(node)
+    out, write = publisher(node, topic), velocity_writer(_frame(node))
 
     def publish(stamped: Stamped[BottomVelocity]) -> None:
-        message = convert.velocity_to_msg(stamped, frame)
+        message = write(stamped)
         if message is not None:
             out.publish(message)
 
@@ -164,6 +166,8 @@ def _altitude(node: Node, topic: Topic, _vehicle: Vehicle) -> Callable[[Stamped[
 
 def _detail(node: Node, topic: Topic, vehicle: Vehicle) -> Callable[[Stamped[BottomVelocity | BottomTrack]], None]:
     out, frame, also = publisher(node, topic), _frame(node), marine_acoustic.outlet(node)
+    sound_mps = vehicle.water.speed_of_sound_mps
+    write = dvl_writer(frame, sound_mps)
     latest: BottomTrack | None = None
 
     def publish(stamped: Stamped[BottomVelocity | BottomTrack]) -> None:
@@ -172,9 +176,9 @@ def _detail(node: Node, topic: Topic, vehicle: Vehicle) -> Callable[[Stamped[Bot
             latest = stamped.reading
             return
         velocity = Stamped(stamped.stamp, stamped.reading)
-        message = convert.dvl_to_msg(velocity, latest, frame, vehicle.water.speed_of_sound_mps)
-        out.publish(message)
-        also(message)
+        out.publish(write(velocity, latest))
+        if also is not None:
+            also(convert.dvl_to_msg(velocity, latest, frame, sound_mps))
 
     return publish
 

@@ -29,13 +29,13 @@ from hindrax_drivers.buses.output_thread import OutputThread
 from hindrax_drivers.buses.outputs import ThrusterOutput, open_output
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
-from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.frames import RECEIVED, SENT
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
+from hindrax_ros.swift import AppliedState, applied_writer, command_from_bytes
 
 NAME = "thrusters"
 ANSWER_S = 2.0
@@ -59,12 +59,13 @@ class ThrustersNode(DeviceNode):
         )
         self._phase: Phase | None = None
         self._state = publisher(self, THRUSTER_STATE)
+        self._state_bytes = applied_writer(settings.vehicle.output.device)
         self._battery = publisher(self, BATTERY) if settings.vehicle.output.device == "stm32" else None
         self._thread = OutputThread(self._open, guard, self, self._beat)
         self.ready = lambda: self._thread.ready
         self.now = lambda: self._thread.now
         self.stop = self._thread.stop
-        self.lead = subscription(self, THRUSTER_COMMAND, self._on_command)
+        self.lead = subscription(self, THRUSTER_COMMAND, self._on_command, raw=True)
         subscription(self, LIGHTS, lambda message: self._thread.light(tuple(message.data)))
         self.create_service(Arm, "thrusters/arm", self._on_arm)
         self._thread.start()
@@ -82,16 +83,8 @@ class ThrustersNode(DeviceNode):
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
-        message = ThrusterState(
-            armed=applied.phase is Phase.ARMED,
-            state=str(applied.phase),
-            reason=applied.reason,
-            pulses=applied.pulses_us,
-            sequence=applied.sequence,
-            output=self._settings.vehicle.output.device,
-        )
-        message.header.stamp = stamp_to_msg(applied.stamp)
-        self._state.publish(message)
+        said = AppliedState(applied.stamp, applied.phase is Phase.ARMED, applied.pulses_us, applied.sequence)
+        self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
 
     def rest(self) -> None:
         """Send what was said."""
@@ -128,9 +121,13 @@ class ThrustersNode(DeviceNode):
         self.health.note = words
         self.get_logger().info(words)
 
-    def _on_command(self, message: Any) -> None:
-        stamp = stamp_from_msg(message.header.stamp)
-        self._thread.command(Command(tuple(message.pulses), tuple(message.lights), stamp, message.sequence))
+    def _on_command(self, data: bytes) -> None:
+        try:
+            ordered = command_from_bytes(data)
+        except ValueError as error:
+            self.refused(Refusal("not a command", str(error)), self._thread.now)
+            return
+        self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
 
     def _on_arm(self, request: Any, response: Any) -> Any:
         asked = Request(stamp_from_msg(request.stamp), request.sequence)

@@ -10,7 +10,7 @@ from hindrax_core.state import Phase, Thrust
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Topic
 from hindrax_ident.feed import Measurement
 from hindrax_ros.convert import dvl_from_msg, navigation_from_msg, pressure_from_msg, stamp_from_msg
-from hindrax_ros.swift import navigation_from_bytes, pressure_from_bytes, thrust_from_bytes
+from hindrax_ros.swift import dvl_from_bytes, navigation_from_bytes, pressure_from_bytes, thrust_from_bytes
 
 Listen: TypeAlias = Callable[[Any], Stamped[Measurement]]
 
@@ -26,6 +26,7 @@ def _phase(message: Any) -> Stamped[Measurement]:
 
 
 AS_BYTES: dict[Topic, Callable[[bytes], Stamped[Measurement]]] = {
+    DVL_DETAIL: dvl_from_bytes,
     PRESSURE: pressure_from_bytes,
     NAVIGATION: navigation_from_bytes,
     ALLOCATION: thrust_from_bytes,
