@@ -196,7 +196,7 @@ def _concluded(
     inverse = array(np.linalg.inv(linear.information + belief.information))
     freedom = max(1, problem.samples - problem.nuisances - len(theta))
     plain = array(inverse * (linear.cost / freedom))
-    covariance = _with_color(problem, linear, inverse, plain)
+    covariance = _with_color(problem, linear, belief, inverse, plain)
     inflation = _inflation(linear, problem, inverse, covariance)
     return Fit(
         model=problem.model,
@@ -233,9 +233,12 @@ def _spread(raw: Array) -> float:
     return float(np.sqrt(np.mean(raw**2))) if len(raw) else math.nan
 
 
-def _with_color(problem: Problem, linear: Linear, inverse: Array, plain: Array) -> Array:
-    """Covariance for the color that is left in the residuals: H^-1 (J' Omega J) H^-1; `plain` where they are white."""
-    middle, colored = np.zeros_like(inverse), False
+def _with_color(problem: Problem, linear: Linear, belief: Belief, inverse: Array, plain: Array) -> Array:
+    """Covariance for the color that is left in the residuals: H^-1 (J' Omega J + B) H^-1; `plain` where they are white.
+
+    B is the information of the belief: it has an error too.
+    """
+    middle, colored = belief.information, False
     for channel in (0, 1):
         rows = [np.flatnonzero(problem.channel[span] == channel) + span.start for span in problem.spans]
         pieces = [linear.r[own] for own in rows]

@@ -84,6 +84,16 @@ def test_slow_errors_of_the_velocity_widen_the_band(vehicle, flight):
     assert abs(wandering.theta[0] - 66.48) < 3.0 * np.sqrt(wandering.covariance[0, 0])
 
 
+def test_what_is_told_beforehand_has_an_error_too(vehicle, flight):
+    model, white = model_of(vehicle, 0), np.random.default_rng(1)
+    record = record_of(
+        flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
+    )
+    belief = wide_belief(vehicle, model).told(0, SURGE[0], 0.02)
+    told = refine(model, record, SURGE, belief)
+    assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
+
+
 def test_a_drag_of_another_form_widens_the_band(vehicle):
     # What drags like |v|^2.6 is not k_q |v| v + k_l v: blocks of different speed disagree.
     model = Model(0, 15.22)
