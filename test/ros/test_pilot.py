@@ -157,11 +157,29 @@ def test_a_goal_that_nobody_can_fly_is_told_why(bench: Bench) -> None:
     assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
 
 
-def test_a_goal_that_waited_in_the_link_is_told_its_age(bench: Bench, monkeypatch) -> None:
+def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(bench: Bench, monkeypatch) -> None:
     bench.say_armed(armed=True)
-    late = bench.operator.now
-    monkeypatch.setattr(bench.operator, "now", lambda: after(late(), -3.0))
-    assert re.fullmatch(r"goal: 3\.\d s old, wanted at most 1\.0 s; ask again, .*set the clocks.*", bench.fly())
+    true = bench.operator.now
+    asked = []
+
+    def now() -> Stamp:
+        return after(true(), -3.0 if bench.operator.maneuver is None and len(asked) < patience else 0.0)
+
+    def judge(request, judge=bench.pilot._unflyable) -> str:
+        asked.append(judge(request))
+        return asked[-1]
+
+    monkeypatch.setattr(bench.operator, "now", now)
+    monkeypatch.setattr(bench.pilot, "_unflyable", judge)
+    patience = 99
+    wanted = r"late: the goal is 3\.\d s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"
+    assert re.fullmatch(wanted, bench.fly())
+    assert len(asked) == 5
+    asked.clear()
+    patience = 1
+    bench.when_flying(bench.operator.cancel_all)
+    assert bench.fly() == "cancelled: by the operator"
+    assert len(asked) == 2
 
 
 def test_before_arming_and_while_a_guard_objects_nothing_begins(bench: Bench) -> None:
@@ -202,7 +220,7 @@ def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_says_so(bench: Bench
     assert (bench.operator.maneuver.phase, bench.operator.flying) == ("aborted", "")
     assert re.fullmatch(r"navigation: no state of the vehicle for \d+ s.*", bench.fly())
     bench.navigation = ADRIFT
-    bench.when_flying(bench.operator.cancel)
+    bench.when_flying(bench.operator.cancel_all)
     assert bench.fly() == "cancelled: by the operator"
 
 

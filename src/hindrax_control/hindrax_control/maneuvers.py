@@ -27,6 +27,8 @@ from hindrax_core.vehicle import Vehicle
 
 ENDINGS = ("hold", "neutral")
 PLATEAUS = "plateaus"
+LATE = "late"
+"""Guard of goals that were long under way: who sent one may ask again."""
 SETTLING_s = 4.0
 """Time to come to rest at a place, beside the way to it."""
 SILENT_s = 1.0

@@ -32,7 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
     parser.add_argument(
-        "--on-cancel", choices=("neutral", "hold"), default="neutral", help="after Ctrl-C or a guard; default: neutral"
+        "--on-cancel",
+        choices=("neutral", "hold"),
+        default="neutral",
+        help="how a guard ends it, before it is disarmed; default: neutral",
     )
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
     parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse
 
 from hindrax_control.holds import Setpoint
-from hindrax_control.maneuvers import ManeuverOutput, abandoned, check_goal
+from hindrax_control.maneuvers import LATE, ManeuverOutput, abandoned, check_goal
 from hindrax_control.nodes.pilot_messages import feedback_to_msg, goal_from_msg, holds_to_msg, maneuver_to_msg
 from hindrax_control.pilot import BUSY, Flight, Pilot, PilotKnobs
 from hindrax_control.stages import SENSELESS
@@ -208,7 +208,7 @@ class PilotNode(PolledNode):
         """Why a goal is not even kept, as "guard: sentence"; empty when it is."""
         stale = self._stale(stamp_from_msg(request.stamp))
         if stale:
-            return f"goal: {stale}; ask again, and set the clocks of both machines if that does not help"
+            return f"{LATE}: the goal is {stale}; ask again, and set the clocks of both machines if that does not help"
         if self._waiting is not None or self._flying is not None:
             return f"start: {BUSY}"
         try:
