@@ -14,8 +14,9 @@ from hindrax_bringup.result_files import bag_conditions, traces_of, write_coeffi
 from hindrax_bringup.run_folder import RunFolder
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.models import MOTIONS
 from hindrax_ident.report import RunReport, published_of
-from hindrax_ident.results import Results, with_truth
+from hindrax_ident.results import DragBand, Results, with_truth
 from hindrax_ident.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
@@ -76,6 +77,18 @@ def show(identified: Identified) -> None:
         if not result.identifiable:
             print(f"{motion}: not identifiable")
             print("".join(f"  {reason}\n" for reason in result.reasons), end="")
+            if result.drag is not None:
+                print(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
+
+
+def _band(drag: DragBand, *, turns: bool) -> str:
+    """Drag force at the ends of the speeds that were flown, as far as it is known."""
+    speed_unit, unit = ("rad/s", "N m") if turns else ("m/s", "N")
+    ends = [
+        f"{drag.force[at]:.3g} +- {drag.std_calibrated[at]:.2g} {unit} at {drag.speed[at]:.2g} {speed_unit}"
+        for at in (0, -1)
+    ]
+    return f"drag: {', '.join(ends)}"
 
 
 def identify_run(folder: RunFolder, vehicle: Vehicle, *, mock: bool) -> Identified:

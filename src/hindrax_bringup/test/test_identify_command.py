@@ -3,6 +3,7 @@
 import functools
 import json
 import math
+import re
 import sqlite3
 
 import numpy as np
@@ -139,6 +140,16 @@ def test_a_report_and_a_file_are_left_where_asked(tmp_path, small, capsys):
     assert document["report"] == str(page)
     assert "Online estimate of k_q" in page.read_text()
     assert "small" in file.read_text()
+
+
+def test_the_table_says_what_is_known_and_what_is_not(tmp_path, small, capsys):
+    record = as_csv(tmp_path / "a.csv", *flown(levels=(0.3, 0.5), noise=0.003))
+    assert main(["identify", str(record), "--vehicle", str(small)]) == 0
+    said = capsys.readouterr().out
+    assert "surge: not identifiable" in said
+    assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", said)
+    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come -?0\.\d\d s late", said)
+    assert "COB-2023" not in said
 
 
 def test_a_part_of_a_record_is_taken(tmp_path, small, capsys):

@@ -209,6 +209,11 @@ def _show(arguments: argparse.Namespace, found: Found, told: Conditions) -> None
     for assumption in told.assumptions:
         print(f"assumed: {assumption}", file=sys.stderr)
     show(found.identified)
+    foreign = not told.mock and found.identified.origin is None
+    for motion, result in found.identified.results.motions.items() if foreign else ():
+        if result.quality:
+            lag_s, late_s = result.quality["lag_s"], result.quality["latency_s"]
+            print(f"{motion}: thrust lags by {lag_s:.2f} s, velocities come {late_s:.2f} s late, as the record has it")
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times what their deviations say"
