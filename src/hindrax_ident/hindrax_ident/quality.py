@@ -26,6 +26,8 @@ SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5
 FORM_SHARE = 0.1
 OFFSET_SHARE = 0.2
+SAME_SPEED = 0.1
+ALIKE_SHARE = 0.7
 LINEAR_SHARE = 0.1
 HELD_OUT_SHARE = 0.25
 
@@ -34,7 +36,8 @@ HELD_OUT_SHARE = 0.25
 class Excitation:
     """What the motion offered on one side: speeds between the 5th and 98th percentile of those that moved [m/s, rad/s].
 
-    `moving_s` is the time spent above a tenth of the highest speed, `acceleration` the root mean square acceleration.
+    `moving_s` is the time spent above a tenth of the highest speed, `alike` the part of it at nearly one speed,
+    `acceleration` the root mean square acceleration.
     """
 
     low: float
@@ -42,6 +45,7 @@ class Excitation:
     moving_s: float
     acceleration: float
     both_ways: bool
+    alike: float = 0.0
 
 
 def excitation(fit: Fit, side: int) -> Excitation:
@@ -53,7 +57,18 @@ def excitation(fit: Fit, side: int) -> Excitation:
     low = float(np.percentile(own[moving], 5.0)) if moving.any() else 0.0
     rise = np.divide(np.diff(v, prepend=v[:1]), steps, out=np.zeros_like(v), where=steps > 0.0)
     both = bool(np.percentile(v, 98.0) > 0.1 * high and np.percentile(v, 2.0) < -0.1 * high)
-    return Excitation(low, high, float(steps[moving].sum()), float(np.sqrt(np.mean(rise**2))), both)
+    moving_s = float(steps[moving].sum())
+    return Excitation(low, high, moving_s, float(np.sqrt(np.mean(rise**2))), both, _alike(own[moving], steps[moving]))
+
+
+def _alike(speeds: Array, steps_s: Array) -> float:
+    """Largest part of the time that is spent within a tenth of one speed."""
+    if not len(speeds):
+        return 0.0
+    order = np.argsort(speeds)
+    sorted_, spent = speeds[order], np.concatenate([[0.0], np.cumsum(steps_s[order])])
+    ends = np.searchsorted(sorted_, sorted_ * (1.0 + SAME_SPEED) / (1.0 - SAME_SPEED), side="right")
+    return float((spent[ends] - spent[:-1]).max() / max(1e-12, spent[-1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +208,9 @@ def _separation(evidence: Evidence, force: float) -> list[str]:
             f"an unnoticed current of {evidence.current:.2g} changes the drag by {2.0 * evidence.current / high:.0%}"
         )
         return [f"at speeds up to {high:.2g} {change}: k_q cannot be told from k_l"]
+    if evidence.excitation.alike > ALIKE_SHARE:
+        alike = f"{evidence.excitation.alike:.0%} of the motion was at nearly one speed"
+        return [f"{alike}: what tells k_q from k_l is only how it got there; use the drag-force band"]
     shares = np.sqrt(np.maximum(0.0, np.diag(evidence.covariance))) * np.array([high * high, high]) / force
     if shares.max() <= SPLIT_SHARE:
         return []

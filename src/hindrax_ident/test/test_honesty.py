@@ -51,6 +51,14 @@ def test_one_speed_does_not_separate_quadratic_from_linear(vehicle, force):
     assert honest(result)
 
 
+def test_transients_alone_do_not_separate_quadratic_from_linear(vehicle):
+    # Both directions and hardly any noise: the fit is sure of itself, by the milliseconds of how the speed was reached.
+    result = identify(vehicle, flown(vehicle, back_and_forth((8.0,), 15.0, 180.0)))
+    assert not result.identifiable
+    assert any("at nearly one speed" in reason for reason in result.reasons)
+    assert identify(vehicle, flown(vehicle, back_and_forth((4.0, 12.0), 15.0, 180.0))).identifiable
+
+
 def test_slow_runs_give_the_force_band_instead(vehicle):
     result = identify(vehicle, flown(vehicle, back_and_forth((0.1, 0.15), 20.0, 60.0)))
     assert not result.identifiable
