@@ -20,17 +20,18 @@ THETA = np.array([18.2, 4.0, 0.0, 17.0])
 EMPTY = np.zeros(0), np.zeros((0, 3))
 
 
-def wave(beat_radps, end_s=60.0):
-    """Smooth commands; with a beat of all sizes."""
+def wave(*, beat_radps=0.0, overtone=0.0, rate_radps=0.7, end_s=60.0):
+    """Smooth commands of 100 Hz; with a beat of all sizes, with an overtone of no plain symmetry."""
     times = np.arange(0.0, end_s, 0.01)
-    return Plan(times, 40.0 * np.sin(0.7 * times) * np.cos(beat_radps * times), end_s)
+    shape = np.sin(rate_radps * times) * np.cos(beat_radps * times) + overtone * np.sin(2.3 * rate_radps * times + 1.0)
+    return Plan(times, 40.0 * shape, end_s)
 
 
 PLANS = {
     "steps": back_and_forth((4.0, 25.0, 45.0), 5.0, 60.0),
     "two": back_and_forth((8.0, 40.0), 5.0, 60.0),
-    "smooth": wave(0.11),
-    "sine": wave(0.0),
+    "smooth": wave(beat_radps=0.2, overtone=0.3, rate_radps=1.2),
+    "sine": wave(),
 }
 
 
@@ -81,7 +82,7 @@ def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, late_s):
 
 
 def test_smooth_commands_tell_the_lag_too():
-    found = surge(recorded(flight("smooth", 0.12), noise=0.003))
+    found = surge(recorded(flight("smooth", 0.12)))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(0.12, abs=0.02)
     assert found.coefficients["k_q"].value == pytest.approx(TRUTH["k_q"], rel=0.003)
 
