@@ -18,12 +18,15 @@ from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_bringup.vehicles import default_vehicle
 from hindrax_control.nodes.pilot import PilotNode
 from hindrax_control.supply import Supply
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.state import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.arming import ASK_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
+from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
 from hindrax_ros.graph import publisher
 
@@ -148,6 +151,31 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     told(lambda last: not last.learning)  # nothing is heard of the identifier any more
     assert list(heard[-1].estimates) == [66.1, 1.3]
     client.destroy()
+
+
+def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(bench: Bench, monkeypatch) -> None:
+    answers = []
+
+    def answer(request, response):
+        response.accepted = len(answers) == patience
+        response.reason = "" if response.accepted else f"request is 1.2 s old, wanted at most 1 s; {ASK_AGAIN}"
+        answers.append(request.sequence)
+        bench.state.armed = response.accepted
+        return response
+
+    service = bench.pilot.create_service(Arm, "thrusters/arm", answer)
+    patience = 99
+    for mock, asked in ((False, 1), (True, 5)):
+        monkeypatch.setattr(bench.operator, "_mock", mock)
+        answers.clear()
+        with pytest.raises(HindraxError, match=r"the thrusters refused to arm: request is 1\.2 s old"):
+            bench.operator.arm(seconds=PATIENT_S)
+        assert len(set(answers)) == asked
+    answers.clear()
+    patience = 2
+    bench.operator.arm(seconds=PATIENT_S)
+    assert len(answers) == 3
+    bench.pilot.destroy_service(service)
 
 
 def test_a_goal_that_nobody_can_fly_is_told_why(bench: Bench) -> None:

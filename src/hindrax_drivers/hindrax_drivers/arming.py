@@ -20,6 +20,8 @@ from hindrax_core.knobs import knob
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
+ASK_AGAIN = "ask again"
+"""Ends the refusal of a request that would be taken if it were made now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,15 +342,15 @@ class Guard:
     def _request_fault(self, state: GuardState, request: Request, now: Stamp) -> str:
         age_s = seconds_between(request.stamp, now)
         if age_s > self.knobs.arm_lifespan_s:
-            return f"request is {age_s:.3g} s old, wanted at most {self.knobs.arm_lifespan_s:g} s; ask again"
+            return f"request is {age_s:.3g} s old, wanted at most {self.knobs.arm_lifespan_s:g} s; {ASK_AGAIN}"
         if age_s < -self.knobs.future_s:
-            return f"request is stamped {-age_s:.3g} s ahead of the vehicle's clock; set the clocks and ask again"
+            return f"request is stamped {-age_s:.3g} s ahead of the vehicle's clock; set the clocks and {ASK_AGAIN}"
         last = state.last_request
         if last is not None:
             # A console that starts again counts from the beginning: taken once no late request can still be about.
             again = seconds_between(last.stamp, request.stamp) <= self.knobs.arm_lifespan_s
             if request.stamp <= last.stamp or (again and not _newer(request.sequence, last.sequence)):
-                return f"request {request.sequence} is not newer than {last.sequence}, the last one; ask again"
+                return f"request {request.sequence} is not newer than {last.sequence}, the last one; {ASK_AGAIN}"
         if state.phase is Phase.FAULTED:
             return f"output is faulted: {state.reason}"
         return ""
