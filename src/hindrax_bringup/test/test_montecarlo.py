@@ -8,7 +8,7 @@ import pytest
 from hindrax_bringup.cli import main
 from hindrax_bringup.executor import DaskCluster, InThisProcess, LocalProcesses, executor_for
 from hindrax_core.errors import HindraxError
-from hindrax_ident.montecarlo import Drag, Found, Trial, drag_bias, summary, tabulate
+from hindrax_ident.montecarlo import Drag, Found, Trial, by_chance, drag_bias, summary, tabulate
 
 
 def trial(seed, error, std=1.0):
@@ -29,9 +29,15 @@ def test_cells_are_the_moments_of_the_errors():
     assert drag_bias([trial(1, 1.0), trial(2, -2.0)])[0]["bias"] == pytest.approx(-0.005)
 
 
+def test_chance_alone_scatters_ratios():
+    # Quantiles of chi-squared with 40 degrees of freedom, from any table: 24.43 and 59.34.
+    assert by_chance(40) == pytest.approx((math.sqrt(24.433 / 40.0), math.sqrt(59.342 / 40.0)), rel=1e-4)
+
+
 def test_summary_has_the_shape_of_the_command_line():
     document = summary([trial(1, 1.0), Trial(2, (), (), "altitude: too low")])
     assert document["runs"] == 2
+    assert document["ratio_by_chance"] == list(by_chance(2))
     assert set(document["cells"][0]) >= {"motion", "coefficient", "bias", "rmse", "crlb", "ratio", "coverage95"}
     assert [cell["method"] for cell in document["cells"]] == ["output-error"]
     assert document["troubles"] == {"2": "altitude: too low"}

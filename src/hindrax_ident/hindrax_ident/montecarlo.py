@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.bound import bound_of, true_parameters
@@ -151,6 +152,12 @@ def _cell(group: list[Found]) -> Cell:
     )
 
 
+def by_chance(runs: int) -> tuple[float, float]:
+    """Lowest and highest ratio that a coefficient exactly at its bound has in 95 of 100 sets of so many runs."""
+    low, high = np.sqrt(chi2.ppf([0.025, 0.975], runs) / runs)
+    return float(low), float(high)
+
+
 def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     """Mean relative error of the drag force at shares of the tested speed, and its scatter, per motion."""
     groups: dict[tuple[str, float], list[float]] = {}
@@ -170,7 +177,10 @@ def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 
 def summary(trials: Sequence[Trial]) -> dict[str, Any]:
-    """Document of `montecarlo`: cells of the refined result; the other methods and the drag force beside them."""
+    """Document of `montecarlo`: cells of the refined result; the other methods and the drag force beside them.
+
+    `ratio_by_chance` as `by_chance`.
+    """
     cells = tabulate(trials)
     others: dict[str, list[dict[str, Any]]] = {}
     for cell in cells:
@@ -178,6 +188,7 @@ def summary(trials: Sequence[Trial]) -> dict[str, Any]:
             others.setdefault(cell.method, []).append(_plain(cell))
     return {
         "runs": len(trials),
+        "ratio_by_chance": list(by_chance(len(trials))),
         "cells": [_plain(cell) for cell in cells if cell.method == METHOD],
         "methods": others,
         "drag": drag_bias(trials),

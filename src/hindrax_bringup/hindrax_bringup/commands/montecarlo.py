@@ -111,6 +111,8 @@ def show(document: dict[str, Any]) -> None:
     for cell in document["cells"]:
         table.add_row(*_row(cell), *(_ratio(document["methods"][method], cell) for method in methods))
     console.print(table)
+    low, high = document["ratio_by_chance"]
+    console.print(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     drag = Table(title="Drag force at shares of the tested speed: relative error, percent")
     for heading in ("motion", "share", "bias", "RMSE"):
         drag.add_column(heading, justify="left" if heading == "motion" else "right")
