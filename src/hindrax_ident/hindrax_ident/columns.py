@@ -158,6 +158,15 @@ def _words(text: str) -> str:
     return re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
 
 
+def check_width(cells: Sequence[str], header: Sequence[str], where: str) -> None:
+    """HindraxError when a row says more than the header line has columns: everything in it may have moved."""
+    if any(cells[len(header) :]):
+        raise HindraxError(
+            f"{where}: found {len(cells)} cells, wanted {len(header)} as in the header line; write decimals with a "
+            "point, or part the cells with semicolons"
+        )
+
+
 def number(text: str) -> float:
     """A cell as a number; NaN where it says nothing. ValueError for what is no number."""
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from hindrax_core.errors import HindraxError
 from hindrax_core.state import NAN
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.columns import Meaning, factor_of, meaning_of, moment, near_miss, number
+from hindrax_ident.columns import Meaning, check_width, factor_of, meaning_of, moment, near_miss, number
 from hindrax_ident.readers import Recording
 
 PREAMBLE = 40
@@ -31,6 +31,8 @@ def read_csv(text: str, source: str, frame: str = "") -> Recording:
     meanings = _meanings(header, source)
     if not any(_says(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
         meanings, rows = _with_units(meanings, rows, source), rows[1:]
+    for line, cells in rows:
+        check_width(cells, header, f"{source}, line {line}")
     columns = {
         meaning.name: array(meaning.factor * _values(rows, i, meaning, f"column {header[i]}", source))
         for i, meaning in meanings.items()

@@ -33,6 +33,10 @@ def test_columns_come_by_name_in_any_order_and_separator(separator: str) -> None
         ("time_s,load\n0,1\n", r"no column force_N \(force \[N\]\); found time_s, load"),
         ("time_s,force_N\n0,1\n1,abc\n", "a.csv, line 3, column force_N: found 'abc', wanted a number"),
         ("time_s,force_N\n0,1\n1\n", "line 3, column force_N: the line has only 1 cells"),
+        (
+            "time_s,force_N\n0,1\n0,5,1,5\n",
+            "line 3: found 4 cells, wanted 2 as in the header line; write decimals with",
+        ),
         ("time_s,force_N\n0,nan\n", "line 2, column force_N: found 'nan', wanted a finite number"),
         ("time_s,force_N,force_N\n0,1,2\n", "column force_N occurs 2 times"),
     ],

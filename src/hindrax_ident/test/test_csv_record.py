@@ -87,6 +87,12 @@ def test_axes_that_are_told_are_turned():
     assert read_csv(text, "x.csv", "fsd").velocity[0, 1] == 1.0
 
 
+def test_decimal_commas_between_commas_move_nothing_unseen():
+    with pytest.raises(HindraxError, match="x.csv, line 3: found 5 cells, wanted 3 as in the header line"):
+        read_csv("t,u,X\n0,1,2\n0,5,1,5,2\n", "x.csv")
+    assert len(read_csv("t,u,X\n0,1,2,,\n", "x.csv").velocity_t) == 1
+
+
 @pytest.mark.parametrize("header", ["linear_acceleration.x", "temperature", "V", "x", "mag_x", "t_air", "", "pwm_x_y"])
 def test_what_means_nothing_is_left_alone(header):
     assert meaning_of(header) is None

@@ -10,6 +10,7 @@ import numpy as np
 
 from hindrax_core.errors import HindraxError
 from hindrax_ident.bench.regression import Array
+from hindrax_ident.columns import check_width
 
 MOST_JITTER = 0.01
 """Deviation of a time step from the median, relative, up to which a record counts as evenly sampled."""
@@ -47,6 +48,7 @@ def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str,
     present = [column for column in columns if _has(header, column, source)]
     values: dict[str, list[float]] = {column.name: [] for column in present}
     for line, cells in rows:
+        check_width(cells, header, f"{source}, line {line}")
         for column in present:
             where = f"{source}, line {line}, column {column.name}"
             values[column.name].append(_number(cells, header.index(column.name), where))
