@@ -88,7 +88,7 @@ def test_axes_that_are_told_are_turned():
 
 
 def test_decimal_commas_between_commas_move_nothing_unseen():
-    with pytest.raises(HindraxError, match="x.csv, line 3: found 5 cells, wanted 3 as in the header line"):
+    with pytest.raises(HindraxError, match=r"x\.csv, line 3: found 5 cells, wanted 3 as in the header line"):
         read_csv("t,u,X\n0,1,2\n0,5,1,5,2\n", "x.csv")
     assert len(read_csv("t,u,X\n0,1,2,,\n", "x.csv").velocity_t) == 1
 
