@@ -49,6 +49,8 @@ STATUS_EVERY = 5
 FEEDBACK_EVERY = 10
 REPORT_EVERY = 50
 COMMAND_LIFESPAN_S = 1.0
+MOCK_LIFESPAN_S = 10.0
+"""On a mock's clock: at ten times real time a moment of the computer is a second of the vehicle."""
 WATCH_S = 0.5
 SILENT_S = 5.0
 """Silence of the navigator that ends a maneuver [ROS time]: the thrusters, told nothing, disarm by then."""
@@ -169,7 +171,8 @@ class PilotNode(PolledNode):
 
     def _stale(self, stamp: Stamp) -> str:
         age = seconds_between(stamp, self._now())
-        return "" if age <= COMMAND_LIFESPAN_S else f"{age:.1f} s old, wanted at most {COMMAND_LIFESPAN_S:.1f} s"
+        most = MOCK_LIFESPAN_S if self.get_parameter("use_sim_time").value else COMMAND_LIFESPAN_S
+        return "" if age <= most else f"{age:.1f} s old, wanted at most {most:.1f} s"
 
     def _on_setpoint(self, message: Any) -> None:
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
