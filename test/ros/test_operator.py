@@ -168,7 +168,7 @@ def test_a_thruster_alone_is_refused_beside_control(terminal):
 
 @pytest.mark.usefixtures("up")
 def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal):
-    for _ in range(5):  # a node may just be looking for its lock
+    for _ in range(15):  # a node may just be looking for its lock, or reports late while a busy mock goes slowly
         code, said, _ = terminal.run("doctor", "--mock", "--json")
         if code == 0:
             break
