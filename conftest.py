@@ -1,10 +1,62 @@
 """What every test run has in common."""
 
-import os
+from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
+from parallel_run import FileProgress, FileScheduling, long_ones_first
+from xdist.scheduler import Scheduling
+
+from hindrax_bringup.stack import own_domain
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_core.vehicle import Vehicle, load_vehicle
 
 # A busy machine is slow, not wrong: properties are judged by what they find, never by the clock. The usual run tries
 # the same examples every time, so that it tells of the change at hand; a thorough one looks for new ones.
 settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
 settings.load_profile("hindrax")
+
+
+@pytest.fixture(scope="session")
+def vehicle() -> Vehicle:
+    """The Hindrax itself."""
+    return load_vehicle(Path(__file__).parent / "src/hindrax_bringup/vehicles/hindrax.yaml")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Show the files of a parallel run as they are done."""
+    if config.getoption("numprocesses") and config.option.verbose < 0:
+        config.pluginmanager.register(FileProgress(config), "file-progress")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Begin a parallel run with what takes long, so that no worker is left alone with it at the end."""
+    if hasattr(config, "workerinput"):
+        long_ones_first(items)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Scheduling | None:
+    """Keep the tests of one file, and files that share a flight, on one worker; another --dist is left as it is."""
+    return FileScheduling(config, log) if config.option.dist == "load" else None
+
+
+@pytest.fixture(scope="session", autouse=True)
+def runtime_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Stacks of the tests are announced apart: neither other workers nor whoever works on this machine meets them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER, str(tmp_path_factory.mktemp("runtime")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def ros_domain() -> Iterator[int]:
+    """A ROS domain that no stack and no other worker on this machine uses."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("ROS_DOMAIN_ID", raising=False)
+        with own_domain(mock=True) as domain:
+            assert domain is not None
+            yield domain

@@ -31,7 +31,7 @@ WATCHDOG_ms = 500
 
 
 class Outputs:
-    """Pulses by timers that count microseconds: the hardware keeps them up whatever the program does."""
+    """Pulses from timers that count microseconds: the hardware repeats them without the program."""
 
     def __init__(self, pulses: list[int]) -> None:
         """Start every channel with its pulse."""
@@ -52,7 +52,7 @@ class Outputs:
 
 
 class Clock:
-    """Milliseconds that only grow, out of a counter that wraps."""
+    """Monotonic milliseconds from a counter that wraps."""
 
     def __init__(self) -> None:
         """Begin at zero."""
@@ -67,10 +67,10 @@ class Clock:
 
 
 class Board:
-    """Everything together."""
+    """The board: outputs, clock, link, battery, watchdog."""
 
     def __init__(self) -> None:
-        """Neutral first, then link, battery and, last, the watchdog, which cannot be stopped again."""
+        """Start neutral, then link, battery and, last, the watchdog, which cannot be stopped again."""
         self.clock = Clock()
         self.controller = Controller(len(THRUSTERS), len(LIGHTS), self.clock.now_ms())
         self.outputs = Outputs(self.controller.pulses)
@@ -79,7 +79,7 @@ class Board:
         self.watchdog = machine.WDT(timeout=WATCHDOG_ms)
 
     def turn(self) -> None:
-        """Read, decide, put out, tell. The watchdog is fed only when all of that came to its end."""
+        """Read, decide, output, report. The watchdog is fed only after all of it."""
         data = self.link.read(256) if self.link.any() else None
         told = self.controller.receive(data, self.clock.now_ms()) if data else b""
         if self.battery is not None:
@@ -99,7 +99,7 @@ class Board:
 
 
 def main() -> None:
-    """Run until the supply goes."""
+    """Run until power-off."""
     board = Board()
     while True:
         board.turn()

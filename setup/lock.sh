@@ -1,13 +1,16 @@
 #!/bin/sh
-# Resolves the *.in files to *.lock files anew, with a hash for every file that may be installed. Needs uv. Run it to
-# take up newer versions, then `./hindrax test` on Python 3.11 and 3.12, and commit both .in and .lock.
+# Resolves the *.in files to *.lock files, with a hash for every file that may be installed. Needs uv. Versions that are
+# locked stay as they are; `setup/lock.sh --upgrade` takes up newer ones, `--upgrade-package NAME` those of one package.
+# Then `./hindrax test` on Python 3.11 and 3.12, and commit both .in and .lock.
 set -eu
 cd "$(dirname "$0")"
+upgrade=$*
 
 lock() { # OUTPUT OPTION... INPUT...
   output=$1
   shift
-  uv pip compile --quiet --upgrade --no-header --generate-hashes --output-file "$output" \
+  # shellcheck disable=SC2086 # words, not one
+  uv pip compile --quiet $upgrade --no-header --generate-hashes --output-file "$output" \
     --only-binary :all: --no-binary empy --no-binary padasip "$@"
 }
 

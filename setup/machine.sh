@@ -8,6 +8,7 @@
 #   .hindrax/bootstrap/       a small environment that holds the installer (uv)
 #   .hindrax/env/             the Python environment, with ROS 2 in it unless the machine has a ROS installation
 #   .hindrax/environment.sh   the variables of the sourced workspace, so that no run has to source it again
+#   .hindrax/cache/           what uv, ROS and matplotlib keep (logs, downloads, fonts)
 #   .hindrax/python, asked    the interpreter in use, and the HINDRAX_PYTHON that led to it
 #   .hindrax/ready            fingerprint of all that the above was made from
 #
@@ -56,6 +57,38 @@ setup_command() {
   esac
 }
 
+# --- What needs no set-up ---------------------------------------------------------------------------------------------
+
+answers_before_setup() { # WORD...
+  local word
+  case ${1-} in '' | -h | --help | help | --version | completion) return ;; esac
+  for word; do
+    case $word in -h | --help) return ;; esac
+  done
+  return 1
+}
+
+# With any Python from 3.9 on, of which nothing is wanted but its library.
+answer_before_setup() { # WORD...
+  local candidate
+  for candidate in "${HINDRAX_PYTHON-}" python3 python3.12 python3.11; do
+    "$candidate" -I -c 'import sys; sys.exit(sys.version_info < (3, 9))' 2>/dev/null || continue
+    "$candidate" -I -B - "$root" "$@" <<'END'
+import sys
+from pathlib import Path
+
+root = Path(sys.argv[1])
+sys.path[:0] = [str(folder) for folder in root.glob("src/hindrax_*")]
+from hindrax_cli.before_setup import main
+
+sys.exit(main(root, sys.argv[2:]))
+END
+    return
+  done
+  setup_help
+  fail "found no Python, wanted 3.9 or newer for help and 3.11 or 3.12 to run"
+}
+
 say() { printf '[%3d s] %s\n' "$SECONDS" "$*" >&2; }
 
 fail() {
@@ -75,7 +108,8 @@ build_inputs() (
   export LC_ALL=C
   find . -type f \( -name package.xml -o -name setup.cfg -o -name setup.py -o -name CMakeLists.txt \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -print0 | sort -z | xargs -0 sha256sum
-  find . -type f \( -path './*/launch/*' -o -path './*/vehicles/*' -o -path './*/resource/*' \) | sort
+  find . -name __pycache__ -prune -o -type f \( -path './*/launch/*' -o -path './*/vehicles/*' \
+    -o -path './*/resource/*' \) -print | sort
 )
 
 fingerprint() {
@@ -175,6 +209,7 @@ make_bootstrap() {
   discard "$state/bootstrap"
   step "making a place for the installer" "$python" -I -m venv "$state/bootstrap"
   step "fetching the installer" "$state/bootstrap/bin/python" -I -m pip install --disable-pip-version-check --no-input \
+    --no-cache-dir \
     --require-hashes --only-binary :all: --requirement "$root/setup/bootstrap.lock"
   echo "$identity" >"$state/bootstrap/complete"
 }
@@ -202,6 +237,8 @@ make_environment() {
   stamped "$env/complete" "$identity" && return
   rm -f "$state/asked"
   discard "$env"
+  # Linked into the environment from there, so that it takes no room beside it; a shared one is the user's to name.
+  export UV_CACHE_DIR=${UV_CACHE_DIR:-$state/cache/uv}
   step "making the Python $version environment" "$uv" venv --no-project --python "$python" "${options[@]}" "$env"
   adopt_pip_settings
   # Two packages are published as source only; the lock also pins what builds them.
@@ -272,13 +309,16 @@ build_workspace() {
 
 # Sourcing the workspace takes half a second, its outcome is a handful of variables.
 write_environment() {
-  local name value tools=$env/bin:$workspace/install/hindrax_bringup/lib/hindrax_bringup
+  local name value tools=$env/bin:$workspace/install/hindrax_cli/lib/hindrax_cli
   {
     echo "# The workspace as sourced, for any shell; made by ./hindrax."
     while IFS='=' read -r -d '' name value; do
       case $name in
         PATH) value=$tools:${value%:/usr/bin:/bin} ;;
-        PYTHONPATH) ! has_ros || value=$value:$(echo "$env"/lib/python*/site-packages) ;;
+        PYTHONPATH)
+          ! has_ros || value=$value:$(echo "$env"/lib/python*/site-packages)
+          value=$value:$root/tools
+          ;;
         AMENT_* | CMAKE_* | COLCON_PREFIX_PATH | LD_LIBRARY_PATH | ROS_* | _ROS_* | VIRTUAL_ENV) ;;
         *) continue ;;
       esac
@@ -291,6 +331,10 @@ write_environment() {
     done < <(sourced_workspace)
     printf 'export HINDRAX_ROOT=%q\n' "$root"
     echo 'export RMW_IMPLEMENTATION="${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp}"'
+    # What a program keeps for itself goes below the clone too, where that can be written.
+    printf 'if [ -w %q ]; then\n' "$state"
+    printf '  export %s="${%s:-%s/cache/%s}"\n' ROS_HOME ROS_HOME "$state" ros MPLCONFIGDIR MPLCONFIGDIR "$state" matplotlib
+    echo 'fi'
     echo 'export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"'
   } >"$state/environment.sh"
 }

@@ -29,6 +29,9 @@ play() { mkdir -p "$1/bin"; cp "$0" "$1/bin/$2"; }
 case "$(basename "$0") $*" in
   python*' -I -')
     echo "${VERSION:-3.11} ${HEADERS:-true} ${ENSUREPIP:-true} $(readlink -f "$0")" ;;
+  python*' -I -c '*) ;;
+  python*' -I -B - '*)
+    echo "answered without a set-up: ${*:5}" ;;
   python*' -m venv '*)
     begin venv; mkdir -p "$last"; echo half >"$last/half"; half_done venv; rm "$last/half"; play "$last" python ;;
   python*' -m pip install '*)
@@ -43,12 +46,14 @@ case "$(basename "$0") $*" in
     echo half >"$env/half"; half_done install; rm -f "$env/half"
     echo installed >"$env/rclpy"; play "$env" colcon ;;
   'colcon build')
+    # Before it says that it begins: a test may interrupt it at once.
+    trap '[ -z "${pause-}" ] || kill $pause; exit 1' INT
     begin colcon; mkdir -p build install/hindrax_msgs; echo half >build/half; half_done colcon
-    trap 'kill ${pause-}; exit 1' INT; sleep "${BUILD_S:-0}" & pause=$!; wait $pause
+    sleep "${BUILD_S:-0}" & pause=$!; wait $pause
     rm build/half; echo 'export ROS_DISTRO=jazzy PYTHONPATH=/from/the/workspace' >install/local_setup.bash ;;
   python*' -c import '*)
     begin try; [ -e "$(dirname "$(dirname "$0")")/rclpy" ] ;;
-  python*' -P -m hindrax_bringup.cli'*)
+  python*' -P -m hindrax_cli.command_line'*)
     echo "the tool got: ${*:4}; ROS is $ROS_DISTRO, discovery $ROS_AUTOMATIC_DISCOVERY_RANGE" ;;
   *)
     echo "the stand-in knows no: $0 $*" >&2; exit 99 ;;

@@ -6,21 +6,20 @@ import contextlib
 import http.client
 import json
 import math
-import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hindrax_bringup.monitor.watched import Flight, Health, Hold, Picture, Thrusters
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_bringup.web.access import Access, hosts_of
-from hindrax_bringup.web.desk import Attendance, Desk
-from hindrax_bringup.web.reports import Reports
-from hindrax_bringup.web.server import Server
-from hindrax_bringup.web.summary import Chart
-from hindrax_control.maneuvers import Goal
-from hindrax_core.state import NAN, Estimate, Navigation
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.maneuver.maneuver import Goal
+from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
+from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.web.access import Access, hosts_of
+from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
+from hindrax_operator.web.reports import Reports
+from hindrax_operator.web.server import Server
+from hindrax_operator.web.summary import Chart
 
 TOKEN = "a-token-of-the-tests"
 ADDRESS = "127.0.0.1"
@@ -56,14 +55,14 @@ ESTIMATE = Estimate(
     learning=True,
     reason="",
 )
-ARMED = Picture(
+ARMED = Snapshot(
     time_s=123.0,
     silent_s=0.1,
     navigation=NAVIGATION,
     thrusters=THRUSTERS,
     holds=(Hold("heading", True, math.radians(-90.0), math.radians(0.4)), Hold("altitude", True, 1.0, 0.0, "no echo")),
-    flight=Flight("surge", "done", "", 1.0),
-    health={"dvl75": Health("ok", "measuring", 20.0), "ping1d": Health("error", "no reading for <b>3.2 s</b>")},
+    flight=ManeuverView("surge", "done", "", 1.0),
+    health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},
 )
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
@@ -73,29 +72,29 @@ DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disar
 class FakeVehicle:
     """Shows what it is given; a maneuver ends when the test says so."""
 
-    shown: Picture = ARMED
+    shown: Snapshot = ARMED
     orders: list[object] = field(default_factory=list)
     landed: Callable[[str, bool], None] | None = None
     title: str = "mock vehicle, ROS domain 3, process 4711"
 
-    def picture(self) -> Picture:
+    def snapshot(self) -> Snapshot:
         return self.shown
 
-    def stop(self, tell: Callable[[str, bool], None]) -> None:
+    def stop(self, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append("stop")
-        tell("stopped and disarmed", True)
+        on_done("stopped and disarmed", True)
 
-    def disarm(self, tell: Callable[[str, bool], None]) -> None:
+    def disarm(self, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append("disarm")
-        tell("the thrusters refused to disarm", False)
+        on_done("the thrusters refused to disarm", False)
 
-    def cancel(self, tell: Callable[[str, bool], None]) -> None:
+    def cancel(self, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append("cancel")
-        tell("nothing was being flown", True)
+        on_done("nothing was being flown", True)
 
-    def fly(self, goal: Goal, tell: Callable[[str, bool], None]) -> None:
+    def fly(self, goal: Goal, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append(goal)
-        self.landed = tell
+        self.landed = on_done
 
 
 @dataclass
@@ -104,7 +103,7 @@ class Page:
 
     server: Server
     vehicle: FakeVehicle
-    attendance: Attendance
+    heartbeat: ViewerHeartbeat
     said: list[str]
 
     @property
@@ -133,16 +132,14 @@ class Page:
 
 
 @contextlib.contextmanager
-def served(runs: Path, shown: Picture = ARMED, *, read_only: bool = False) -> Iterator[Page]:
+def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> Iterator[Page]:
     """Serve the page of a pretended vehicle at a free port."""
-    vehicle, attendance, said = FakeVehicle(shown), Attendance(), []
+    vehicle, heartbeat, said = FakeVehicle(shown), ViewerHeartbeat(), []
     chart = Chart(load_vehicle(default_vehicle()))
-    desk = Desk(vehicle, chart, Reports(runs), attendance, read_only=read_only, say=said.append)
-    server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), desk)
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
-    thread.start()
+    controller = PageController(vehicle, chart, Reports(runs), heartbeat, read_only=read_only, log=said.append)
+    server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)
+    server.start()
     try:
-        yield Page(server, vehicle, attendance, said)
+        yield Page(server, vehicle, heartbeat, said)
     finally:
         server.close()
-        thread.join(5.0)

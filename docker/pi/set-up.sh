@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes a Raspberry Pi 4 the vehicle's computer: boot settings, device names, groups, time, service. Run it again at any
-# time: what is as it should be is left alone.
+# Configures a Raspberry Pi 4 as the vehicle's computer: boot settings, device names, groups, time, service. It is
+# idempotent: correct settings stay unchanged.
 set -euo pipefail
 
 here=$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")
@@ -11,7 +11,7 @@ usage() {
   cat <<'END'
 Usage: sudo docker/pi/set-up.sh [--dry-run] [--container] [--tether IFACE:TOPSIDE] [--root DIR]
 
-  --dry-run    say what would be done, and do nothing
+  --dry-run    print what would be done, and do nothing
   --container  the stack runs in the container of docker/compose.yaml, not as a service of a ROS installation
   --tether     interface to the topside computer, and its address: eth0:192.168.2.1
   --root DIR   write the files below DIR and run no command: to see them, and for tests
@@ -32,7 +32,7 @@ while [ $# -gt 0 ]; do
     --tether) tether=${2-} && shift ;;
     --root) root=${2-} && shift ;;
     -h | --help) usage && exit ;;
-    *) fail "found $1, wanted one of the words of --help" ;;
+    *) fail "found $1, wanted one of the options of --help" ;;
   esac
   shift
 done
@@ -42,7 +42,7 @@ done
 
 changed=0 reboot=0
 
-# Writes stdin to a file where it differs, and says so.
+# Writes stdin to a file if it differs, and reports it.
 keep() { # FILE
   local file=$root$1 text
   text=$(cat && echo .) && text=${text%.}
@@ -82,7 +82,7 @@ if keep /etc/udev/rules.d/60-hindrax.rules <"$here/60-hindrax.rules"; then
 fi
 getent group i2c >/dev/null || act groupadd --system i2c
 id "$user" >/dev/null 2>&1 || act useradd --system --user-group --home-dir /var/lib/hindrax --groups dialout,i2c "$user"
-# Whoever runs the doctor or a pool test by hand needs the wires too.
+# A user who runs the doctor or a pool test by hand needs access to the devices too.
 if [ -n "${SUDO_USER-}" ] && ! id -nG "$SUDO_USER" | grep -qw i2c; then
   act usermod --append --groups dialout,i2c "$SUDO_USER"
 fi
@@ -102,7 +102,7 @@ if [ "$kind" = container ]; then
 else
   sed "s|/opt/hindrax|$clone|" "$here/hindrax.service" | keep /etc/systemd/system/hindrax.service || true
   if [ -n "$tether" ]; then
-    # A second lock beside the profile of the middleware: packets of other interfaces do not reach the stack at all.
+    # A second barrier beside the middleware profile: packets of other interfaces do not reach the stack at all.
     printf '[Service]\nRestrictNetworkInterfaces=lo %s\n' "${tether%%:*}" \
       | keep /etc/systemd/system/hindrax.service.d/tether.conf || true
   fi

@@ -1,1 +1,1 @@
-"""Firmware core of the thruster controller: pure Python that runs under MicroPython and under CPython."""
+"""Firmware core of the thruster controller: pure Python for MicroPython and CPython."""

@@ -27,7 +27,7 @@ class Controller:
         self._was_silent = False
 
     def receive(self, data: bytes, now_ms: int) -> bytes:
-        """Bytes from the host; returns the answers."""
+        """Handle bytes of the host; returns the answers."""
         answer = b""
         for message, payload in self._parser.feed(data):
             if message == mavlink.RC_CHANNELS_OVERRIDE:
@@ -37,7 +37,7 @@ class Controller:
         return answer
 
     def step(self, now_ms: int) -> bytes:
-        """Let time pass: `pulses` are those to put out from now on; returns what is to be told to the host."""
+        """Advance time: sets `pulses`, the output from now on; returns messages for the host."""
         self.pulses = self.failsafe.step(now_ms)
         told = self._tell_changes(now_ms)
         if self._due(mavlink.HEARTBEAT, now_ms):

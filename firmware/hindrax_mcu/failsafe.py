@@ -1,4 +1,4 @@
-"""What the thruster controller puts out, whatever its host does: the last state machine before the wires.
+"""Failsafe of the thruster controller: the last state machine before the outputs.
 
 Times are milliseconds that only grow; the caller sees to that. Pulses are whole microseconds.
 """
@@ -11,7 +11,7 @@ DISARM_MS = 2000
 
 
 class Failsafe:
-    """Boots disarmed at neutral. Only fresh overrides to an armed controller move a thruster."""
+    """Starts disarmed at neutral. Only fresh overrides to an armed controller move a thruster."""
 
     def __init__(self, thrusters: int, lights: int, now_ms: int, arm_ms: int = ARM_MS) -> None:
         self.armed = False
@@ -25,7 +25,7 @@ class Failsafe:
         self._heard = False
 
     def override(self, channels: list[int], now_ms: int) -> None:
-        """Take the host's wish. What is released, ignored, missing or no servo pulse becomes rest, never the last."""
+        """Set the wanted pulses. A released, ignored, missing or invalid channel rests, never holds."""
         for index, rest in enumerate(self._rest):
             pulse = channels[index] if index < len(channels) else 0
             plausible = PLAUSIBLE_LOW <= pulse <= PLAUSIBLE_HIGH
@@ -34,7 +34,7 @@ class Failsafe:
         self._heard = True
 
     def arm(self, now_ms: int) -> str:
-        """Arm, or say why not. The speed controllers must have seen neutral, and the host must be talking."""
+        """Arm, or return why not. The speed controllers must have seen neutral, and overrides must be fresh."""
         if self.armed:
             return ""
         if not self._fresh(now_ms):
@@ -47,14 +47,14 @@ class Failsafe:
         return ""
 
     def disarm(self, reason: str, now_ms: int) -> None:
-        """Go neutral and stay there."""
+        """Disarm and go neutral."""
         if self.armed:
             self._neutral_since = now_ms
         self.armed = False
         self.reason = reason
 
     def step(self, now_ms: int) -> list[int]:
-        """Pulses to put out now: thrusters, then lights."""
+        """Pulses to output now: thrusters, then lights [us]."""
         silence = now_ms - self._heard_ms
         if silence >= DISARM_MS:
             if self.armed:
@@ -65,7 +65,7 @@ class Failsafe:
         return self._rest[: self._thrusters] + self._wanted[self._thrusters :]
 
     def silent(self, now_ms: int) -> bool:
-        """Whether an armed controller is neutral for want of overrides."""
+        """Whether an armed controller is neutral because overrides are missing."""
         return self.armed and not self._fresh(now_ms)
 
     def _fresh(self, now_ms: int) -> bool:

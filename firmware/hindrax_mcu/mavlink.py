@@ -39,7 +39,7 @@ def _add(crc: int, byte: int) -> int:
 
 
 def frame(message: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
-    """One frame; trailing zeros of the payload are left out, as the second version of the protocol wants it."""
+    """Encode a frame; trailing zeros of the payload are omitted, as MAVLink 2 requires."""
     length = len(payload)
     while length > 1 and payload[length - 1] == 0:
         length -= 1
@@ -49,14 +49,14 @@ def frame(message: int, payload: bytes, sequence: int, system: int, component: i
 
 
 class Parser:
-    """Cuts a stream of bytes into frames. A byte that starts nothing valid is skipped alone, so none is lost."""
+    """Splits a byte stream into frames. An invalid start skips one byte only, so no frame is lost."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self.rejected = 0
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Message number and payload (padded to its full length) of every frame that is complete and heard here."""
+        """Message number and payload (padded to full length) of every complete frame of a supported message."""
         self._buffer.extend(data)
         found = []
         while len(self._buffer) >= HEAD:
@@ -72,7 +72,7 @@ class Parser:
         return found
 
     def _size(self) -> int:
-        """Length of the frame that begins here; zero when none can."""
+        """Length of the frame that begins here; zero for none."""
         buffer = self._buffer
         if buffer[0] != STX or buffer[2] or not 0 < buffer[1] <= HEARD.get(self._message(), 0):
             return 0
@@ -105,7 +105,7 @@ def heartbeat(armed: bool, status: int) -> bytes:
 
 
 def servo_output(now_us: int, pulses: list[int]) -> bytes:
-    """Payload of SERVO_OUTPUT_RAW: what the first sixteen channels put out [us], 0 where there is none."""
+    """Payload of SERVO_OUTPUT_RAW: pulses of the first sixteen channels [us], 0 for none."""
     channels = (list(pulses) + [0] * 16)[:16]
     head = struct.pack("<I8HB", now_us & 0xFFFFFFFF, *channels[:8], 0)
     return head + struct.pack("<8H", *channels[8:])

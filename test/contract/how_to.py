@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "how-to" / "new-sensor.md"
-TABLE = "src/hindrax_core/hindrax_core/devices.py"
+TABLE = "src/hindrax_core/hindrax_core/sensor_table.py"
 VEHICLE = "src/hindrax_bringup/vehicles/hindrax.yaml"
 COPIED = ("src", "test/contract", "test/golden", "docs")
 
@@ -16,7 +16,7 @@ COPIED = ("src", "test/contract", "test/golden", "docs")
 def copy_of_the_clone(place: Path) -> Path:
     for part in COPIED:
         shutil.copytree(ROOT / part, place / part, ignore=shutil.ignore_patterns("__pycache__", "*.mcap"))
-    for file in ("pyproject.toml", "conftest.py", "test/register_rig.py"):
+    for file in ("pyproject.toml", "conftest.py", "test/parallel_run.py", "test/register_rig.py"):
         shutil.copy2(ROOT / file, place / file)
     return place
 

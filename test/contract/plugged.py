@@ -8,14 +8,14 @@ from typing import Any
 from contract.serial_bench import Bench, world_s
 from register_rig import START, STEP_S, Rig
 
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_core.device import Identity, Trouble
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.driver_interface import Identity, Trouble
 from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
-from hindrax_drivers.registry import DEVICES
-from hindrax_sim.faults import FaultSpec, with_bus_faults
-from hindrax_sim.registry import EMULATORS
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.emulator_registry import EMULATORS
+from hindrax_sim.faults.fault_registry import FaultSpec, with_bus_faults
 
 Truth = Callable[[float], Any]
 """What is true, by the seconds since the start."""
@@ -52,10 +52,10 @@ class SerialLine(Bench):
         super().__init__(Tapped(driver), emulator, truth, faults=list(faults), seed=seed)
         self.said: list[tuple[float, Any]] = []
 
-    def _take(self, outputs) -> None:
+    def _handle(self, outputs) -> None:
         outputs = list(outputs)
         self.said += [(self.now_s, one) for one in outputs]
-        super()._take(outputs)
+        super()._handle(outputs)
 
     def seconds(self, stamped: Stamped[Any]) -> float:
         return world_s(stamped)

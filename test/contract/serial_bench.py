@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from hindrax_core.device import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.events import Rejected, Stamped, stamp_from_s
-from hindrax_sim.faults import FaultSpec, with_faults
-from hindrax_sim.stream_faults import FaultyLine
+from hindrax_sim.faults.fault_registry import FaultSpec, with_faults
+from hindrax_sim.faults.stream_faults import FaultyLine
 
 STEP_S = 0.005
 EPOCH_S = 1000.0
@@ -62,13 +62,13 @@ class Bench:
         if not self._plugged:
             # As a node does: the port is open (again), so the driver begins.
             self._plugged = True
-            self._take(self.driver.start(stamp))
+            self._handle(self.driver.start(stamp))
         for chunk in arrived:
             if chunk:
-                self._take(self.driver.feed(chunk, stamp))
-        self._take(self.driver.tick(stamp))
+                self._handle(self.driver.feed(chunk, stamp))
+        self._handle(self.driver.tick(stamp))
 
-    def _take(self, outputs) -> None:
+    def _handle(self, outputs) -> None:
         kinds = {Rejected: "rejected", Trouble: "troubles", Identity: "identities", Stamped: "readings", Send: "sends"}
         for one in outputs:
             getattr(self.log, kinds[type(one)]).append((self.now_s, one))
@@ -78,7 +78,7 @@ class Bench:
     def _answer(self, send: Send) -> None:
         answer = self.line.receive((b"U" if send.wake else b"") + send.data, self.now_s)
         if answer:
-            self._take(self.driver.feed(answer, stamp_from_s(EPOCH_S + self.now_s)))
+            self._handle(self.driver.feed(answer, stamp_from_s(EPOCH_S + self.now_s)))
 
 
 def world_s(stamped: Stamped) -> float:

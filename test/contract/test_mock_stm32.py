@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_core.device import Output
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.arming import Command, Guard, GuardKnobs, Phase, Refusal, Request
-from hindrax_drivers.buses.output_host import Applied
-from hindrax_drivers.buses.output_thread import OutputThread
-from hindrax_drivers.buses.outputs import open_output
-from hindrax_sim.mock import Mock, run_for
+from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_host import AppliedOutput
+from hindrax_drivers.output.output_ports import open_output
+from hindrax_drivers.output.output_thread import OutputThread
+from hindrax_sim.mock_vehicle import MockVehicle, run_for
 
 FILE = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles/hindrax.yaml"
 MOVING = (1650.0,) * 8
@@ -23,10 +23,10 @@ MOVING = (1650.0,) * 8
 
 class Ears:
     def __init__(self) -> None:
-        self.last: Applied | None = None
+        self.last: AppliedOutput | None = None
         self.identity = ""
 
-    def applied(self, applied: Applied) -> None:
+    def applied(self, applied: AppliedOutput) -> None:
         self.last = applied
 
     def refused(self, refusal: Refusal, stamp: Stamp) -> None:
@@ -52,12 +52,12 @@ def with_stm32() -> Vehicle:
 
 def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
     vehicle, ears = with_stm32(), Ears()
-    with Mock(vehicle, tmp_path, seed=1, rate=0.0) as mock:
+    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
         port = mock.ports["thrusters"]
         assert port == str(tmp_path / "thrusters")
         thread = OutputThread(
             lambda: open_output(vehicle, port, mock.clock, lambda *_: None, "thrusters"),
-            Guard(8, 2, GuardKnobs(arming_s=7.2)),
+            OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.2)),
             ears,
             lambda: None,
         )
@@ -93,7 +93,7 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
 
 
 def test_nobody_waits_for_a_ground_station_as_for_a_control_loop(tmp_path: Path) -> None:
-    with Mock(with_stm32(), tmp_path, seed=1, rate=0.0) as mock:
+    with MockVehicle(with_stm32(), tmp_path, seed=1, rate=0.0) as mock:
         descriptor = os.open(mock.ports["thrusters"], os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         os.write(descriptor, bytes.fromhex("fd 09 00 00 00 01 bf 00 00 00 00 00 00 00 12 08 00 04 03 ae c6"))
         run_for(mock, 0.1)
@@ -103,8 +103,10 @@ def test_nobody_waits_for_a_ground_station_as_for_a_control_loop(tmp_path: Path)
 
 @pytest.mark.parametrize("fault", ["reset", "bit_flips", "absent", "nack"])
 def test_faults_of_the_thrusters_fall_on_the_line_as_far_as_a_line_has_them(tmp_path: Path, fault: str) -> None:
-    from hindrax_sim.faults import FaultSpec
+    from hindrax_sim.faults.fault_registry import FaultSpec
 
-    with Mock(with_stm32(), tmp_path, seed=1, rate=0.0, faults=[FaultSpec(fault, ("thrusters",), 0.0, 0.2)]) as mock:
+    with MockVehicle(
+        with_stm32(), tmp_path, seed=1, rate=0.0, faults=[FaultSpec(fault, ("thrusters",), 0.0, 0.2)]
+    ) as mock:
         run_for(mock, 0.1)
         assert mock.hardware.output.pulses_us()[:8] == (1500.0,) * 8

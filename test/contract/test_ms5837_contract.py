@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from register_rig import START, Rig, identities, readings, reasons
 
-from hindrax_core.bus import Write
+from hindrax_core.bus_operations import Write
 from hindrax_core.events import seconds_between
 from hindrax_core.readings import Pressure
 from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs, depth_m

@@ -20,14 +20,14 @@ NEW = {
 }
 READ = """
 import sys
-from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.rigs import BytesRig
+from hindrax_sim.lockstep_rigs import BytesRig
 from hindrax_core.topics import TOPICS
 
 assert {"lps22hb/pressure", "raw/lps22hb"} <= {topic.name for topic in TOPICS}
 rig = BytesRig(load_vehicle(default_vehicle()), seed=1)
-heard = [one.reading for _ in range(400) for name, one in rig.listen() if name == "lps22hb"]
+heard = [one.reading for _ in range(400) for name, one in rig.advance() if name == "lps22hb"]
 assert len(heard) > 50, len(heard)
 assert all(abs(one.pressure_Pa - 101_325.0) < 10.0 for one in heard)
 """
@@ -51,7 +51,7 @@ def run(place: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def hindrax(place: Path, command: str) -> subprocess.CompletedProcess[str]:
-    return run(place, "-m", "hindrax_bringup.cli", *command.removeprefix("./hindrax ").split())
+    return run(place, "-m", "hindrax_cli.command_line", *command.removeprefix("./hindrax ").split())
 
 
 def test_four_files_one_row_and_one_line_and_nothing_else(before_and_after):

@@ -36,7 +36,7 @@ def test_a_profile_shows_its_peak_at_the_distance():
     line = bench(lambda _: PingTruth(2.0), mode_auto=False, range_start_m=0.0, range_length_m=5.0)
     log = line.run(2.0)
     assert not log.of(EchoProfile)
-    line._take(line.driver.request_profile())
+    line._handle(line.driver.request_profile())
     profiles = [one.reading for one in line.run(0.5).of(EchoProfile)]
     assert len(profiles) == 1
     assert profiles[0].strength.index(max(profiles[0].strength)) == 80

@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from smbus2 import SMBus, i2c_msg
 
-from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.mock import Mock
+from hindrax_sim.mock_vehicle import MockVehicle
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
 I2C_SLAVE = 0x0703
@@ -26,11 +26,11 @@ pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs r
 
 
 @pytest.fixture(scope="module")
-def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Mock, str]]:
+def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MockVehicle, str]]:
     """The whole mock vehicle, stepped by a thread, with its bus as a file."""
     folder = tmp_path_factory.mktemp("mock")
     over = threading.Event()
-    with Mock(load_vehicle(default_vehicle()), folder, seed=1, rate=1.0) as mock:
+    with MockVehicle(load_vehicle(default_vehicle()), folder, seed=1, rate=1.0) as mock:
         try:
             file = mock.offer_file(str(folder / "i2c-9"))
         except HindraxError as error:
@@ -49,7 +49,7 @@ def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Mock, str
 
 
 @pytest.fixture
-def path(mocked: tuple[Mock, str]) -> str:
+def path(mocked: tuple[MockVehicle, str]) -> str:
     return mocked[1]
 
 
@@ -104,7 +104,7 @@ def test_the_pulse_generator_is_set_up_by_plain_calls(path: str) -> None:
     os.close(descriptor)
 
 
-def test_nobody_waits_for_a_program_of_others_as_for_a_control_loop(mocked: tuple[Mock, str]) -> None:
+def test_nobody_waits_for_a_program_of_others_as_for_a_control_loop(mocked: tuple[MockVehicle, str]) -> None:
     mock, path = mocked
     with SMBus(path) as bus:
         bus.write_byte_data(0x40, 0x00, 0x21)

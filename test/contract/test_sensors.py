@@ -13,13 +13,13 @@ from contract.plugged import Plugged, mount_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_core.devices import SENSORS
 from hindrax_core.events import Stamp
 from hindrax_core.readings import DeviceText
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.testing import chunks
-from hindrax_drivers.registry import DEVICES
-from hindrax_sim.faults import FAULTS, FaultSpec
-from hindrax_sim.registry import EMULATORS
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.emulator_registry import EMULATORS
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 BEGIN_S, LASTS_S, BACK_WITHIN_S, AFTER_S = 4.0, 3.0, 2.0, 1.0

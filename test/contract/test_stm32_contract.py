@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_core.device import Output, Send, Trouble
+from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_drivers.devices.stm32 import Stm32

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_core.device import Output
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_core.readings import Battery
-from hindrax_drivers.arming import Command, Guard, GuardKnobs, Phase, Refusal, Request
 from hindrax_drivers.buses.clock import Meanwhile, nothing
-from hindrax_drivers.buses.output_host import Applied, OutputHost
-from hindrax_drivers.buses.outputs import SerialOutput
 from hindrax_drivers.devices.stm32 import Stm32
+from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
+from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
 from hindrax_sim.devices.stm32 import SupplyTruth
 from hindrax_sim.ptys import Pty
@@ -29,11 +29,11 @@ class Bench:
         self.time = stamp_from_s(50.0)
         self.board = Emulator(now_s=50.0)
         self.pty: Pty | None = Pty(folder / "stm32")
-        self.told: list[Applied] = []
+        self.told: list[AppliedOutput] = []
         self.said: list[Output] = []
         self.troubles: list[str] = []
         output = SerialOutput(str(folder / "stm32"), Stm32(CHANNELS), self, lambda *_: None)
-        self.host = OutputHost(output, Guard(8, 2, GuardKnobs(arming_s=7.1)), self)
+        self.host = OutputHost(output, OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.1)), self)
         self.sequence = 0
 
     def now(self) -> Stamp:
@@ -48,10 +48,10 @@ class Bench:
 
     def exchange(self, now_s: float) -> bool:
         """Let the board run; whether it has said something."""
-        heard = b"" if self.pty is None else self.pty.take()
+        heard = b"" if self.pty is None else self.pty.read()
         data = self.board.receive(heard, now_s) + self.board.step(now_s)
         if self.pty is not None:
-            self.pty.put(data)
+            self.pty.write(data)
         return bool(data)
 
     def unplug(self) -> None:
@@ -65,7 +65,7 @@ class Bench:
     def close(self) -> None:
         pass
 
-    def applied(self, applied: Applied) -> None:
+    def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
 
     def refused(self, refusal: Refusal, _stamp: Stamp) -> None:

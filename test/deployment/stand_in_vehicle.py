@@ -6,13 +6,13 @@ The graph is that of `up`: this machine, or the tether that is named.
 import rclpy
 
 from hindrax_bringup.stack import adopted, environment
-from hindrax_bringup.tether import chosen
+from hindrax_bringup.tether import tether_setting
 from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_STATE
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, subscription
 
-with adopted(environment(mock=False, domain=None, tether=chosen())):
+with adopted(environment(mock=False, domain=None, tether=tether_setting())):
     rclpy.init()
     node = rclpy.create_node("thrusters", namespace="/hindrax")
     state = publisher(node, THRUSTER_STATE)

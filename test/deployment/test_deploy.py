@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.cli import main
-from hindrax_bringup.commands import deploy
-from hindrax_bringup.deploy.plan import Kind, Target, kind_of, plan
-from hindrax_bringup.presence import FOLDER
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.machine import deploy
+from hindrax_cli.deployment.steps import DeploymentKind, Target, kind_of, plan
 from hindrax_core.errors import HindraxError, UsageError
 
 SSH = f"""#!{sys.executable} -SE
@@ -184,15 +184,15 @@ def test_without_git_or_ssh_it_says_what_to_install(place, monkeypatch, capsys):
 
 
 def test_the_kind_follows_from_what_is_there():
-    assert kind_of("rov", "Linux aarch64\nros\n/usr/bin/docker") is Kind.NATIVE
-    assert kind_of("rov", "Linux aarch64\n/usr/bin/docker") is Kind.CONTAINER
-    assert kind_of("rov", "Linux x86_64") is Kind.NATIVE
+    assert kind_of("rov", "Linux aarch64\nros\n/usr/bin/docker") is DeploymentKind.NATIVE
+    assert kind_of("rov", "Linux aarch64\n/usr/bin/docker") is DeploymentKind.CONTAINER
+    assert kind_of("rov", "Linux x86_64") is DeploymentKind.NATIVE
     with pytest.raises(HindraxError, match="install ROS 2 Jazzy"):
         kind_of("rov", "Linux aarch64")
 
 
 def test_a_container_is_built_started_and_asked():
-    scripts = [step.script for step in plan(Target("rov", kind=Kind.CONTAINER, tether="eth0:192.168.2.1"))]
+    scripts = [step.script for step in plan(Target("rov", kind=DeploymentKind.CONTAINER, tether="eth0:192.168.2.1"))]
     assert scripts[3] == "sudo /opt/hindrax/docker/pi/set-up.sh --container --tether eth0:192.168.2.1"
     assert scripts[4].endswith("compose.yaml build")
     assert scripts[5].endswith("up --detach")
@@ -207,7 +207,7 @@ def test_words_that_ssh_would_misread_are_refused(host, folder):
         Target(host, folder)
 
 
-@pytest.mark.parametrize("kind", list(Kind))
+@pytest.mark.parametrize("kind", list(DeploymentKind))
 def test_every_script_is_a_script(kind):
     for step in plan(Target("rov", kind=kind)):
         subprocess.run(["sh", "-n"], input=step.script.encode(), check=True)

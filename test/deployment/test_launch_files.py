@@ -28,8 +28,8 @@ pytest.importorskip("rclpy", reason="the mock's own words are read from its proc
 from ament_index_python import get_package_prefix
 
 from hindrax_bringup import security
+from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
 from hindrax_bringup.stack import PROFILE, own_domain
-from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
 from hindrax_sim.nodes.mock import parser as mock_parser
 
 ROOT = Path(__file__).parents[2]
@@ -139,6 +139,7 @@ def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch):
         value.keywords == {"value_type": str} for one in nodes for value in one.keywords["parameters"][0].values()
     )
     (recorder,) = (one for one in nodes if one.keywords["executable"] == RECORDER.executable)
+    assert [one for one in nodes if "bag" in one.keywords["parameters"][0]] == [recorder], "no other node declares it"
     assert recorder.keywords["condition"].words[0].words == (Said("LaunchConfiguration", ("record",), {}), "")
     set_here = {one.words for one in found if one.kind == "SetEnvironmentVariable"}
     assert any(key == PROFILE and value.endswith("loopback.xml") for key, value in set_here)
@@ -188,7 +189,7 @@ def domain_of(number: int | None) -> dict[str, str]:
 
 
 WATCH = """
-from hindrax_bringup.nodes.operator import Operator
+from hindrax_operator.nodes.operator_node import Operator
 with Operator(mock=True) as operator:
     operator.wait(lambda: operator.navigation is not None, 90.0, lambda: "a navigation solution")
 """

@@ -8,8 +8,7 @@ pytest.importorskip("rclpy", reason="the words of the replay are read from its p
 
 from deployment.test_launch_files import ROOT, described, pairs, processes, scripts_of, stand_in, words_of
 
-from hindrax_bringup.ros_replay import REPLAY, UNHEARD
-from hindrax_bringup.system import CONTROL, IDENTIFIER, SENSORS
+from hindrax_bringup.processes import CONTROL, IDENTIFIER, REPLAY, SENSORS, UNHEARD
 from hindrax_sim.nodes.replay import parser
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hindrax_bringup.cli import module_names
-from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.command_line import module_names
 from hindrax_core.vehicle import load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -200,7 +200,7 @@ def test_every_file_that_is_named_exists():
 
 
 def test_every_setting_is_one_that_the_stack_reads():
-    sources = "".join(path.read_text() for path in ROOT.glob("src/hindrax_bringup/hindrax_bringup/**/*.py"))
+    sources = "".join(path.read_text() for path in ROOT.glob("src/hindrax_*/hindrax_*/**/*.py"))
     settings = re.findall(r"^(\w+)=", (PI / "hindrax.env").read_text(), re.MULTILINE)
     assert "HINDRAX_TETHER" in settings
     for name in settings:

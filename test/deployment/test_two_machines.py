@@ -28,7 +28,7 @@ pytestmark = [
         importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
     ),
 ]
-UP = ("-m", "hindrax_bringup.cli", "up", "--mock")
+UP = ("-m", "hindrax_cli.command_line", "up", "--mock")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_without_a_tether_nobody_outside_the_machine_is_answered(machines):
 
 def test_the_doctor_at_the_far_end_sees_tether_and_clocks(machines):
     child = machines.start(machines.vehicle, [str(HERE / "stand_in_vehicle.py")], HINDRAX_TETHER=f"tether:{TOPSIDE}")
-    words = ["-m", "hindrax_bringup.cli", "doctor", "--topside", "--json", "--tether", f"tether:{VEHICLE}"]
+    words = ["-m", "hindrax_cli.command_line", "doctor", "--topside", "--json", "--tether", f"tether:{VEHICLE}"]
     out, _ = machines.start(machines.topside, words).communicate(timeout=PATIENT_S)
     checks = {one["name"]: one for one in json.loads(out)["checks"]}
     assert checks["tether"]["found"] == f"tether is {TOPSIDE}; at its other end {VEHICLE}"
@@ -133,7 +133,7 @@ def sent_per_second(machines: Machines, seconds: float = 3.0) -> float:
 
 def assert_allowed(graph: dict[str, dict[str, list[str]]]) -> None:
     """Everything that the running nodes do is in their roles: with the policies enforced they would still run."""
-    assert {"dvl75", "thrusters", "pilot", "allocator", "navigator", "identifier", "keeper"} <= set(graph)
+    assert {"dvl75", "thrusters", "pilot", "allocator", "navigator", "identifier", "safety_monitor"} <= set(graph)
     document = ET.fromstring(policies())
     paths = {
         "says": "topics[@publish]/topic",

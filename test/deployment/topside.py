@@ -4,7 +4,7 @@ import json
 import sys
 import time
 
-from hindrax_bringup.commands._operator import joined
+from hindrax_operator.connection import joined
 
 PATIENT_S = 90.0
 SILENT_S = 3.0
@@ -56,7 +56,7 @@ def graph(node) -> dict[str, dict[str, list[str]]]:
 
 def main() -> None:
     with joined(None, sim_time=True) as operator:
-        from hindrax_bringup.nodes.orders import hold
+        from hindrax_operator.nodes.orders import hold
 
         operator.wait(lambda: operator.navigation is not None, PATIENT_S, lambda: "a navigation solution")
         operator.arm(seconds=PATIENT_S)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from documentation.pages import PAGES, ROOT, block_of, commands_of, links_of, paths_of
 
-from hindrax_bringup import cli
-from hindrax_bringup.cli import main
+from hindrax_cli import command_line
+from hindrax_cli.command_line import main
 from hindrax_core.vehicle import load_vehicle
 
 HOW_TO = ROOT / "docs" / "how-to"
@@ -28,7 +28,7 @@ def test_every_command_is_taken(command):
     first, *rest = command.words
     if first in BY_THE_SCRIPT or first.startswith("-"):
         return
-    parser = cli.parser_of(cli.load(first.replace("-", "_")))
+    parser = command_line.parser_of(command_line.load(first.replace("-", "_")))
     if "--help" not in rest:
         parser.parse_args(rest)
 

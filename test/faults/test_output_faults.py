@@ -6,20 +6,20 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.device import Output
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
-from hindrax_drivers.arming import Answer, Command, Guard, GuardKnobs, Phase, Refusal, Request
-from hindrax_drivers.buses.output_host import Applied, OutputHost
-from hindrax_drivers.buses.outputs import RegisterOutput
 from hindrax_drivers.devices.pca9685 import Pca9685
-from hindrax_sim.buses.bus import LockStep, VirtualI2c
+from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
+from hindrax_drivers.output.output_ports import RegisterOutput
+from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
-from hindrax_sim.faults import FAULTS, FaultSpec, with_bus_faults
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, with_bus_faults
 
 START = stamp_from_s(100.0)
 REST = (1500.0,) * 8 + (1100.0,) * 2
 NEUTRAL, MOVING = (1500.0,) * 8, (1600.0,) * 8
-KNOBS = GuardKnobs(arming_s=0.5)
+KNOBS = OutputGuardKnobs(arming_s=0.5)
 LASTS_S = 6.0
 FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices]
 
@@ -44,19 +44,19 @@ class Flight:
         wires.attach(0x40, afflicted.at(self.chip))
         self.bus = LockStep(wires, START)
         self.driver = Pca9685((*range(8), 8, 9), REST)
-        self.told: list[Applied] = []
+        self.told: list[AppliedOutput] = []
         self.refusals: list[str] = []
         self.troubles: list[str] = []
         self.frames = 0
         output = RegisterOutput(self.bus, self.driver, self.line, self.tap)
-        self.host = OutputHost(output, Guard(8, 2, KNOBS), self)
+        self.host = OutputHost(output, OutputGuard(8, 2, KNOBS), self)
         self.sequence = 0
         self.requests = 0
 
     def tap(self, _stamp: Stamp, _sent: bool, _data: bytes) -> None:
         self.frames += 1
 
-    def applied(self, applied: Applied) -> None:
+    def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
 
     def refused(self, refusal: Refusal, _stamp: Stamp) -> None:
@@ -217,3 +217,45 @@ def test_an_absent_output_is_found_when_it_comes() -> None:
     flight.run(1.0)
     assert flight.wire() == flight.neutral()
     flight.armed()
+
+
+WHY = "inactive on request"
+
+
+def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
+    flight = Flight().armed()
+    flight.host.inhibit(WHY)
+    flight.host.turn()
+    assert flight.wire() == flight.neutral()
+    refused = len(flight.refusals)
+    flight.run(1.0)
+    flight.host.light((1.0, 1.0))
+    assert flight.wire() == flight.neutral()
+    assert set(flight.refusals[refused:]) == {"inhibited"}
+    assert flight.arm() == Answer(accepted=False, reason=WHY)
+    assert flight.phase is Phase.DISARMED
+    flight.host.inhibit("")
+    flight.run(0.1)
+    assert flight.wire() == flight.neutral()
+    flight.armed()
+
+
+def test_a_command_that_waits_is_not_written_after_the_inhibition() -> None:
+    flight = Flight().armed()
+    changes = len(flight.chip.changes)
+    flight.host.command(Command((1700.0,) * 8, (), flight.bus.now(), flight.sequence + 1))
+    flight.host.inhibit(WHY)
+    flight.host.turn()
+    assert [change.pulses_us[:8] for change in list(flight.chip.changes)[changes:]] == [flight.neutral()]
+
+
+def test_an_inhibition_ends_arming_and_outlasts_a_fault_of_the_bus() -> None:
+    flight = Flight([FaultSpec("absent", ("thrusters",), 2.0, 2.0)])
+    flight.run(0.1)
+    assert flight.arm().accepted
+    flight.host.inhibit(WHY)
+    flight.run(5.0)
+    assert {one.phase for one in flight.told[3:]} <= {Phase.DISARMED, Phase.FAULTED, Phase.ARMING}
+    assert flight.phase is Phase.DISARMED
+    assert flight.wire() == flight.neutral()
+    assert flight.arm() == Answer(accepted=False, reason=WHY)

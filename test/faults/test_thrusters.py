@@ -1,41 +1,17 @@
-"""The thrusters process on a virtual bus: whatever dies, hangs or falls silent, neutral is on the wire in time.
-
-Real processes and real ROS. The time of the bus goes at half the pace of the wall's, and stands still while a client
-works, so that a loaded machine does not count as a slow vehicle.
-"""
+"""The thrusters process on a virtual bus: whatever dies, hangs or falls silent, neutral is on the wire in time."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
 import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
-import psutil
 import pytest
+from thruster_rig import PATIENT_S, Flight, World, start, words_of
 
-from hindrax_bringup.stack import environment, own_domain
-from hindrax_core.events import Stamp, after, stamp_from_s, to_s
-from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.devices.pca9685 import pca9685_of
-from hindrax_sim.buses.bus import VirtualI2c
-from hindrax_sim.buses.server import BusServer
-from hindrax_sim.devices.pca9685 import Pca9685
+from hindrax_bringup.stack import own_domain
 
-ROOT = Path(__file__).parents[2]
-VEHICLE = ROOT / "src/hindrax_bringup/vehicles/hindrax.yaml"
-SOURCES = [str(folder) for folder in sorted((ROOT / "src").glob("hindrax_*")) if folder.name != "hindrax_msgs"]
-DRIVER = pca9685_of(load_vehicle(VEHICLE))
-NEUTRAL, MOVING = DRIVER.applied([1500.0] * 8), DRIVER.applied([1600.0] * 8)
-STEP_S, PACE, PATIENCE_S = 0.005, 0.5, 0.02
-PROMISED_S = 0.5
-PATIENT_S = 60.0
+PROMISED_S, FROZEN_S = 0.5, 2.0
 
 pytestmark = [
     pytest.mark.ros,
@@ -43,165 +19,6 @@ pytestmark = [
         importlib.util.find_spec("hindrax_msgs") is None, reason="needs the built workspace: run ./hindrax test"
     ),
 ]
-
-
-class World(threading.Thread):
-    """The bus, the chip on it, and the time of both."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(daemon=True)
-        self.chip = Pca9685()
-        self.now = stamp_from_s(100.0)
-        self.path = str(folder / "i2c")
-        wires = VirtualI2c()
-        wires.attach(0x40, self.chip)
-        self._server = BusServer(self.path, wires.transfer, self.now)
-        self.stopping = threading.Event()
-
-    def run(self) -> None:
-        while not self.stopping.is_set():
-            began = time.monotonic()
-            self.now = after(self.now, STEP_S)
-            self._server.serve(self.now, 0.0)
-            while self._server.busy() and time.monotonic() < began + PATIENCE_S:
-                self._server.serve(self.now, 0.002)
-            while (left := began + STEP_S / PACE - time.monotonic()) > 0.0:
-                self._server.serve(self.now, left)
-        self._server.close()
-
-    def wire(self) -> tuple[float | None, ...]:
-        return self.chip.pulses_us()[:8]
-
-    def last_moving_s(self) -> float:
-        """Time at which the last pulses that were not neutral ended: the stamp of the change after them."""
-        changes = list(self.chip.changes)
-        for before, then in zip(reversed(changes[:-1]), reversed(changes[1:]), strict=True):
-            if before.pulses_us[:8] != pytest.approx(NEUTRAL):
-                return then.now_s
-        raise AssertionError("it never moved")
-
-
-class Pilot:
-    """Commands at 50 Hz of the bus's time until told to be silent, and what comes back."""
-
-    def __init__(self, world: World, domain: int | None) -> None:
-        import rclpy
-        from rclpy.executors import SingleThreadedExecutor
-
-        from hindrax_core.topics import NAMESPACE, THRUSTER_COMMAND, THRUSTER_STATE
-        from hindrax_msgs.srv import Arm
-        from hindrax_ros.graph import publisher, subscription
-
-        self.world, self.speaking = world, True
-        self.context = rclpy.Context()
-        rclpy.init(args=[], context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("pilot", namespace=NAMESPACE, context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-        self.states: list[Any] = []
-        self.sequence = 0
-        self.last_at: Stamp | None = None
-        self.commands = publisher(self.node, THRUSTER_COMMAND)
-        subscription(self.node, THRUSTER_STATE, self.states.append)
-        self.client = self.node.create_client(Arm, "thrusters/arm")
-        self.node.create_timer(0.02 / PACE, self.speak)
-
-    def speak(self) -> None:
-        from hindrax_msgs.msg import ThrusterCommand
-        from hindrax_ros.convert import stamp_to_msg
-
-        if self.speaking:
-            self.sequence += 1
-            self.last_at = self.world.now
-            message = ThrusterCommand(sequence=self.sequence, pulses=[1600.0] * 8)
-            message.header.stamp = stamp_to_msg(self.last_at)
-            self.commands.publish(message)
-
-    def until(self, done: Callable[[], Any], what: str) -> None:
-        deadline = time.monotonic() + PATIENT_S
-        while not done():
-            assert time.monotonic() < deadline, f"waited for {what}; last state {self.states[-1:]}"
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def run(self, seconds: float) -> None:
-        end = after(self.world.now, seconds)
-        self.until(lambda: self.world.now >= end, "time to pass")
-
-    def arm(self, *, age_s: float = 0.0) -> Any:
-        from hindrax_msgs.srv import Arm
-        from hindrax_ros.convert import stamp_to_msg
-
-        self.until(self.client.service_is_ready, "the service thrusters/arm")
-        self.sequence += 1
-        request = Arm.Request(arm=True, sequence=self.sequence)
-        request.stamp = stamp_to_msg(after(self.world.now, -age_s))
-        future = self.client.call_async(request)
-        self.until(future.done, "an answer to arm")
-        return future.result()
-
-    def close(self) -> None:
-        import rclpy
-
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
-
-
-class Flight:
-    """World, process and pilot."""
-
-    def __init__(self, folder: Path, domain: int | None) -> None:
-        self.world = World(folder)
-        self.world.start()
-        self.process = start(
-            ["-p", f"vehicle:={VEHICLE}", "-p", f"port:=mock:{self.world.path}", "-p", "arming_s:=0.5"], domain
-        )
-        self.dead_man = psutil.Process(self.process.pid)
-        self.pilot = Pilot(self.world, domain)
-
-    def child(self) -> psutil.Process:
-        (found,) = self.dead_man.children()
-        return found
-
-    def take_off(self) -> psutil.Process:
-        """Arm, if need be, and move; returns the process of the node."""
-        self.pilot.speaking = True
-        self.pilot.until(lambda: self.pilot.states, "the output")
-        if not self.is_moving():
-            answer = self.pilot.arm()
-            assert answer.accepted, answer.reason
-        self.pilot.until(self.is_moving, "pulses")
-        return self.child()
-
-    def is_moving(self) -> bool:
-        return bool(self.world.wire() == pytest.approx(MOVING))
-
-    def is_neutral(self) -> bool:
-        return bool(self.world.wire() == pytest.approx(NEUTRAL))
-
-    def neutral_after(self, begin: Stamp) -> float:
-        """Wait for neutral, and that it stays; seconds of the bus's time that it took."""
-        self.pilot.until(self.is_neutral, "neutral on the wire")
-        self.pilot.run(0.3)
-        assert self.is_neutral()
-        return self.world.last_moving_s() - to_s(begin)
-
-    def close(self) -> None:
-        self.pilot.close()
-        if self.process.poll() is None:
-            for one in self.dead_man.children():
-                one.kill()
-            self.process.kill()
-        self.process.wait()
-        self.world.stopping.set()
-        self.world.join()
-
-
-def start(words: list[str], domain: int | None) -> subprocess.Popen[bytes]:
-    variables = environment(mock=True, domain=domain)
-    variables["PYTHONPATH"] = os.pathsep.join([*SOURCES, variables.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", "--ros-args", *words]
-    return subprocess.Popen(command, env=variables, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
 class Hangar:
@@ -214,7 +31,10 @@ class Hangar:
     def flight(self) -> Flight:
         if self.kept is None or self.kept.process.poll() is not None:
             self.close()
-            self.kept = Flight(self.folders.mktemp("flight"), self.domain)
+            world = World(self.folders.mktemp("flight"))
+            world.start()
+            process = start(words_of(world), self.domain)
+            self.kept = Flight(world, lambda: process, self.domain)
         return self.kept
 
     def close(self) -> None:
@@ -252,6 +72,18 @@ def test_a_node_that_hangs_is_neutral_in_time(flight: Flight) -> None:
     node.resume()
 
 
+def test_a_frozen_dead_man_is_neutral_in_time_until_it_wakes(flight: Flight) -> None:
+    node, dead_man = flight.take_off(), flight.dead_man
+    begin = flight.world.now
+    dead_man.suspend()
+    assert flight.neutral_after(begin) <= FROZEN_S
+    stays_neutral(flight, "the dead man does not answer")
+    dead_man.resume()
+    flight.pilot.until(lambda: flight.pilot.states[-1].state == "disarmed", "the dead man to be heard")
+    flight.take_off()
+    assert flight.child().pid == node.pid
+
+
 def test_silence_is_neutral_in_time_and_speech_moves_again(flight: Flight) -> None:
     flight.take_off()
     flight.pilot.speaking = False
@@ -284,6 +116,64 @@ def test_a_killed_dead_man_takes_the_node_along_and_leaves_neutral(flight: Fligh
     flight.pilot.until(lambda: not node.is_running(), "the node to end")
 
 
+@pytest.mark.parametrize("label", ["deactivate", "shutdown"])
+def test_out_of_active_is_neutral_in_time_and_disarmed(flight: Flight, label: str) -> None:
+    node = flight.take_off()
+    flight.pilot.lifecycle.refuses_the_invalid()
+    flight.pilot.until(flight.is_moving, "pulses as before")
+    begin = flight.world.now
+    flight.pilot.lifecycle.make(label)
+    assert flight.neutral_after(begin) <= PROMISED_S
+    stays_neutral(flight, "on request")
+    assert flight.child().pid == node.pid
+    if label == "shutdown":
+        retire(flight)
+    else:
+        flight.pilot.lifecycle.make("activate")
+
+
+def test_down_to_unconfigured_and_up_again_moves_only_when_active_and_armed_anew(flight: Flight) -> None:
+    flight.take_off()
+    for label in ("deactivate", "cleanup", "configure"):
+        flight.pilot.lifecycle.make(label)
+        flight.pilot.lifecycle.refuses_the_invalid()
+        stays_neutral(flight, "on request")
+    flight.pilot.lifecycle.make("activate")
+    flight.pilot.run(1.0)
+    assert flight.is_neutral()
+    flight.take_off()
+
+
+@pytest.mark.parametrize("way", [["deactivate"], ["deactivate", "cleanup"]], ids=["inactive", "unconfigured"])
+def test_shut_down_from_below_active_it_stays_neutral_for_good(flight: Flight, way: list[str]) -> None:
+    node = flight.take_off()
+    for label in (*way, "shutdown"):
+        flight.pilot.lifecycle.make(label)
+    flight.pilot.lifecycle.refuses_the_invalid()
+    flight.pilot.run(4.0)  # longer than the dead man waits before he starts another node
+    stays_neutral(flight, "only a restart of its process brings it back")
+    assert flight.child().pid == node.pid
+    retire(flight)
+
+
+def retire(flight: Flight) -> None:
+    """End a process whose node is finalized: the next test gets another one."""
+    flight.dead_man.send_signal(signal.SIGTERM)
+    flight.process.wait(PATIENT_S)
+
+
+def stays_neutral(flight: Flight, why: str) -> None:
+    """Commands go on coming, an operator asks to arm, and nothing moves; the answer says why."""
+    answer = flight.pilot.arm()
+    assert not answer.accepted
+    assert why in answer.reason
+    seen = len(flight.pilot.states)
+    flight.pilot.run(1.0)
+    assert flight.is_neutral()
+    assert len(flight.pilot.states) > seen
+    assert not any(state.armed for state in flight.pilot.states[seen:])
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_neutral_and_nobody_behind(flight: Flight, number: signal.Signals) -> None:
     node = flight.take_off()
@@ -294,7 +184,7 @@ def test_a_signal_leaves_neutral_and_nobody_behind(flight: Flight, number: signa
 
 
 def test_a_missing_vehicle_file_is_one_sentence_and_code_2() -> None:
-    process = start(["-p", "vehicle:=/nowhere.yaml"], None)
+    process = start(["--ros-args", "-p", "vehicle:=/nowhere.yaml"], None)
     _, said = process.communicate(timeout=PATIENT_S)
     assert process.returncode == 2
     assert said.decode().startswith("thrusters: vehicle file /nowhere.yaml: cannot be read")

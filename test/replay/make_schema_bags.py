@@ -2,8 +2,8 @@
 
     python test/replay/make_schema_bags.py [VERSION ...]
 
-When a message changes: write its step into `hindrax_bag/migrations.py`, and make the bag of the new version here. Those
-of earlier versions stay as they are.
+When a message changes: write its step into `hindrax_bag/read/schema_migrations.py`, and make the bag of the new version
+here. Those of earlier versions stay as they are, unless the reference bag that they are made of was changed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any
 from mcap_ros2._dynamic import serialize_dynamic
 
 from hindrax_bag.definitions import definition, share_lookup
-from hindrax_bag.limits import Limits
-from hindrax_bag.migrations import STEPS, VERSION
-from hindrax_bag.reader import attachments, messages
-from hindrax_bag.writer import BagWriter, Channel
+from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_bag.read.schema_migrations import STEPS, VERSION
+from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import TOPICS, resolved
 
@@ -46,7 +46,7 @@ def make(version: int) -> None:
         return before(package, name, version)
 
     source = HERE / "bags" / "surge"
-    bag = BagWriter(HERE / "schemas" / str(version), lookup, limits=Limits(keep_free_MB=0.0))
+    bag = BagWriter(HERE / "schemas" / str(version), lookup, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     bag.describe("hindrax", {"notes": f"messages of version {version} in mock"})
     bag.attach("vehicle.yaml", "application/yaml", attachments(source)["vehicle.yaml"], 0)

@@ -6,15 +6,15 @@ import json
 
 import pytest
 
-from hindrax_bag.limits import Limits
-from hindrax_bag.reader import attachments, messages
-from hindrax_bag.writer import BagWriter, Channel
-from hindrax_bringup import cli
-from hindrax_bringup.root import clone_root
+from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.limits import BagLimits
+from hindrax_bringup.clone import clone_root
+from hindrax_cli import command_line
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import ODOMETRY
 from hindrax_ros.convert import navigation_from_msg, odometry_to_msg
-from hindrax_ros.serialized import serialized
+from hindrax_ros.serialization import serialized
 
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
 NAMES = {
@@ -27,7 +27,7 @@ NAMES = {
 
 def others_bag(folder, *, more: dict[str, str] | None = None, spoil: float = 0.0):
     """Fourteen seconds as another vehicle would have recorded them, with its own odometry beside."""
-    bag = BagWriter(folder, limits=Limits(keep_free_MB=0.0))
+    bag = BagWriter(folder, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     names, begin = NAMES | (more or {}), 0
     for one in messages(SURGE):
@@ -53,7 +53,7 @@ def vehicle(tmp_path):
 
 def test_a_bag_of_others_is_replayed_by_its_types(tmp_path, vehicle, capsys):
     bag = others_bag(tmp_path / "auv")
-    assert cli.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 0
+    assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)["bags"]
     assert one["differences"] == []
     assert one["fields_compared"] > 100
@@ -61,7 +61,7 @@ def test_a_bag_of_others_is_replayed_by_its_types(tmp_path, vehicle, capsys):
 
 def test_what_differs_from_their_odometry_is_named(tmp_path, vehicle, capsys):
     bag = others_bag(tmp_path / "auv", spoil=0.2)
-    assert cli.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 1
+    assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 1
     (one,) = json.loads(capsys.readouterr().out)["bags"]
     assert {found["field"] for found in one["differences"]} == {"pose.pose.position.z"}
 
@@ -69,12 +69,12 @@ def test_what_differs_from_their_odometry_is_named(tmp_path, vehicle, capsys):
 def test_two_topics_of_a_type_are_told_apart_by_name(tmp_path, vehicle, capsys):
     bag = others_bag(tmp_path / "auv", more={"/hindrax/dvl75/attitude": "/auv/second_imu"})
     words = ["replay", str(bag), "--vehicle", vehicle]
-    assert cli.main(words) == 2
+    assert command_line.main(words) == 2
     assert "several topics are of type sensor_msgs/msg/Imu" in capsys.readouterr().err
     remaps = [("/auv/imu", "icm20948/data_raw"), ("/auv/pressure", "ms5837/pressure"), ("/auv/dvl", "dvl75/detail")]
     remaps += [("/auv/odometry", "navigation/odometry"), ("/auv/second_imu", "dvl75/attitude")]
     told = [word for theirs, ours in remaps for word in ("--remap", f"{theirs}:=/hindrax/{ours}")]
-    assert cli.main([*words, *told]) == 0
+    assert command_line.main([*words, *told]) == 0
 
 
 @pytest.mark.parametrize(
@@ -87,10 +87,10 @@ def test_two_topics_of_a_type_are_told_apart_by_name(tmp_path, vehicle, capsys):
 )
 def test_a_remap_that_does_not_fit_is_refused(tmp_path, vehicle, capsys, remap, said):
     bag = others_bag(tmp_path / "auv")
-    assert cli.main(["replay", str(bag), "--vehicle", vehicle, "--remap", remap]) == 2
+    assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--remap", remap]) == 2
     assert said in capsys.readouterr().err
 
 
 def test_without_a_vehicle_file_one_is_asked_for(tmp_path, capsys):
-    assert cli.main(["replay", str(others_bag(tmp_path / "auv"))]) == 2
+    assert command_line.main(["replay", str(others_bag(tmp_path / "auv"))]) == 2
     assert "--vehicle" in capsys.readouterr().err

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import pytest
+from rosbags.typesys import get_types_from_msg
 
-from hindrax_bag import cdr
 from hindrax_bag.definitions import definition, share_lookup
-from hindrax_bag.mcap_records import records
-from hindrax_bag.migrations import VERSION, steps_of
-from hindrax_bag.reader import messages
-from hindrax_bringup.replay_run import replay
-from hindrax_bringup.root import clone_root
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.mcap_records import records
+from hindrax_bag.read.schema_migrations import VERSION, steps_of
+from hindrax_bringup.clone import clone_root
+from hindrax_replay.bag_replay import replay
 from hindrax_ros.graph import message_class
 
 FOLDER = clone_root() / "test" / "replay" / "schemas"
@@ -64,7 +64,7 @@ def test_the_newest_bag_has_the_messages_of_today():
     """Fails when a message was changed without a step that brings earlier bags to its new form."""
     for record in records(next((FOLDER / str(VERSION)).glob("*.mcap"))):
         if type(record).__name__ == "Schema" and record.name.startswith("hindrax_msgs/"):
-            today = cdr.parse(record.name, definition(record.name, share_lookup))
-            then = cdr.parse(record.name, record.data.decode())
+            today = get_types_from_msg(definition(record.name, share_lookup), record.name)
+            then = get_types_from_msg(record.data.decode(), record.name)
             assert then == today, f"{record.name} has changed: see test/replay/make_schema_bags.py"
             assert steps_of(record.name, record.data.decode()) == ()

@@ -15,7 +15,11 @@ def tutorial_flight(tmp_path_factory):
     words = next(one.words for one in commands_of(TUTORIAL) if one.words[0] == "pool-test")
     words = [*words[: words.index("--out")], "--json", "--out", str(folder)]
     done = subprocess.run(
-        [sys.executable, "-m", "hindrax_bringup.cli", *words], capture_output=True, text=True, timeout=900, check=False
+        [sys.executable, "-m", "hindrax_cli.command_line", *words],
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
     return folder, json.loads(done.stdout)

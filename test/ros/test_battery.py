@@ -15,9 +15,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_control.nodes.allocator import AllocatorNode
+from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_core.events import Stamp, after
 from hindrax_core.topics import ALLOCATION, BATTERY, DIAGNOSTICS, NAMESPACE, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
@@ -84,9 +84,9 @@ class Bench:
 
     def _turn(self) -> None:
         now = after(Stamp(self.node.get_clock().now().nanoseconds), self.later_s)
-        self.allocator.take(UP, FSD, now, now)
+        self.allocator.on_wrench(UP, FSD, now, now)
         self.allocator.drain()
-        self.allocator.outbox.flush()
+        self.allocator.publish_queue.flush()
         self._executor.spin_once(timeout_sec=0.02)
 
 

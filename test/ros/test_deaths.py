@@ -1,4 +1,4 @@
-"""Processes die, the vehicle does not: identifier, control and thrusters are killed while the vehicle holds."""
+"""Processes die or freeze, the vehicle does not: each in flight, and wires and the true pose are judged."""
 
 import os
 import signal
@@ -9,22 +9,25 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bringup.pool_run import adopted
-from hindrax_bringup.run_folder import make_run_folder
+from hindrax_bag.run_folder import make_run_folder
+from hindrax_bringup.process_state import is_stopped
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_core.bus import WriteRead
+from hindrax_core.bus_operations import WriteRead
 from hindrax_core.events import seconds_between
-from hindrax_core.state import NAN
+from hindrax_core.signals import NAN
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.buses.bus import open_bus
+from hindrax_drivers.buses.ports import open_bus
+from hindrax_operator.pool_run import adopted
 
 pytestmark = pytest.mark.ros
 
 LED0_OFF, CHANNEL_BYTES, THRUSTERS = 0x06, 4, 8
 US_PER_COUNT = 1e6 * 31 / 25e6
 """PRE_SCALE 30 on the nominal oscillator (NXP PCA9685 rev. 4, section 7.3.5)."""
+WORST_TILT_deg = 20.0
+"""In none of these flights does the vehicle lean much, whatever its state says."""
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 
 
@@ -45,10 +48,11 @@ class Wire:
     def neutral(self) -> bool:
         return all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for pulse in self.pulses())
 
-    def seconds_to_neutral(self, at_most_wall_s: float = 30.0) -> float:
+    def seconds_to_neutral(self, meanwhile=lambda: None, at_most_wall_s: float = 30.0) -> float:
         begin, deadline = self.bus.now(), time.monotonic() + at_most_wall_s
         while not self.neutral():
             assert time.monotonic() < deadline, f"still at {self.pulses()}"
+            meanwhile()
             time.sleep(0.002)
         return seconds_between(begin, self.bus.now())
 
@@ -56,7 +60,7 @@ class Wire:
 @pytest.fixture(scope="module")
 def flying(tmp_path_factory):
     """A mock vehicle that holds its depth under water, thrusters at work."""
-    from hindrax_bringup.nodes.operator import Operator
+    from hindrax_operator.nodes.operator_node import Operator
 
     vehicle = load_vehicle(default_vehicle())
     folder = make_run_folder(str(tmp_path_factory.mktemp("deaths") / "run"), default_vehicle())
@@ -69,11 +73,12 @@ def flying(tmp_path_factory):
                 operator.wait(lambda: operator.navigation is not None, 60.0, lambda: "navigation")
                 ports = stack.mock_facts["ports"]
                 yield supervisor, operator, Wire(ports["thrusters"])
+                assert stack.last_facts()["worst_tilt_deg"] < WORST_TILT_deg
 
 
 def dive(operator, wire) -> None:
     """Arm, and hold a depth; a control process that has just been started again navigates first."""
-    from hindrax_bringup.nodes.orders import hold
+    from hindrax_operator.nodes.orders import hold
 
     since = operator.now()
     operator.wait(lambda: operator.navigation.stamp > since, 60.0, lambda: "navigation")
@@ -114,3 +119,58 @@ def test_neutral_within_half_a_second_of_a_death(flying, name):
     since = operator.now()
     operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 60.0, lambda: "time to pass")
     assert wire.neutral(), "it must not come back armed"
+
+
+@pytest.mark.parametrize("who", ["control", "sensors", "thrusters", "dead man", "thrusters and dead man"])
+def test_neutral_within_two_seconds_of_a_freeze(flying, who):
+    supervisor, operator, wire = flying
+    dive(operator, wire)
+    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    pids = [child(supervisor, name) for name in ("control", "sensors", "thrusters") if name in who]
+    pids += [supervisor.children["thrusters"].handle.pid] if "dead man" in who else []
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    assert wire.seconds_to_neutral(supervisor.check) < 2.0
+    operator.wait(lambda: not any(map(is_stopped, pids)), 60.0, lambda: "the frozen ones to be killed")
+    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    since = operator.now()
+    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 60.0, lambda: "time to pass")
+    assert wire.neutral(), "it must not come back armed"
+
+
+def neutral_and_disarmed_after_the_sensors(operator, wire) -> None:
+    """The sensors come back, the state begins anew, and nothing thrusts on it."""
+    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    assert operator.thrusters.reason.startswith(("restart: ", "no command for "))
+    since = operator.now()
+    operator.wait(lambda: seconds_between(since, operator.navigation.stamp) > 3.0, 60.0, lambda: "navigation")
+    assert wire.neutral(), "it must not come back armed"
+
+
+def test_a_death_of_the_sensors_in_a_hold_ends_thrust(flying):
+    supervisor, operator, wire = flying
+    if not operator.thrusters.armed:
+        dive(operator, wire)
+    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    os.kill(child(supervisor, "sensors"), signal.SIGKILL)
+    assert wire.seconds_to_neutral() < 0.5
+    neutral_and_disarmed_after_the_sensors(operator, wire)
+
+
+def test_a_death_of_the_sensors_in_a_maneuver_ends_it(flying):
+    supervisor, operator, wire = flying
+    dive(operator, wire)
+    neutral_s = []
+
+    def kill() -> None:
+        moving = operator.maneuver is not None and operator.maneuver.phase in ("transient", "plateau")
+        if moving and not neutral_s:
+            os.kill(child(supervisor, "sensors"), signal.SIGKILL)
+            neutral_s.append(wire.seconds_to_neutral())
+
+    with operator.repeating(0.1, kill):
+        aborted = operator.fly(["surge"], excitation="plateaus", seed=1, on_cancel="hold", seconds=240.0)
+    assert aborted
+    assert neutral_s[0] < 0.5
+    neutral_and_disarmed_after_the_sensors(operator, wire)
+    dive(operator, wire)

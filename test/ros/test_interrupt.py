@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bag.reader import messages
+from hindrax_bag.read.bag_reader import messages
 from hindrax_core.topics import THRUSTER_STATE, resolved
 
 pytestmark = pytest.mark.ros
@@ -21,10 +21,12 @@ def test_ctrl_c_in_a_plateau(tmp_path):
     said = tmp_path / "said"
     words = ["pool-test", "--mock", "--seed", "5", "--headless", "--out", str(folder)]
     with said.open("w") as stream:
-        flight = subprocess.Popen([sys.executable, "-m", "hindrax_bringup.cli", *words], stdout=stream, stderr=stream)
+        flight = subprocess.Popen(
+            [sys.executable, "-m", "hindrax_cli.command_line", *words], stdout=stream, stderr=stream
+        )
     wait_for(lambda: "plateau" in said.read_text(), 240.0)
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(60.0) == 1
+    assert flight.wait(60.0) == 130
     assert "operator: stopped by Ctrl-C" in said.read_text()
     states = [one.decoded() for one in messages(folder / "bag", [resolved(THRUSTER_STATE)])]
     assert any(state.armed for state in states)

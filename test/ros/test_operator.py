@@ -23,7 +23,7 @@ from typing import Any
 import psutil
 import pytest
 
-from hindrax_bringup.presence import FOLDER
+from hindrax_bringup.stack_lock import FOLDER
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [str(folder) for folder in sorted((ROOT / "src").glob("hindrax_*")) if folder.name != "hindrax_msgs"]
@@ -46,7 +46,7 @@ class Terminal:
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-m", "hindrax_bringup.cli", *words],
+            [sys.executable, "-m", "hindrax_cli.command_line", *words],
             env=self.environment,
             cwd=self.folder,
             stdout=subprocess.PIPE,
@@ -216,8 +216,8 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal):
         assert child.wait(PATIENT_S) == 0, terminal.errors("web")
 
 
-def test_without_a_stack_commands_say_what_is_missing(tmp_path, terminal):
-    alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": "101"}, tmp_path)
+def test_without_a_stack_commands_say_what_is_missing(tmp_path, terminal, ros_domain):
+    alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
     code, _, said = alone.run("disarm")
     assert code == 1
     assert "the thrusters node to offer thrusters/arm; `./hindrax up` starts the stack" in said

@@ -13,20 +13,20 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 
-from hindrax_bringup.nodes.operator import Operator
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_control.nodes.pilot import PilotNode
-from hindrax_control.supply import Supply
+from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
-from hindrax_core.state import Estimate, Navigation
+from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.topics import ESTIMATE, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.arming import ASK_AGAIN
+from hindrax_drivers.output.output_guard import ASK_AGAIN
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
+from hindrax_operator.nodes.operator_node import Operator
 from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
 from hindrax_ros.graph import publisher
 
@@ -47,7 +47,7 @@ class Bench:
     def __init__(self) -> None:
         self.operator = Operator(mock=False, tick=self.turn)
         vehicle = load_vehicle(default_vehicle())
-        self.pilot = PilotNode(vehicle, Supply(vehicle.supply_V), give=lambda *_: None)
+        self.pilot = PilotNode(vehicle, SupplyVoltage(vehicle.supply_V), send_wrench=lambda *_: None)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.pilot)
         self._thrusters = publisher(self.operator.node, THRUSTER_STATE, held=False)
@@ -64,8 +64,8 @@ class Bench:
         self._executor.spin_once(timeout_sec=0.0)
         self.pilot.drain()
         if self.navigation is not None:
-            self.pilot.take(Stamped(self.operator.now(), self.navigation))
-        self.pilot.outbox.flush()
+            self.pilot.on_navigation(Stamped(self.operator.now(), self.navigation))
+        self.pilot.publish_queue.flush()
 
     def until(self, done) -> None:
         self.operator.wait(done, PATIENT_S, lambda: "the bench")
@@ -254,8 +254,8 @@ def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_says_so(bench: Bench
 
 def test_a_goal_cancelled_before_it_begins_is_not_begun(bench: Bench) -> None:
     bench.navigation = None
-    bench.when(lambda: bench.pilot._waiting is not None, bench.operator.cancel_all)
-    bench.when(lambda: bench.pilot._waiting is None or bench.pilot._waiting[0].is_cancel_requested, bench.go_on)
+    bench.when(lambda: bench.pilot._goal is not None, bench.operator.cancel_all)
+    bench.when(lambda: bench.pilot._goal is None or bench.pilot._goal.cancelled, bench.go_on)
     assert bench.fly() == "cancelled: by the operator"
 
 
@@ -263,11 +263,11 @@ def test_a_result_that_went_lost_is_told_from_the_last_word(bench: Bench) -> Non
     bench.say_armed(armed=True)
     operator = bench.operator
     operator.maneuver = ManeuverStatus(phase="done")
-    assert operator._last_heard() == ""
+    assert operator._lost_outcome() == ""
     operator.maneuver = ManeuverStatus(phase="aborted", aborted="battery: 12.0 V")
-    assert operator._last_heard() == "battery: 12.0 V"
+    assert operator._lost_outcome() == "battery: 12.0 V"
     operator.maneuver, operator.thrusters = ManeuverStatus(phase="plateau"), DISARMED
     assert re.fullmatch(
         r"link: nothing heard of the maneuver for 10 s, and the thrusters are faulted \(.*: no answer\); .*fly again",
-        operator._last_heard(),
+        operator._lost_outcome(),
     )

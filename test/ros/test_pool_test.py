@@ -7,7 +7,7 @@ import yaml
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bringup.identification import identify_bag
+from hindrax_analysis.identification.bag_identification import identify_bag
 from hindrax_core.topics import TOPICS, resolved
 from hindrax_core.vehicle import load_vehicle
 

@@ -13,11 +13,11 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 import rclpy
 from rclpy.duration import Duration
 
-from hindrax_bag.reader import messages
+from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import IMU, resolved
+from hindrax_ros.batched_node import BatchedNode, events_executor
 from hindrax_ros.graph import message_class, publisher
-from hindrax_ros.polled import PolledNode, events_executor
 
 pytestmark = pytest.mark.ros
 
@@ -39,7 +39,7 @@ def test_what_is_said_while_it_stands_still_is_in_the_bag(tmp_path):
     words = ["-m", "hindrax_bag.nodes.recorder", "--ros-args", "-p", f"bag:={bag}"]
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
         rclpy.init(args=[])
-        node, executor = PolledNode("speaker", ros_time=False), events_executor()
+        node, executor = BatchedNode("speaker", ros_time=False), events_executor()
         executor.add_node(node)
         recorder = subprocess.Popen([sys.executable, *words])
         try:

@@ -4,16 +4,17 @@ import os
 import subprocess
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bringup import cli, pool_run
+from hindrax_cli import command_line
 
 pytestmark = pytest.mark.ros
 
 
 def refuse(capsys, *words: str) -> tuple[int, str]:
-    code = cli.main(["pool-test", "--headless", *words])
+    code = command_line.main(["pool-test", "--headless", *words])
     return code, capsys.readouterr().err
 
 
@@ -55,11 +56,13 @@ def test_a_full_disk(capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
-def test_missing_ports(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(pool_run, "UP_S", 12.0)
+def test_missing_ports(capsys, tmp_path):
     code, said = refuse(capsys, "--out", str(tmp_path / "run"))
     assert code == 1
-    assert "dvl75: /dev/hindrax/dvl: no such port; check cable and power" in said
+    assert "found no /dev/hindrax/dvl, " in said
+    assert "check cable and power" in said
+    assert len(said.splitlines()) == 1
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_port_that_delivers_garbage(capsys, tmp_path):
@@ -67,6 +70,19 @@ def test_a_port_that_delivers_garbage(capsys, tmp_path):
     assert code == 1
     assert "aborted by start: dvl_lock: no bottom lock" in said
     assert "dvl75: " in said.split("aborted by")[1]
+    assert "nothing was flown" in said
+    says_so(tmp_path / "run")
+    (tmp_path / "run/report.html").unlink()
+    assert command_line.main(["report", str(tmp_path / "run")]) == 0
+    says_so(tmp_path / "run")
+
+
+def says_so(run):
+    report, coefficients = (run / "report.html").read_text(), yaml.safe_load((run / "coefficients.yaml").read_text())
+    assert "aborted: start: dvl_lock</span>" in report
+    assert "Nothing was flown" in report
+    assert coefficients["aborted"].startswith("start: dvl_lock: no bottom lock")
+    assert coefficients["motions"] == {}
 
 
 def test_options_that_contradict(capsys):

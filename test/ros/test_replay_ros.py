@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bag.recover import recover
-from hindrax_bringup import cli
-from hindrax_bringup.root import clone_root
+from hindrax_bag.read.recovery import recover
+from hindrax_bringup.clone import clone_root
+from hindrax_cli import command_line
 
 pytestmark = pytest.mark.ros
-BAG = clone_root() / "test" / "replay" / "bags" / "surge"
+BAG = clone_root() / "test" / "replay" / "bags" / "surge_estimates"
 
 
 def test_processes_on_recorded_wires_give_what_was_recorded(tmp_path, capsys):
     short = recover(BAG, tmp_path / "short", keep=lambda _topic, after_s: after_s < 14.0).output
     out: Path = tmp_path / "again"
-    assert cli.main(["replay", "--ros", str(short), "--out", str(out), "--json"]) == 0
+    assert command_line.main(["replay", "--ros", str(short), "--out", str(out), "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)["bags"]
     assert one["differences"] == []
     assert one["fields_compared"] > 50_000
@@ -29,11 +29,11 @@ def test_processes_on_recorded_wires_give_what_was_recorded(tmp_path, capsys):
 
 
 def _info(bag: Path, capsys) -> str:
-    assert cli.main(["bag", "info", str(bag), "--json"]) == 0
+    assert command_line.main(["bag", "info", str(bag), "--json"]) == 0
     return capsys.readouterr().out
 
 
 def test_a_bag_without_wires_is_refused(tmp_path, capsys):
     bare = recover(BAG, tmp_path / "bare", keep=lambda topic, after_s: "raw/" not in topic and after_s < 3.0).output
-    assert cli.main(["replay", "--ros", str(bare)]) == 2
+    assert command_line.main(["replay", "--ros", str(bare)]) == 2
     assert "holds no wire frames" in capsys.readouterr().err

@@ -16,15 +16,15 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from hindrax_bringup.run_folder import RunFolder, write_parameters
+from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_core.devices import SENSORS
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import DIAGNOSTICS, NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.graph import subscription
-from hindrax_sim.faults import parse_fault
-from hindrax_sim.mock import Mock
+from hindrax_sim.faults.fault_registry import parse_fault
+from hindrax_sim.mock_vehicle import MockVehicle
 
 pytestmark = pytest.mark.ros
 
@@ -108,6 +108,6 @@ def test_a_late_mock_is_waited_for_and_every_device_says_how_it_is(reports: Repo
 
     reports.until(waiting)
     faults = [parse_fault(f"{fault}:{name}@0+{LAST_s}") for name, fault in FAULTS.items()]
-    with Mock(load_vehicle(default_vehicle()), tmp_path, seed=1, rate=0.0, faults=faults) as mock:
+    with MockVehicle(load_vehicle(default_vehicle()), tmp_path, seed=1, rate=0.0, faults=faults) as mock:
         reports.step = mock.step
         reports.until(lambda name, status, values: measuring(name, status, values) and knows_what_was_wrong(values))

@@ -29,7 +29,7 @@ def test_the_tutorial_flies_once_at_the_desk():
 @pytest.mark.parametrize("command", [one for one in DESK if one.words[0] != "pool-test"], ids=lambda one: one.line)
 def test_a_command_of_the_tutorial_works(place, command):
     done = subprocess.run(
-        [sys.executable, "-m", "hindrax_bringup.cli", *command.words],
+        [sys.executable, "-m", "hindrax_cli.command_line", *command.words],
         capture_output=True,
         text=True,
         timeout=300,

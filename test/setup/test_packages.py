@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_bringup import processes
 from hindrax_core import topics
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +22,6 @@ INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT 
 
 # Module -> rosdep key, or None where rosdep has no key: those come from setup/runtime.in on every machine.
 KEY_OF_MODULE = {
-    "daqp": None,
     "filterpy": None,
     "lz4": None,
     "matplotlib": "python3-matplotlib",
@@ -33,6 +33,7 @@ KEY_OF_MODULE = {
     "serial": "python3-serial",
     "smbus2": "python3-smbus2",
     "textual": "python3-textual",
+    "tornado": "python3-tornado",
     "yaml": "python3-yaml",
     "zstandard": None,
 }
@@ -68,6 +69,8 @@ def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
             yield key, source
     if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
         yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
+    if package.name == "hindrax_bringup":  # starts the executables of these packages
+        yield from ((process.package, Path(processes.__file__)) for process in processes.EVERY)
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
@@ -98,6 +101,19 @@ def test_manifest_and_setup_agree(package: Path) -> None:
     assert setup["metadata"]["license"] == manifest.findtext("license") == "Apache-2.0"
     assert setup["metadata"]["description"] == manifest.findtext("description")
     assert (package / "resource" / package.name).exists()
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_file_beside_the_modules_is_installed_with_them(package: Path) -> None:
+    setup = configparser.ConfigParser()
+    setup.read(package / "setup.cfg")
+    patterns = {key: re.split(r"[\s,]+", value.strip()) for key, value in setup["options.package_data"].items()}
+    for path in (package / package.name).rglob("*.*"):
+        if path.suffix in {".py", ".pyc"}:
+            continue
+        inside = ".".join(path.parent.relative_to(package).parts)
+        wanted = [*patterns["*"], *patterns.get(inside, [])]
+        assert any(path.match(pattern) for pattern in wanted), f"{package.name}/setup.cfg lacks {path.name}"
 
 
 @pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)

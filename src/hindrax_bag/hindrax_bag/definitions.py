@@ -11,7 +11,7 @@ BUILTIN = frozenset(
     ["bool", "byte", "char", "float32", "float64", "string", "wstring"]
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )
-_FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
+_FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+([A-Za-z]\w*)\s*(=?)")
 
 Lookup = Callable[[str, str], str]
 """(package, name) -> text of the .msg file."""
@@ -49,3 +49,10 @@ def _dependencies(package: str, text: str) -> Iterator[tuple[str, str]]:
             continue
         owner, _, name = field[1].rpartition("/")
         yield (owner.removesuffix("/msg") or package, name)
+
+
+def field_kinds(text: str) -> dict[str, str]:
+    """Type by name of the fields of a definition, for arrays that of their elements; without constants."""
+    own = text.partition(SEPARATOR[:40])[0]
+    found = (_FIELD.match(line.partition("#")[0]) for line in own.splitlines())
+    return {field[2]: field[1] for field in found if field is not None and not field[3]}

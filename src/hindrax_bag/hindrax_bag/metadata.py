@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,24 +32,26 @@ class Channel:
 
 @dataclass(slots=True)
 class Contents:
-    """What one file of a bag holds: messages by topic, and the first and the last time of receipt [ns]."""
+    """Contents of one file of a bag: messages by topic, first and last time of receipt [ns], and its topics."""
 
     name: str
     counts: Counter[str] = field(default_factory=Counter)
     first: int = 0
     last: int = 0
+    channels: tuple[Channel, ...] = ()
 
     @property
     def messages(self) -> int:
-        """Messages in the file."""
+        """Number of messages in the file."""
         return self.counts.total()
 
 
-def metadata_text(channels: Iterable[Channel], files: Sequence[Contents]) -> str:
+def metadata_text(files: Sequence[Contents]) -> str:
     """Text of metadata.yaml for these files of a bag, in their order."""
     totals: Counter[str] = Counter()
     for file in files:
         totals += file.counts
+    channels = {channel.topic: channel for file in files for channel in file.channels}
     held = [file for file in files if file.messages]
     first = min((file.first for file in held), default=0)
     last = max((file.last for file in held), default=0)
@@ -59,7 +61,7 @@ def metadata_text(channels: Iterable[Channel], files: Sequence[Contents]) -> str
         "duration": {"nanoseconds": last - first},
         "starting_time": {"nanoseconds_since_epoch": first},
         "message_count": totals.total(),
-        "topics_with_message_count": [_topic(channel, totals[channel.topic]) for channel in channels],
+        "topics_with_message_count": [_topic(one, totals[one.topic]) for one in channels.values()],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
@@ -93,7 +95,7 @@ def _file(file: Contents) -> dict[str, Any]:
 
 
 def qos_map(quality: Quality) -> dict[str, Any]:
-    """Quality of service in the words of rosbag2."""
+    """Quality of service in the terms of rosbag2."""
     return {
         "history": "keep_last",
         "depth": quality.depth,
@@ -108,7 +110,7 @@ def qos_map(quality: Quality) -> dict[str, Any]:
 
 
 def qualities_of(text: str) -> tuple[Quality, ...]:
-    """Qualities out of what rosbag2 wrote beside a channel; none where that is nothing we know."""
+    """Qualities from the text that rosbag2 writes to a channel; none if the text is unknown."""
     try:
         return tuple(_quality(one) for one in yaml.safe_load(text) or ())
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
@@ -131,7 +133,7 @@ def _seconds(found: Mapping[str, int]) -> float:
 
 
 def channel_metadata(channel: Channel) -> dict[str, str]:
-    """What rosbag2 writes beside a channel inside an MCAP file."""
+    """Metadata that rosbag2 writes to a channel inside an MCAP file."""
     return {
         OFFERED: yaml.dump([qos_map(one) for one in channel.offered], Dumper=_NoAliases, sort_keys=False),
         "topic_type_hash": channel.type_hash,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from hindrax_bag.limits import Limits
-from hindrax_bag.writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LATCHED, SENSOR
 
@@ -35,8 +35,8 @@ def word(text: str) -> bytes:
     return b"\x00\x01\x00\x00" + struct.pack("<I", len(data)) + data
 
 
-def writer(folder: Path, limits: Limits | None = None) -> BagWriter:
-    made = BagWriter(folder, lookup, limits=limits or Limits(keep_free_MB=0.0))
+def writer(folder: Path, limits: BagLimits | None = None) -> BagWriter:
+    made = BagWriter(folder, lookup, limits=limits or BagLimits(keep_free_MB=0.0))
     made.open()
     return made
 

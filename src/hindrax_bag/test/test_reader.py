@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
+import tracemalloc
 from pathlib import Path
 
 import pytest
 from bag_samples import LEVEL, level, lookup, small_bag
+from mcap.records import Schema
 
 from hindrax_bag.definitions import definition
-from hindrax_bag.mcap_records import Damage
-from hindrax_bag.reader import bag_files, messages
+from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, messages
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
 
 
@@ -107,3 +110,32 @@ def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path):
     damage = Damage()
     assert len(list(messages(path, damage=damage))) > 20
     assert damage.unfinished
+
+
+@pytest.mark.parametrize("length", [2**33, 2**62, 2**64 - 1])
+def test_lengths_that_no_file_has_cost_no_memory_and_no_more_than_their_record(tmp_path, length):
+    path = small_bag(tmp_path / "bag", count=100)
+    data = path.read_bytes()
+    second = data.index(b"zstd", data.index(b"zstd") + 1)
+    of_record, of_content = second - 40, second + 4
+    for place, wanted in ((of_content, 81), (of_record, 21)):
+        path.write_bytes(data[:place] + length.to_bytes(8, "little") + data[place + 8 :])
+        damage = Damage()
+        tracemalloc.start()
+        found = len(list(messages(path, damage=damage)))
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert (found >= wanted, len(damage.notes) <= 1) == (True, True)
+        assert damage.unfinished == (place == of_record)
+        assert most < 10_000_000
+
+
+def test_elements_that_no_message_has_cost_no_memory():
+    text = b"string[] names\nfloat64[] values\nInner[] inners\n" + b"=" * 80 + b"\nMSG: demo_msgs/Inner\nuint8 one\n"
+    form = MessageDecoder("/demo", "cdr", Schema(1, text, "ros2msg", "demo_msgs/msg/Many"))
+    for count in range(3):
+        tracemalloc.start()
+        with pytest.raises((ValueError, struct.error)):
+            form.decode(b"\x00\x01\x00\x00" + bytes(4 * count) + b"\xff\xff\xff\x7f" * 9)
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+        tracemalloc.stop()

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Self
@@ -22,14 +23,16 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.gaps import Gaps
 from hindrax_bag.nodes.recorder import QUEUE, offered_quality, parameter_file, type_hash
-from hindrax_bag.reader import BagMessage, attachments, messages
-from hindrax_bag.recover import recover
-from hindrax_bag.software import software_version
-from hindrax_core.topics import SENSOR, Quality
+from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
+from hindrax_bag.read.recovery import recover
+from hindrax_bag.software_version import software_version
+from hindrax_bag.write.publication_gaps import PublicationGaps
+from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import JOYSTICK, SENSOR, Quality, resolved
 
 COUNT = 300
+PATIENT_S = 60.0
 RECORDER = ("-m", "hindrax_bag.nodes.recorder")
 IMU_TOPIC = "/hindrax/icm20948/data_raw"
 PUBLISH = """
@@ -92,12 +95,13 @@ class Rig:
         self.bag = folder / "bag"
         parameters = folder / "parameters.yaml"
         parameters.write_text("/**:\n  ros__parameters:\n    notes: a test\n")
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         words = ["--ros-args", "--params-file", str(parameters), "-p", f"bag:={self.bag}", "--", str(folder / "stuck")]
-        self.recorder = subprocess.Popen([sys.executable, *recorder, *words], env=environment)
+        self._start = partial(subprocess.Popen, [sys.executable, *recorder, *words], env=self.environment)
+        self.recorder = self._start()
         self._publisher = subprocess.Popen(
             [sys.executable, "-c", PUBLISH],
-            env=environment,
+            env=self.environment,
             text=True,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -125,9 +129,25 @@ class Rig:
         self.recorder.send_signal(number)
         self.recorder.wait(10)
 
+    def restart(self) -> None:
+        """Start the recorder again with the same words, as a supervisor does."""
+        self.recorder = self._start()
+
+    def wait_for(self, count: int, file: str = "") -> None:
+        """Wait until there are so many messages in the bag, or in one of its files."""
+        place, deadline = self.bag / file, time.monotonic() + PATIENT_S
+        while not place.exists() or not any(self.bag.glob("*.mcap")) or len(received(place)) < count:
+            assert time.monotonic() < deadline, f"fewer than {count} messages in {place}"
+            time.sleep(0.1)
+
     def recorded(self) -> list[BagMessage]:
         """What is in the bag of what was published."""
-        return list(messages(self.bag, {IMU_TOPIC}))
+        return received(self.bag)
+
+
+def received(place: Path) -> list[BagMessage]:
+    """What a bag, or a file of it, holds of what was published."""
+    return list(messages(place, {IMU_TOPIC}))
 
 
 def test_names_of_hashes_and_parameter_files():
@@ -142,8 +162,8 @@ def test_names_of_hashes_and_parameter_files():
 
 
 @pytest.mark.ros
-def test_what_is_published_is_recorded(tmp_path: Path):
-    with Rig(tmp_path, 152) as rig:
+def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int):
+    with Rig(tmp_path, ros_domain) as rig:
         rig.order(COUNT, 0.003)
         published = rig.published()
         time.sleep(0.5)
@@ -166,8 +186,8 @@ def test_what_is_published_is_recorded(tmp_path: Path):
 
 
 @pytest.mark.ros
-def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path):
-    with Rig(tmp_path, 159) as rig:
+def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path, ros_domain: int):
+    with Rig(tmp_path, ros_domain) as rig:
         rig.order(100_000, 0.003)
         deadline = time.monotonic() + 30.0
         while time.monotonic() < deadline and not (any(rig.bag.glob("*.mcap")) and len(rig.recorded()) > COUNT):
@@ -184,9 +204,79 @@ def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path):
 
 
 @pytest.mark.ros
-def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path):
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_restarted_recorder_goes_on_in_the_next_file_and_the_bag_is_whole(tmp_path: Path, ros_domain: int, how: int):
+    with Rig(tmp_path, ros_domain) as rig:
+        rig.order(100_000, 0.003)
+        rig.wait_for(COUNT)
+        rig.end(how)
+        before = rig.recorded()
+        rig.restart()
+        rig.wait_for(COUNT, "bag_1.mcap")
+        rig.end(signal.SIGINT)
+    after = rig.recorded()
+    assert [one.data for one in after[: len(before)]] == [one.data for one in before]
+    assert len(after) >= len(before) + COUNT
+    assert sorted(file.name for file in rig.bag.iterdir()) == ["bag_0.mcap", "bag_1.mcap", "metadata.yaml"]
+    with Reader(rig.bag) as reader:
+        connections = [one for one in reader.connections if one.topic == IMU_TOPIC]
+        assert [bytes(data) for _, _, data in reader.messages(connections)] == [one.data for one in after]
+    for file in rig.bag.glob("*.mcap"):
+        with file.open("rb") as stream:
+            assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count
+
+
+HOSTILE_JOY = """
+import struct
+import sys
+import time
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import Joy
+from rclpy.serialization import serialize_message
+from hindrax_core.topics import JOYSTICK
+from hindrax_ros.graph import publisher
+
+rclpy.init()
+node = Node("stranger", namespace="/hindrax")
+out = publisher(node, JOYSTICK)
+deadline = time.monotonic() + 20.0
+while out.get_subscription_count() == 0 and time.monotonic() < deadline:
+    time.sleep(0.05)
+time.sleep(0.3)
+whole = serialize_message(Joy())
+for stamp in ((-1, 0), (-(2**31), 2**32 - 1), (0, 10**9), (7, 5)):
+    out.publish(whole[:4] + struct.pack("<iI", *stamp) + whole[12:])
+for data in (b"", whole[:4], whole[:7], bytes(3), bytes([255]) * 40):
+    out.publish(data)
+time.sleep(2.5)
+"""
+
+
+@pytest.mark.ros
+def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_path: Path, ros_domain: int):
+    with Rig(tmp_path, ros_domain) as rig:
+        subprocess.run([sys.executable, "-c", HOSTILE_JOY], env=rig.environment, check=True, timeout=PATIENT_S)
+        assert rig.recorder.poll() is None
+        rig.order(10, 0.01)
+        assert len(rig.published()) == 10
+        time.sleep(0.5)
+        rig.end(signal.SIGINT)
+        assert rig.recorder.returncode == 0
+    assert len(rig.recorded()) == 10
+    joys = list(messages(rig.bag, {resolved(JOYSTICK)}))
+    assert [one.sent for one in joys if one.sent != one.received] == [7 * NS_PER_S + 5]
+    bad = len(joys) - 1
+    assert bad >= 3
+    told = [status for one in messages(rig.bag, {"/diagnostics"}) for status in one.decoded().status]
+    words = [{pair.key: pair.value for pair in one.values} for one in told if one.name == "hindrax: recorder"][-1]
+    assert words[f"invalid stamps: {JOYSTICK.name}"] == str(bad)
+
+
+@pytest.mark.ros
+def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ros_domain: int):
     stuck = tmp_path / "stuck"
-    with Rig(tmp_path, 158, ("-c", STUCK)) as rig:
+    with Rig(tmp_path, ros_domain, ("-c", STUCK)) as rig:
         rig.order(10, 0.01)
         published = rig.published()
         stuck.touch()
@@ -229,7 +319,7 @@ def test_offered_quality_is_that_of_the_publisher():
     ],
 )
 def test_gaps_in_the_numbers_are_counted(publishers, numbers, lost):
-    gaps = Gaps(lambda: publishers)
+    gaps = PublicationGaps(lambda: publishers)
     for number in numbers:
-        gaps.hear(number)
+        gaps.count(number)
     assert gaps.lost == lost

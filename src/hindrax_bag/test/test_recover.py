@@ -12,9 +12,9 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.limits import Limits
-from hindrax_bag.reader import messages
-from hindrax_bag.recover import recover
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.recovery import recover
+from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 
@@ -53,7 +53,7 @@ def test_cut_at_any_byte(tmp_path):
 
 
 def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path):
-    bag = writer(tmp_path / "bag", Limits(split_s=1.0, keep_free_MB=0.0))
+    bag = writer(tmp_path / "bag", BagLimits(split_s=1.0, keep_free_MB=0.0))
     for index in range(340):
         bag.write(LEVEL, level(index, index * 0.5), NS_PER_S + index * 10_000_000, index)
         if index % 20 == 19:

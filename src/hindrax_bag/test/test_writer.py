@@ -14,12 +14,12 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from hindrax_bag.definitions import definition
-from hindrax_bag.limits import Limits
-from hindrax_bag.mcap_records import Damage
 from hindrax_bag.metadata import Channel, qualities_of
-from hindrax_bag.reader import bag_files, messages
-from hindrax_bag.recover import recover
-from hindrax_bag.writer import BagWriter
+from hindrax_bag.read.bag_reader import bag_files, messages
+from hindrax_bag.read.mcap_records import Damage
+from hindrax_bag.read.recovery import recover
+from hindrax_bag.write.bag_writer import BagWriter
+from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LATCHED, Quality
@@ -145,7 +145,7 @@ def _record(bag: BagWriter, seconds: int, per_s: int = 100) -> list[str]:
 
 
 def test_split_by_time_leaves_files_that_each_open_alone(tmp_path):
-    bag = writer(tmp_path / "bag", Limits(split_s=1.9, keep_free_MB=0.0))
+    bag = writer(tmp_path / "bag", BagLimits(split_s=1.9, keep_free_MB=0.0))
     bag.describe("hindrax", {"notes": "split"})
     said = _record(bag, 6)
     bag.close()
@@ -162,14 +162,14 @@ def test_split_by_time_leaves_files_that_each_open_alone(tmp_path):
 
 
 def test_split_by_size(tmp_path):
-    bag = writer(tmp_path / "bag", Limits(split_MB=0.002, keep_free_MB=0.0))
+    bag = writer(tmp_path / "bag", BagLimits(split_MB=0.002, keep_free_MB=0.0))
     _record(bag, 3)
     bag.close()
     assert len(bag_files(tmp_path / "bag")) == 4
 
 
 def test_budget_stops_the_recording_and_says_so(tmp_path):
-    bag = writer(tmp_path / "bag", Limits(budget_MB=0.004, keep_free_MB=0.0))
+    bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.004, keep_free_MB=0.0))
     said = _record(bag, 10)
     bag.close()
     assert said == ["the bag has used its 0.004 MB of the disk; recording stopped"]
@@ -180,7 +180,7 @@ def test_budget_stops_the_recording_and_says_so(tmp_path):
 
 
 def test_budget_drops_the_oldest_file_when_asked(tmp_path):
-    bag = writer(tmp_path / "bag", Limits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
+    bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
     said = _record(bag, 30)
     bag.close()
     assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
@@ -194,8 +194,8 @@ def test_budget_drops_the_oldest_file_when_asked(tmp_path):
 
 def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path):
     with pytest.raises(HindraxError, match="MB are wanted"):
-        writer(tmp_path / "never", Limits(planned_s=1e6, keep_free_MB=1e6))
-    bag = writer(tmp_path / "bag", Limits(keep_free_MB=50.0))
+        writer(tmp_path / "never", BagLimits(planned_s=1e6, keep_free_MB=1e6))
+    bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
     bag.free = lambda _folder: 1_000_000
     assert _record(bag, 2) == ["less than 50 MB are free on the disk; recording stopped"]
     assert len(list(messages(tmp_path / "bag"))) == 100

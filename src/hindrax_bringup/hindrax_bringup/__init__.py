@@ -1,1 +1,1 @@
-"""Launch files, vehicle files and the command line tool."""
+"""Brings the stack up: launch files, vehicle files, processes, supervisor, access rights."""

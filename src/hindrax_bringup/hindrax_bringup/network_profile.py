@@ -1,4 +1,4 @@
-"""The profile of the middleware: loopback, and where a tether is named that interface too.
+"""The middleware profile: loopback, plus the tether's interface if one is named.
 
 Addresses alone do not keep strangers out: Linux delivers a datagram for any of its addresses, whichever interface it
 came in by, and the answer is routed wherever the stranger is. With the netmask filter a participant speaks only to
@@ -11,19 +11,19 @@ import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from hindrax_bringup.presence import runtime_folder
+from hindrax_bringup.share_files import share_folder
+from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.tether import Tether
-from hindrax_bringup.vehicles import share_folder
 
 SPACE = "http://www.eprosima.com"
 GROUP = "239.255.0.1"
-"""Where participants announce themselves (OMG DDSI-RTPS 2.3, section 9.6.1.4.1); on allowed interfaces only."""
+"""Ports at which participants announce themselves (OMG DDSI-RTPS 2.3, section 9.6.1.4.1); allowed interfaces only."""
 PARTICIPANTS = 32
-"""So many of a peer's ports are tried: one for each participant on its machine."""
+"""Ports tried per peer: one for each participant on its machine."""
 
 
 def loopback_profile() -> Path:
-    """Profile that keeps to this machine."""
+    """Profile restricted to this machine."""
     return share_folder("config") / "loopback.xml"
 
 
@@ -40,7 +40,7 @@ def profile_file(tether: Tether | None) -> Path:
 
 
 def tether_profile(tether: Tether, loopback: str) -> str:
-    """Take the profile for loopback and let it reach over the tether."""
+    """Loopback profile extended to the tether."""
     ET.register_namespace("", SPACE)
     profile = ET.fromstring(loopback)  # noqa: S314  # our own file
     transport = _one(profile, "transport_descriptor")

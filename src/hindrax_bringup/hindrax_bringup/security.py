@@ -1,7 +1,7 @@
-"""Who may say and hear what: one role for each node, from which the SROS2 policies follow. Nothing else is allowed.
+"""Which node may publish and subscribe what: one role per node, from which the SROS2 policies follow.
 
-An enclave is the identity of one process. What moves the vehicle is said by the operator's enclave alone; pulses are
-said by the allocator, and at the bench, with the stack down, by the bench's enclave.
+Nothing else is allowed. An enclave is the identity of one process. Only the operator's enclave may publish orders that
+move the vehicle; only the allocator may publish pulses, and at the bench, with the stack down, the bench's enclave.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hindrax_bringup.vehicles import share_folder
-from hindrax_core.devices import SENSORS
+from hindrax_bringup.share_files import share_folder
 from hindrax_core.errors import HindraxError
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import (
     ALLOCATION,
     BATTERY,
@@ -69,14 +69,14 @@ OF_A_LIFECYCLE = (
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What one node may do. Names of topics are of the table or absolute; services and actions are ours."""
+    """Permissions of one node. Topics are entries of the table or absolute names; services and actions are ours."""
 
     node: str
     enclave: str
-    says: tuple[Topic | str, ...] = ()
-    hears: tuple[Topic | str, ...] = ()
-    answers: tuple[str, ...] = ()
-    asks: tuple[str, ...] = ()
+    publishes: tuple[Topic | str, ...] = ()
+    subscribes: tuple[Topic | str, ...] = ()
+    serves: tuple[str, ...] = ()
+    requests: tuple[str, ...] = ()
     executes: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
     lifecycle: bool = False
@@ -86,7 +86,7 @@ def _sensor(name: str) -> Role:
     own = (topic for key, topic in MEASURED.items() if key.startswith(f"{name}/"))
     dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in MEASURED else ()
     profile = (f"{name}/request_profile",) if f"{name}/profile" in MEASURED else ()
-    return Role(name, "sensors", says=(*own, _raw(name), DIAGNOSTICS, *dvl), answers=profile, lifecycle=True)
+    return Role(name, "sensors", publishes=(*own, _raw(name), DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
 
 
 def _raw(source: str) -> Topic:
@@ -102,55 +102,58 @@ ROLES: tuple[Role, ...] = (
     Role(
         "thrusters",
         "thrusters",
-        says=(THRUSTER_STATE, BATTERY, _raw("thrusters"), DIAGNOSTICS),
-        hears=(THRUSTER_COMMAND, LIGHTS),
-        answers=(ARM,),
+        publishes=(THRUSTER_STATE, BATTERY, _raw("thrusters"), DIAGNOSTICS),
+        subscribes=(THRUSTER_COMMAND, LIGHTS),
+        serves=(ARM,),
         lifecycle=True,
     ),
     Role("control", "control"),
     Role(
         "navigator",
         "control",
-        says=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
-        hears=tuple(MEASURED.values()),
+        publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
+        subscribes=tuple(MEASURED.values()),
     ),
+    Role("estimator_health", "control", publishes=(DIAGNOSTICS,), subscribes=(THRUSTER_STATE,), requests=(ARM,)),
     Role(
         "pilot",
         "control",
-        says=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
-        hears=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
+        publishes=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
+        subscribes=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
         executes=(FLY,),
     ),
     Role(
         "allocator",
         "control",
-        says=(THRUSTER_COMMAND, ALLOCATION, DIAGNOSTICS),
-        hears=(THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
+        publishes=(THRUSTER_COMMAND, ALLOCATION, DIAGNOSTICS),
+        subscribes=(THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
     ),
     Role(
         "identifier",
         "identifier",
-        says=(ESTIMATE, DIAGNOSTICS),
-        hears=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER),
+        publishes=(ESTIMATE, DIAGNOSTICS),
+        subscribes=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER),
     ),
-    Role("recorder", "recorder", says=(DIAGNOSTICS,), hears=tuple(topic for topic in TOPICS if topic.recorded)),
     Role(
-        "keeper",
-        "keeper",
-        says=(THRUSTER_HEALTH_ORDER, DIAGNOSTICS),
-        hears=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT),
-        asks=(ARM, CANCEL),
+        "recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=tuple(topic for topic in TOPICS if topic.recorded)
+    ),
+    Role(
+        "safety_monitor",
+        "safety_monitor",
+        publishes=(THRUSTER_HEALTH_ORDER, DIAGNOSTICS),
+        subscribes=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT),
+        requests=(ARM, CANCEL),
     ),
     Role(
         "operator",
         "operator",
-        says=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
-        hears=_STATE,
-        asks=(ARM, CANCEL),
+        publishes=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
+        subscribes=_STATE,
+        requests=(ARM, CANCEL),
         calls=(FLY,),
     ),
-    Role("hand", "operator", says=(OPERATOR_WRENCH,), hears=(JOYSTICK, TWIST)),
-    Role("operator", "bench", says=(HEARTBEAT, THRUSTER_COMMAND), hears=_STATE, asks=(ARM,)),
+    Role("teleop", "operator", publishes=(OPERATOR_WRENCH,), subscribes=(JOYSTICK, TWIST)),
+    Role("operator", "bench", publishes=(HEARTBEAT, THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),
 )
 
 
@@ -182,7 +185,7 @@ def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:
     return {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": keystore}
 
 
-def identified(environment: Mapping[str, str], process: str) -> dict[str, str]:
+def with_enclave(environment: Mapping[str, str], process: str) -> dict[str, str]:
     """Environment of a node that is made in this process; an identity that the user chose stays, as at the bench."""
     secured = environment.get("ROS_SECURITY_ENABLE") == "true"
     return {OVERRIDE: path(process), **environment} if secured else dict(environment)
@@ -206,11 +209,11 @@ def _profile(profiles: ET.Element, role: Role) -> None:
     profile = ET.SubElement(profiles, "profile", ns=NAMESPACE, node=role.node)
     own = [f"{NAMESPACE}/{role.node}/{one}" for one in OF_EVERY_NODE]
     own += [f"{NAMESPACE}/{role.node}/{one}" for one in OF_A_LIFECYCLE if role.lifecycle]
-    told = [f"{NAMESPACE}/{role.node}/transition_event"] if role.lifecycle else []
-    _allow(profile, "topic", "publish", [*map(_name, role.says), *told, "/rosout", "/parameter_events"])
-    _allow(profile, "topic", "subscribe", [*map(_name, role.hears), "/clock", "/parameter_events"])
-    _allow(profile, "service", "reply", [*own, *(f"{NAMESPACE}/{one}" for one in role.answers)])
-    _allow(profile, "service", "request", [f"{NAMESPACE}/{one}" for one in role.asks])
+    events = [f"{NAMESPACE}/{role.node}/transition_event"] if role.lifecycle else []
+    _allow(profile, "topic", "publish", [*map(_name, role.publishes), *events, "/rosout", "/parameter_events"])
+    _allow(profile, "topic", "subscribe", [*map(_name, role.subscribes), "/clock", "/parameter_events"])
+    _allow(profile, "service", "reply", [*own, *(f"{NAMESPACE}/{one}" for one in role.serves)])
+    _allow(profile, "service", "request", [f"{NAMESPACE}/{one}" for one in role.requests])
     _allow(profile, "action", "execute", [f"{NAMESPACE}/{one}" for one in role.executes])
     _allow(profile, "action", "call", [f"{NAMESPACE}/{one}" for one in role.calls])
 

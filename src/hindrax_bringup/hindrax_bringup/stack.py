@@ -1,4 +1,4 @@
-"""A running stack: the mock where it is asked for, the onboard processes, the recorder, and what they are told."""
+"""A running stack: the mock on request, the onboard processes, the recorder, and their parameters."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
+from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup import security
+from hindrax_bringup.graph_presence import occupied_domains, require_no_stack
 from hindrax_bringup.network_profile import profile_file
-from hindrax_bringup.presence import Presence, graph_settings
-from hindrax_bringup.run_folder import RunFolder, write_parameters
-from hindrax_bringup.supervisor import Child, Supervisor, last_words
-from hindrax_bringup.system import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.stack_lock import StackLock, graph_settings
+from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
@@ -33,7 +34,7 @@ PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 @dataclass(frozen=True, slots=True)
 class MockOptions:
-    """What the mock vehicle is told: seed, upper bound of its speed (0: as fast as stays honest), faults."""
+    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults."""
 
     seed: int = 1
     rate: float = 0.0
@@ -63,7 +64,7 @@ class Stack:
             self.supervisor.start(process, [*arguments, *security.arguments(process.name)])
 
     def last_facts(self) -> Mapping[str, object]:
-        """End the mock and return what it says of what really happened; empty without one."""
+        """End the mock and return its ground truth; empty without one."""
         child = self.supervisor.children.get(MOCK.name)
         if child is None or child.handle.stdout is None:
             return {}
@@ -81,14 +82,14 @@ class Stack:
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 
 
-def presence_of(stack: Stack, made: Mapping[str, str]) -> Presence:
-    """What other terminals need to know of a stack that was started with this environment."""
+def presence_of(stack: Stack, made: Mapping[str, str]) -> StackLock:
+    """Lock-file entry of a stack started with this environment."""
     ports = stack.mock_facts.get("ports", {})
     assert isinstance(ports, dict)
     folder = stack.folder
     mock = MOCK.name in stack.supervisor.children
     purpose = stack.notes.partition(" ")[0]
-    return Presence(os.getpid(), mock, str(folder.vehicle), str(folder.path), graph_settings(made), ports, purpose)
+    return StackLock(os.getpid(), mock, str(folder.vehicle), str(folder.path), graph_settings(made), ports, purpose)
 
 
 def mock_parameters(facts: Mapping[str, object]) -> dict[str, dict[str, object]]:
@@ -98,7 +99,7 @@ def mock_parameters(facts: Mapping[str, object]) -> dict[str, dict[str, object]]
     return {f"/**/{node}": {"port": port, "clock": facts["clock"]} for node, port in ports.items()}
 
 
-def first_line(child: Child, seconds: float, log: Path) -> Mapping[str, object]:
+def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[str, object]:
     """Read the one line of JSON that the mock prints when its devices are up."""
     pipe: IO[bytes] | None = child.handle.stdout
     assert pipe is not None
@@ -137,9 +138,9 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
 
 @contextlib.contextmanager
 def adopted(wanted: Mapping[str, str], process: str = "operator") -> Iterator[None]:
-    """Take the ROS settings of a stack into our own environment, before our node is made, as who we are."""
+    """Use the ROS settings of a stack in this process, with the enclave of `process`, before its node is made."""
     before = dict(os.environ)
-    os.environ.update(graph_settings(security.identified(wanted, process)))
+    os.environ.update(graph_settings(security.with_enclave(wanted, process)))
     try:
         yield
     finally:
@@ -149,8 +150,16 @@ def adopted(wanted: Mapping[str, str], process: str = "operator") -> Iterator[No
 
 @contextlib.contextmanager
 def own_domain(*, mock: bool) -> Iterator[int | None]:
-    """A ROS domain that no other mock run on this machine uses; None (leave as it is) where the user chose one."""
-    if not mock or "ROS_DOMAIN_ID" in os.environ:
+    """A ROS domain in which nobody on this machine lives; None (leave as it is) where the user chose one.
+
+    HindraxError when a mock would join a stack in the domain that the user chose.
+    """
+    if not mock:
+        yield None
+        return
+    if chosen := os.environ.get("ROS_DOMAIN_ID", ""):
+        if chosen.isdecimal():  # the client library refuses anything else
+            require_no_stack(int(chosen), environment(mock=True, domain=None))
         yield None
         return
     folder = Path(f"/tmp/hindrax-domains-{os.getuid()}")  # noqa: S108  # only empty lock files, per user
@@ -161,6 +170,11 @@ def own_domain(*, mock: bool) -> Iterator[int | None]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
+            # Processes of a killed tool live on without its lock, and other users have locks of their own.
+            if number in occupied_domains():
+                continue
             yield number
             return
-    raise HindraxError("a hundred mock runs are under way on this machine; wait for one to end")
+    raise HindraxError(
+        f"ROS domains {DOMAINS[0]} to {DOMAINS[-1]}: found all in use, wanted a free one; wait for a mock run to end"
+    )

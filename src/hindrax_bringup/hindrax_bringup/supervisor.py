@@ -1,4 +1,7 @@
-"""Starts processes in groups of their own, starts them again when they die, and ends every one of them.
+"""Starts processes in groups of their own, starts them again when they die or freeze, and ends every one of them.
+
+A process that a signal has stopped, or whose heartbeat has stopped, is killed and started again like one that died. One
+that drives an output and could not leave it safe itself is run once more for that alone (`Process.last_resort`).
 
 Whatever happens to the tool (Ctrl-C, an exception, SIGTERM), `close` runs: SIGINT to each group, then SIGTERM, then
 SIGKILL, always by the id of a process that was started here. If the tool itself is killed outright, the kernel sends
@@ -10,33 +13,54 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from hindrax_bringup.system import Process
-from hindrax_core.errors import HindraxError
+from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
+from hindrax_bringup.processes import Process
+from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_ros.heartbeat import VARIABLE, beaten_s
 
 PR_SET_PDEATHSIG = 1
 PATIENCE_S = (5.0, 2.0, 2.0)
 RESTARTS_AT_MOST = 5
+WELL_AFTER_S = 60.0
+"""A process that has lived this long was well: its restarts count from none again."""
+LOOK_S = 0.25
+HUNG_S = 15.0
+"""Without a heartbeat for this long it hangs. A disk may stall a recorder for seconds; thrusters have a dead man."""
+GAP_S = 2.0
+"""After a gap of our own the others get time to beat: the machine may have stood still as a whole."""
+LAST_WORDS_S = 0.3
+"""For those below a process that was killed, to end by themselves: the node of the thrusters then leaves neutral."""
+LAST_RESORT_S = 10.0
 _libc = ctypes.CDLL(None)
 
 
 @dataclass(slots=True)
-class Child:
+class SupervisedProcess:
     """A process that was started here."""
 
     process: Process
     arguments: tuple[str, ...]
     handle: subprocess.Popen[bytes]
+    heartbeat: Path
+    started_s: float
     restarts: int = 0
     ended: bool = False
+    frozen: str = ""
+    """Why it was killed here; empty when it was not."""
+    stopped: frozenset[int] = frozenset()
+    """Processes below it that stand still, and were told."""
 
 
 @dataclass(slots=True)
@@ -45,51 +69,115 @@ class Supervisor:
 
     logs: Path
     environment: Mapping[str, str]
-    children: dict[str, Child] = field(default_factory=dict)
+    children: dict[str, SupervisedProcess] = field(default_factory=dict)
+    _heartbeats: Path = field(init=False)
+    _looked_s: float = 0.0
+    _awake_s: float = 0.0
 
     def __enter__(self) -> Self:
-        """Make the folder of logs."""
+        """Make the folders of logs and heartbeats."""
         self.logs.mkdir(parents=True, exist_ok=True)
+        self._heartbeats = _heartbeat_folder()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
         """End everything."""
-        self.close()
+        try:
+            self.close()
+        except HindraxError as unsafe:
+            if error is None:
+                raise
+            raise HindraxError(f"{error}; {unsafe}") from error
 
-    def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> Child:
+    def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> SupervisedProcess:
         """Start one process; its output goes to `logs/NAME.log`, or its stdout to a pipe."""
-        words = tuple(arguments)
-        child = Child(process, words, self._spawn(process, words, pipe=pipe))
+        words, heartbeat = tuple(arguments), self._heartbeats / process.name
+        handle = self._spawn(process, words, heartbeat, pipe=pipe)
+        child = SupervisedProcess(process, words, handle, heartbeat, time.monotonic())
         self.children[process.name] = child
         return child
 
-    def _spawn(self, process: Process, arguments: Sequence[str], *, pipe: bool = False) -> subprocess.Popen[bytes]:
+    def _spawn(
+        self, process: Process, arguments: Sequence[str], heartbeat: Path, *, pipe: bool = False
+    ) -> subprocess.Popen[bytes]:
+        with contextlib.suppress(OSError):  # the folder goes with the last session of its user
+            heartbeat.write_bytes(b"")
         with (self.logs / f"{process.name}.log").open("ab") as log:
             return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules
                 [sys.executable, "-m", process.module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE if pipe else log,
                 stderr=log,
-                env=dict(self.environment),
+                env={**self.environment, VARIABLE: str(heartbeat)},
                 preexec_fn=_in_a_group_of_its_own,  # noqa: PLW1509  # no threads here, and nothing else can set the death signal
             )
 
     def check(self) -> list[str]:
-        """Look after the processes: start again what died, and say so, one sentence each."""
-        return [said for child in self.children.values() if (said := self._check(child))]
+        """Look after the processes: kill what is frozen, start again what died, and say so, one sentence each."""
+        now_s, children = time.monotonic(), self.children.values()
+        said = [self._look(child, now_s) for child in children] if self._due(now_s) else []
+        return [sentence for sentence in (*said, *[self._check(child, now_s) for child in children]) if sentence]
 
-    def _check(self, child: Child) -> str:
+    def _due(self, now_s: float) -> bool:
+        since_s = now_s - self._looked_s
+        if since_s >= LOOK_S:
+            self._looked_s = now_s
+        if since_s > GAP_S:
+            self._awake_s = now_s
+        return since_s >= LOOK_S
+
+    def _look(self, child: SupervisedProcess, now_s: float) -> str:
+        """Kill a process that is frozen; tell of one below it, which is its own to look after."""
+        if child.frozen or child.handle.poll() is not None:
+            return ""
+        child.frozen = _frozen(child, now_s, self._awake_s)
+        if child.frozen:
+            _kill(child)
+            held = child.handle.poll() is None
+            return f"{child.process.name} is frozen ({child.frozen}); killed, it does not end" if held else ""
+        before = child.stopped
+        child.stopped = frozenset(pid for pid in descendants(child.handle.pid) if is_stopped(pid))
+        told = [f"{child.process.name}: its process {pid} is frozen" for pid in sorted(child.stopped - before)]
+        return "; ".join(told)
+
+    def _check(self, child: SupervisedProcess, now_s: float) -> str:
         code = child.handle.poll()
         if code is None or child.ended:
             return ""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+        how = f"was frozen ({child.frozen}), and killed" if child.frozen else how
         where = self.logs / f"{child.process.name}.log"
+        if now_s - child.started_s >= WELL_AFTER_S:
+            child.restarts = 0
         if not child.process.restart or child.restarts >= RESTARTS_AT_MOST:
             child.ended = True
-            return f"{child.process.name} {how} and stays down; its log is {where}"
+            output = self._secure(child)
+            return f"{child.process.name} {how} and stays down; its log is {where}{output and f'; {output}'}"
         child.restarts += 1
-        child.handle = self._spawn(child.process, child.arguments)
+        child.handle = self._spawn(child.process, child.arguments, child.heartbeat)
+        child.started_s, child.frozen = now_s, ""
         return f"{child.process.name} {how}; started again (see {where})"
+
+    def _secure(self, child: SupervisedProcess) -> str:
+        """Leave the output of a process safe that has ended without doing so; returns what is on the wire, if anything.
+
+        A process that refused its words has never had the output in hand. HindraxError when the output is not safe.
+        """
+        code, name = child.handle.returncode, child.process.name
+        if not child.process.last_resort or code in (0, UsageError.exit_code):
+            return ""
+        words = [sys.executable, "-m", child.process.module, *child.process.last_resort, *child.arguments]
+        try:
+            done = subprocess.run(  # noqa: S603  # our own interpreter and our own module
+                words, env=dict(self.environment), capture_output=True, text=True, check=False, timeout=LAST_RESORT_S
+            )
+            failure = "" if done.returncode == 0 else " ".join(done.stderr.split()) or f"code {done.returncode}"
+        except subprocess.TimeoutExpired:
+            failure = f"no end in {LAST_RESORT_S:g} s"
+        if failure:
+            raise HindraxError(f"{name}: neutral could not be written ({failure}); cut the power")
+        how = "had to be killed" if code == -signal.SIGKILL else f"ended with {code}"
+        return f"{name} {how}; {done.stdout.strip()}"
 
     def require(self) -> None:
         """Raise HindraxError, with its last words, if a process is down for good."""
@@ -107,11 +195,49 @@ class Supervisor:
             _end([child])
 
     def close(self) -> None:
-        """End all processes, the vehicle's before the mock's, and leave none behind."""
+        """End all processes, the vehicle's before the mock's, and leave none behind.
+
+        HindraxError when a process that drives an output has not left it safe, and nobody could in its place.
+        """
         children = list(self.children.values())
         self.children.clear()
-        _end([child for child in children if child.process.restart])
-        _end([child for child in children if not child.process.restart])
+        hardware = [child for child in children if not child.process.restart]
+        vehicle = [child for child in children if child.process.restart]
+        _end(vehicle)
+        try:
+            if all(one.handle.poll() is None for one in hardware):  # without a mock there is no wire either
+                for sentence in filter(None, map(self._secure, vehicle)):
+                    print(sentence, file=sys.stderr, flush=True)
+        finally:
+            _end(hardware)
+            shutil.rmtree(self._heartbeats, ignore_errors=True)
+
+
+def _heartbeat_folder() -> Path:
+    """Make a folder for heartbeats, and remove those that killed tools have left behind."""
+    place = runtime_folder()
+    for old in place.glob(f"*{HEARTBEATS}"):
+        if not Path("/proc", old.name.partition("-")[0]).exists():
+            shutil.rmtree(old, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", suffix=HEARTBEATS, dir=place))
+
+
+def _frozen(child: SupervisedProcess, now_s: float, awake_s: float) -> str:
+    """Why a process that runs does nothing; empty when it does. Before its first beat it may take its time."""
+    if is_stopped(child.handle.pid):
+        return "stopped by a signal"
+    last_s = beaten_s(child.heartbeat)
+    silent_s = 0.0 if last_s is None else now_s - max(last_s, awake_s)
+    return f"no heartbeat for {silent_s:.0f} s" if silent_s > HUNG_S else ""
+
+
+def _kill(child: SupervisedProcess) -> None:
+    """Kill a process and what is below it, which gets the time to leave its output safe."""
+    below = HeldProcesses(descendants(child.handle.pid))
+    child.handle.kill()
+    with contextlib.suppress(subprocess.TimeoutExpired):  # a disk or a bus keeps it in the kernel
+        child.handle.wait(LAST_WORDS_S)
+    below.kill(LAST_WORDS_S)
 
 
 def last_words(log: Path) -> str:
@@ -126,7 +252,11 @@ def _in_a_group_of_its_own() -> None:
     _libc.prctl(PR_SET_PDEATHSIG, signal.SIGINT)
 
 
-def _end(children: Sequence[Child]) -> None:
+def _end(children: Sequence[SupervisedProcess]) -> None:
+    below = HeldProcesses(pid for child in children for pid in descendants(child.handle.pid))
+    for child in children:
+        if is_stopped(child.handle.pid):  # it obeys nothing else
+            child.handle.kill()
     for number, patience in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), PATIENCE_S, strict=True):
         alive = [child for child in children if child.handle.poll() is None]
         for child in alive:
@@ -139,8 +269,9 @@ def _end(children: Sequence[Child]) -> None:
         # What a killed process may have left in its group.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child.handle.pid, signal.SIGKILL)
+    below.kill(LAST_WORDS_S)
 
 
-def _signal(child: Child, number: signal.Signals) -> None:
+def _signal(child: SupervisedProcess, number: signal.Signals) -> None:
     with contextlib.suppress(ProcessLookupError):
         child.handle.send_signal(number)

@@ -38,7 +38,7 @@ class Tether:
     peers: tuple[str, ...] = ()
 
 
-def named(words: str) -> Tether | None:
+def parse_tether(words: str) -> Tether | None:
     """Read `IFACE` or `IFACE:PEER,PEER`; None for an empty text. UsageError names what is wrong."""
     if not words:
         return None
@@ -54,26 +54,26 @@ def named(words: str) -> Tether | None:
     return Tether(interface, peers)
 
 
-def chosen() -> Tether | None:
+def tether_setting() -> Tether | None:
     """Return the tether that this terminal names, None when the graph stays on this machine."""
-    return named(os.environ.get(SETTING, ""))
+    return parse_tether(os.environ.get(SETTING, ""))
 
 
-def at_hand(say: Callable[[str], None]) -> Tether | None:
+def available_tether(report: Callable[[str], None]) -> Tether | None:
     """Return the tether that this terminal names if it is there now, for work that does not wait for it."""
-    tether = chosen()
+    tether = tether_setting()
     if tether is None:
         return None
     try:
         address_of(tether.interface)
     except HindraxError as error:
-        say(f"without the tether: {error}")
+        report(f"without the tether: {error}")
         return None
     return tether
 
 
 class _IntoSetting(argparse.Action):
-    """The option is the setting in short, so that everything started from here has it too."""
+    """The option sets the environment variable, so that child processes inherit it."""
 
     def __call__(
         self,
@@ -83,7 +83,7 @@ class _IntoSetting(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         try:
-            named(str(values))
+            parse_tether(str(values))
         except UsageError as error:
             parser.error(f"{option_string}: {error}")
         os.environ[SETTING] = str(values)
@@ -107,7 +107,7 @@ def address_of(interface: str, interfaces: Path = INTERFACES) -> str:
         raise HindraxError(f"{interface}: no such interface; `ip link` lists them")
     try:
         carrier = (folder / "carrier").read_text(encoding="ascii").strip()
-    except OSError as error:  # an interface that is down does not even say so
+    except OSError as error:  # an interface that is down reports nothing at all
         raise HindraxError(f"{interface}: is down; `sudo ip link set {interface} up`") from error
     if carrier != "1":
         raise HindraxError(f"{interface}: no carrier; is the tether plugged in, and the other end powered?")
@@ -119,17 +119,17 @@ def address_of(interface: str, interfaces: Path = INTERFACES) -> str:
     return socket.inet_ntoa(answer[20:24])
 
 
-def waited_for(tether: Tether, seconds: float, over: Callable[[], bool], say: Callable[[str], None]) -> str:
+def wait_for_address(tether: Tether, seconds: float, over: Callable[[], bool], report: Callable[[str], None]) -> str:
     """Return the tether's address once it has carrier; empty when `over` became true. HindraxError after `seconds`."""
-    deadline, told = time.monotonic() + seconds, ""
+    deadline, reported = time.monotonic() + seconds, ""
     while not over():
         try:
             return address_of(tether.interface)
         except HindraxError as error:
             if time.monotonic() > deadline:
                 raise HindraxError(f"waited {seconds:.0f} s for the tether; {error}") from error
-            if str(error) != told:
-                told = str(error)
-                say(f"waiting for the tether; {told}")
+            if str(error) != reported:
+                reported = str(error)
+                report(f"waiting for the tether; {reported}")
         time.sleep(LOOK_S)
     return ""

@@ -11,9 +11,9 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
-from hindrax_bringup.launched import parameter_file, settings
-from hindrax_bringup.system import MOCK, ONBOARD
-from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.launch_settings import parameter_file, settings
+from hindrax_bringup.processes import MOCK, ONBOARD
+from hindrax_bringup.share_files import default_vehicle
 from launch import LaunchDescription
 
 

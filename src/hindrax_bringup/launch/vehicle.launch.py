@@ -3,6 +3,8 @@
 The graph keeps to this machine, or reaches over the tether that HINDRAX_TETHER names, as with `./hindrax up`.
 """
 
+from collections.abc import Mapping
+
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
@@ -10,17 +12,19 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from hindrax_bringup import security
-from hindrax_bringup.launched import settings
-from hindrax_bringup.system import ONBOARD, RECORDER, Process
-from hindrax_bringup.vehicles import default_vehicle
+from hindrax_bringup.launch_settings import settings
+from hindrax_bringup.processes import ONBOARD, RECORDER, Process
+from hindrax_bringup.share_files import default_vehicle
 from launch import LaunchDescription
 
 
-def node(process: Process, **keywords: object) -> Node:
-    """One process of the description, started again when it dies; its nodes name themselves."""
-    words = {"vehicle": LaunchConfiguration("vehicle"), "bag": LaunchConfiguration("record")}
-    # Whatever their names look like: launch would take 2026 for a number, and nothing for no value at all.
-    parameters = {name: ParameterValue(word, value_type=str) for name, word in words.items()}
+def node(process: Process, arguments: Mapping[str, str], **keywords: object) -> Node:
+    """One process of the description, started again when it dies; its nodes name themselves.
+
+    `arguments`: the launch argument behind each parameter.
+    """
+    # Text, whatever it looks like: launch would take 2026 for a number, and an empty one for no value at all.
+    parameters = {name: ParameterValue(LaunchConfiguration(one), value_type=str) for name, one in arguments.items()}
     return Node(
         package=process.package,
         executable=process.executable,
@@ -40,7 +44,11 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("vehicle", default_value=str(default_vehicle()), description="vehicle file"),
             DeclareLaunchArgument("record", default_value="", description="new folder for the bag; empty: no bag"),
             *(SetEnvironmentVariable(key, value) for key, value in settings(mock=False)),
-            *(node(process) for process in ONBOARD),
-            node(RECORDER, condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("record"), ""))),
+            *(node(process, {"vehicle": "vehicle"}) for process in ONBOARD),
+            node(
+                RECORDER,
+                {"vehicle": "vehicle", "bag": "record"},
+                condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("record"), "")),
+            ),
         ]
     )

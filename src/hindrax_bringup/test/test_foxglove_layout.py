@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from hindrax_bringup.vehicles import share_folder
+from hindrax_bringup.share_files import share_folder
 from hindrax_core.topics import TOPICS, resolved
 
 LAYOUT = json.loads((share_folder("foxglove") / "hindrax.json").read_text(encoding="utf-8"))

@@ -6,9 +6,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_bringup.nodes.operator import Operator
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_msgs.msg import ManeuverStatus
+from hindrax_operator.nodes.operator_node import Operator
 from hindrax_ros.convert import stamp_to_msg
 
 NOW = Stamp(1_000 * 10**9)
@@ -19,7 +19,7 @@ def unheard(maneuver_age_s, navigation_age_s):
     if maneuver is not None:
         maneuver.header.stamp = stamp_to_msg(after(NOW, -maneuver_age_s))
     seen = SimpleNamespace(maneuver=maneuver, navigation=Stamped(after(NOW, -navigation_age_s), None), now=lambda: NOW)
-    return Operator._unheard(seen)
+    return Operator._maneuver_lost(seen)
 
 
 @pytest.mark.parametrize(
@@ -34,6 +34,27 @@ def unheard(maneuver_age_s, navigation_age_s):
 )
 def test_silence_about_a_maneuver(maneuver_age_s, navigation_age_s, over):
     assert unheard(maneuver_age_s, navigation_age_s) is over
+
+
+def test_heartbeats_keep_the_pace_of_the_wall_though_the_clock_of_a_mock_stands(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    beats: list[int] = []
+    monkeypatch.setattr(Operator, "_send_heartbeat", lambda operator: beats.append(operator.now()))
+    with Operator(mock=True) as operator:
+        operator.wait(lambda: len(beats) > 1, 20.0, lambda: "a second heartbeat")
+    assert beats == [0, 0]
+
+
+def test_without_a_clock_no_heartbeat_is_sent(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    sent: list[object] = []
+    with Operator(mock=True) as operator:
+        monkeypatch.setattr(operator, "_heartbeats", SimpleNamespace(publish=sent.append))
+        operator._send_heartbeat()
+        assert sent == []
+        monkeypatch.setattr(operator, "now", lambda: NOW)
+        operator._send_heartbeat()
+    assert [message.header.stamp.sec for message in sent] == [1_000]
 
 
 def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch):

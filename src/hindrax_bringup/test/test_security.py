@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from hindrax_bringup import security
-from hindrax_bringup.security import FROM_WHEELS, OVERRIDE, ROLES, Role, identified, policies, settings
+from hindrax_bringup.processes import ONBOARD, RECORDER
+from hindrax_bringup.security import FROM_WHEELS, OVERRIDE, ROLES, Role, policies, settings, with_enclave
+from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack import adopted
-from hindrax_bringup.system import ONBOARD, RECORDER
-from hindrax_bringup.vehicles import share_folder
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import (
@@ -30,22 +30,22 @@ from hindrax_core.topics import (
 
 SOURCES = Path(__file__).parents[2]
 NODES_OF_FILE = {
-    "hindrax_control/nodes/navigator.py": ("navigator",),
-    "hindrax_control/nodes/pilot.py": ("pilot",),
-    "hindrax_control/nodes/allocator.py": ("allocator",),
-    "hindrax_control/nodes/hand.py": ("hand",),
+    "hindrax_control/nodes/navigator_node.py": ("navigator",),
+    "hindrax_control/nodes/estimator_health_node.py": ("estimator_health",),
+    "hindrax_control/nodes/pilot_node.py": ("pilot",),
+    "hindrax_control/nodes/allocator_node.py": ("allocator",),
+    "hindrax_control/nodes/teleop_node.py": ("teleop",),
     "hindrax_drivers/nodes/thrusters_node.py": ("thrusters",),
     "hindrax_ident/nodes/identifier.py": ("identifier",),
-    "hindrax_ident/nodes/listen.py": ("identifier",),
-    "hindrax_bringup/nodes/keeper.py": ("keeper",),
-    "hindrax_bringup/nodes/operator.py": ("operator",),
-    "hindrax_bringup/nodes/orders.py": ("operator",),
-    "hindrax_bringup/commands/lights.py": ("operator",),
-    "hindrax_bringup/doctor/graph.py": ("operator",),
+    "hindrax_ident/nodes/measurement_messages.py": ("identifier",),
+    "hindrax_bringup/nodes/safety_monitor.py": ("safety_monitor",),
+    "hindrax_operator/nodes/operator_node.py": ("operator",),
+    "hindrax_operator/nodes/orders.py": ("operator",),
+    "hindrax_cli/health_checks/nodes.py": ("operator",),
 }
 """Files that name a topic of the table and publish or subscribe it."""
 SAY, HEAR = {"publisher", "sender"}, {"subscription"}
-PEOPLE = {"operator", "hand", "keeper"}
+PEOPLE = {"operator", "teleop", "safety_monitor"}
 
 
 def roles(node: str) -> list[Role]:
@@ -64,7 +64,9 @@ def uses(source: Path, verbs: set[str]) -> set[Topic]:
 
 def files() -> list[Path]:
     """Sources that name topics; what simulates a vehicle never runs beside a real one."""
-    found = [*SOURCES.glob("hindrax_*/hindrax_*/nodes/*.py"), *SOURCES.glob("hindrax_bringup/hindrax_bringup/**/*.py")]
+    above = ("bringup", "operator", "cli")
+    found = [*SOURCES.glob("hindrax_*/hindrax_*/nodes/*.py")]
+    found += [file for name in above for file in SOURCES.glob(f"hindrax_{name}/hindrax_{name}/**/*.py")]
     return [file for file in dict.fromkeys(found) if "hindrax_sim" not in file.parts and uses(file, SAY | HEAR)]
 
 
@@ -72,32 +74,38 @@ def files() -> list[Path]:
 def test_what_a_node_does_it_may(file):
     name = str(file.relative_to(SOURCES)).partition("/")[2]
     assert name in NODES_OF_FILE, f"say here which node {name} is, and give it a role in hindrax_bringup/security.py"
-    for verbs, allowed in ((SAY, "says"), (HEAR, "hears")):
+    for verbs, allowed in ((SAY, "publishes"), (HEAR, "subscribes")):
         granted = {topic for node in NODES_OF_FILE[name] for role in roles(node) for topic in getattr(role, allowed)}
         assert {topic.name for topic in uses(file, verbs)} <= {getattr(topic, "name", topic) for topic in granted}
 
 
 def test_every_topic_of_the_table_has_somebody_who_may_say_it():
-    said = {topic for role in ROLES for topic in role.says}
-    outside = {"joy", "cmd_vel", "vehicle_file"}
+    said = {topic for role in ROLES for topic in role.publishes}
+    outside = {"joy", "cmd_vel"}
     assert {topic.name for topic in TOPICS if topic not in said} == outside
 
 
 def test_only_the_operator_commands_and_only_the_allocator_makes_pulses():
     def who(topic: Topic) -> set[tuple[str, str]]:
-        return {(role.enclave, role.node) for role in ROLES if topic in role.says}
+        return {(role.enclave, role.node) for role in ROLES if topic in role.publishes}
 
     assert who(HOLD_SETPOINT) == {("operator", "operator")}
-    assert who(OPERATOR_WRENCH) == {("operator", "operator"), ("operator", "hand")}
+    assert who(OPERATOR_WRENCH) == {("operator", "operator"), ("operator", "teleop")}
     assert who(WRENCH) == {("control", "pilot")}
     assert who(THRUSTER_COMMAND) == {("control", "allocator"), ("bench", "operator")}
     assert {role.enclave for role in ROLES if security.FLY in role.calls} == {"operator"}
-    assert {role.enclave for role in ROLES if security.ARM in role.asks} == {"operator", "keeper", "bench"}
+    # Control asks only to disarm, on a state that is wrong; a policy cannot tell one request from the other.
+    assert {role.enclave for role in ROLES if security.ARM in role.requests} == {
+        "operator",
+        "safety_monitor",
+        "bench",
+        "control",
+    }
 
 
 def test_nobody_at_the_far_end_hears_raw_frames():
     far = [role for role in ROLES if role.enclave in ("operator", "bench")]
-    assert not {topic for role in far for topic in role.hears} & set(RAW_FRAMES)
+    assert not {topic for role in far for topic in role.subscribes} & set(RAW_FRAMES)
 
 
 def test_every_process_has_an_enclave_with_every_node_of_it():
@@ -136,17 +144,17 @@ def test_one_setting_enforces_them(tmp_path):
         "ROS_SECURITY_STRATEGY": "Enforce",
         "ROS_SECURITY_KEYSTORE": str(tmp_path),
     }
-    assert identified(made, "keeper")[OVERRIDE] == "/hindrax/keeper"
-    assert identified(made | {OVERRIDE: "/hindrax/bench"}, "operator")[OVERRIDE] == "/hindrax/bench"
-    assert OVERRIDE not in identified({}, "keeper")
+    assert with_enclave(made, "safety_monitor")[OVERRIDE] == "/hindrax/safety_monitor"
+    assert with_enclave(made | {OVERRIDE: "/hindrax/bench"}, "operator")[OVERRIDE] == "/hindrax/bench"
+    assert OVERRIDE not in with_enclave({}, "safety_monitor")
 
 
 def test_a_node_in_the_tool_is_the_operator_unless_it_says_who_else():
     secured = {"ROS_SECURITY_ENABLE": "true"}
     with adopted(secured):
         assert os.environ[OVERRIDE] == "/hindrax/operator"
-    with adopted(secured, "keeper"):
-        assert os.environ[OVERRIDE] == "/hindrax/keeper"
+    with adopted(secured, "safety_monitor"):
+        assert os.environ[OVERRIDE] == "/hindrax/safety_monitor"
     with adopted({}):
         assert OVERRIDE not in os.environ
 

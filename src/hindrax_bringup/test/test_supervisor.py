@@ -1,12 +1,63 @@
-"""Processes that end for good: who is told, and of what."""
+"""Processes that end for good, freeze, or leave their output unsafe: who is told, and of what."""
 
+import os
 import re
+import shutil
+import signal
+import time
+from dataclasses import replace
 
 import pytest
 
+from hindrax_bringup import supervisor as module
+from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
+from hindrax_bringup.processes import Process
+from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_bringup.system import Process
 from hindrax_core.errors import HindraxError
+from hindrax_ros.heartbeat import beaten_s
+
+PATIENT_S = 30.0
+LAMPS = Process("lamps", "p", "lamps", "lamps", (), "none")
+UNSAFE = replace(LAMPS, last_resort=("--dark",))
+BEATS = """
+import os, pathlib, subprocess, sys, time
+if sys.argv[1:2] == ["--dark"]:
+    print("it is dark")
+    sys.exit("the fuse has blown" if sys.argv[2:] == ["broken"] else 0)
+bulb = subprocess.Popen(["sleep", "600"], start_new_session=True)
+pathlib.Path(os.environ["HINDRAX_HEARTBEAT"]).write_text(str(time.monotonic()))
+time.sleep(600)
+"""
+"""A process that beats once, with one below it in a session of its own."""
+
+
+@pytest.fixture
+def supervisor(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
+    (tmp_path / "lamps.py").write_text(BEATS)
+    with Supervisor(tmp_path / "logs", {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}) as made:
+        yield made
+
+
+def start(supervisor, process=LAMPS, arguments=()):
+    child = supervisor.start(process, arguments)
+    until(lambda: beaten_s(child.heartbeat) is not None)
+    return child
+
+
+def until(done):
+    deadline = time.monotonic() + PATIENT_S
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def told(supervisor):
+    """Sentences of the first look that has any."""
+    found = []
+    until(lambda: found.extend(supervisor.check()) or found)
+    return found
 
 
 def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path):
@@ -17,3 +68,96 @@ def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path):
         wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?; look into .*, start again"
         with pytest.raises(HindraxError, match=wanted):
             supervisor.require()
+
+
+def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(supervisor):
+    child = start(supervisor)
+    old, (below,) = child.handle.pid, descendants(child.handle.pid)
+    held = HeldProcesses([below])
+    for pid in (below, old):
+        os.kill(pid, signal.SIGSTOP)
+    until(lambda: is_stopped(old))
+    (said,) = told(supervisor)
+    assert said.startswith("lamps was frozen (stopped by a signal), and killed; started again (see ")
+    assert child.handle.pid != old
+    until(lambda: not held._at_work())
+    held.kill(0.0)
+
+
+def test_a_process_below_that_is_stopped_is_told_once(supervisor):
+    child = start(supervisor)
+    (below,) = descendants(child.handle.pid)
+    os.kill(below, signal.SIGSTOP)
+    assert told(supervisor) == [f"lamps: its process {below} is frozen"]
+    supervisor._looked_s = 0.0
+    assert supervisor.check() == []
+
+
+def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_not(supervisor, monkeypatch):
+    child = start(supervisor)
+    assert supervisor.check() == []
+    monkeypatch.setattr(module, "LOOK_S", 0.0)
+    monkeypatch.setattr(module, "HUNG_S", 0.0)
+    supervisor._awake_s = 0.0
+    (said,) = told(supervisor)
+    assert said.startswith("lamps was frozen (no heartbeat for 0 s), and killed; started again (see ")
+    child.heartbeat.write_bytes(b"")
+    assert supervisor.check() == []
+
+
+def test_after_a_gap_of_its_own_it_gives_the_others_time(supervisor, monkeypatch):
+    child = start(supervisor)
+    child.heartbeat.write_text("1.0")
+    monkeypatch.setattr(module, "LOOK_S", 0.0)
+    assert supervisor.check() == [], "the first look comes after a gap without end"
+    supervisor._awake_s = 0.0
+    assert supervisor.check()[0].startswith("lamps was frozen (no heartbeat for ")
+
+
+@pytest.mark.parametrize(("well_after_s", "restarts"), [(0.0, 1), (1e9, 3)])
+def test_the_budget_of_restarts_refills_after_a_good_time(supervisor, monkeypatch, well_after_s, restarts):
+    monkeypatch.setattr(module, "WELL_AFTER_S", well_after_s)
+    child = start(supervisor)
+    for _ in range(3):
+        child.handle.kill()
+        assert "started again" in told(supervisor)[0]
+    assert child.restarts == restarts
+
+
+def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(supervisor, capsys):
+    os.kill(start(supervisor, UNSAFE).handle.pid, signal.SIGSTOP)
+    supervisor.close()
+    assert capsys.readouterr().err == "lamps had to be killed; it is dark\n"
+
+
+def test_an_output_that_cannot_be_made_safe_is_told_with_what_else_went_wrong(supervisor):
+    def fly() -> None:
+        with supervisor:
+            os.kill(start(supervisor, UNSAFE, ["broken"]).handle.pid, signal.SIGSTOP)
+            raise HindraxError("the tether has another address")
+
+    unsafe = r"lamps: neutral could not be written \(the fuse has blown\); cut the power"
+    with pytest.raises(HindraxError, match=f"the tether has another address; {unsafe}"):
+        fly()
+
+
+def test_a_process_starts_again_though_the_folder_of_heartbeats_has_gone(supervisor):
+    child = start(supervisor)
+    shutil.rmtree(child.heartbeat.parent)
+    child.handle.kill()
+    assert "started again" in told(supervisor)[0]
+
+
+def test_what_killed_tools_left_behind_is_removed(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    (tmp_path / "4999999-abc.beats").mkdir()
+    with Supervisor(tmp_path / "logs", {}):
+        assert [path.name.partition("-")[0] for path in tmp_path.glob("*.beats")] == [str(os.getpid())]
+    assert list(tmp_path.glob("*.beats")) == []
+
+
+def test_who_is_not_there_neither_stands_still_nor_has_children():
+    assert not is_stopped(os.getpid())
+    assert not is_stopped(4999999)
+    assert descendants(4999999) == []
+    HeldProcesses([4999999]).kill(0.0)

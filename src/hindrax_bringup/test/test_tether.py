@@ -10,16 +10,25 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hindrax_bringup import network_profile, tether, up_run
-from hindrax_bringup.cli import main
-from hindrax_bringup.commands import up
-from hindrax_bringup.link_watch import LinkWatch
+from hindrax_bringup import network_profile, stack_runner, tether
+from hindrax_bringup.link_monitor import LinkMonitor
+from hindrax_bringup.liveness import NOTIFY, felt, notify, pulse
 from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
-from hindrax_bringup.presence import FOLDER
-from hindrax_bringup.pulse import NOTIFY, felt, notify, pulse
 from hindrax_bringup.stack import PROFILE, environment
-from hindrax_bringup.tether import SETTING, Tether, add_tether, address_of, at_hand, chosen, named, waited_for
-from hindrax_bringup.up_run import _require_same, awaited
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.stack_runner import _require_same, awaited
+from hindrax_bringup.tether import (
+    SETTING,
+    Tether,
+    add_tether,
+    address_of,
+    available_tether,
+    parse_tether,
+    tether_setting,
+    wait_for_address,
+)
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate import up
 from hindrax_core.errors import HindraxError, UsageError
 
 NAMES = {"d": SPACE}
@@ -32,9 +41,9 @@ def own_settings(tmp_path, monkeypatch):
 
 
 def test_names():
-    assert named("") is None
-    assert named("eth0") == Tether("eth0")
-    assert named("enp3s0:192.168.2.1,192.168.2.3") == Tether("enp3s0", ("192.168.2.1", "192.168.2.3"))
+    assert parse_tether("") is None
+    assert parse_tether("eth0") == Tether("eth0")
+    assert parse_tether("enp3s0:192.168.2.1,192.168.2.3") == Tether("enp3s0", ("192.168.2.1", "192.168.2.3"))
 
 
 @pytest.mark.parametrize(
@@ -50,15 +59,15 @@ def test_names():
 )
 def test_what_is_no_tether_is_refused(words, wanted):
     with pytest.raises(UsageError, match=wanted):
-        named(words)
+        parse_tether(words)
 
 
 def test_the_option_is_the_setting(capsys):
     parser = argparse.ArgumentParser()
     add_tether(parser)
-    assert chosen() is None
+    assert tether_setting() is None
     parser.parse_args(["--tether", "eth0:192.168.2.1"])
-    assert chosen() == Tether("eth0", ("192.168.2.1",))
+    assert tether_setting() == Tether("eth0", ("192.168.2.1",))
     with pytest.raises(SystemExit):
         parser.parse_args(["--tether", "eth0:nobody"])
     assert "wanted an IPv4 address" in capsys.readouterr().err
@@ -84,12 +93,12 @@ def test_an_interface_with_an_address():
 
 def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch):
     said = []
-    assert at_hand(said.append) is None
+    assert available_tether(said.append) is None
     monkeypatch.setenv(SETTING, "nowhere0:192.168.2.1")
-    assert at_hand(said.append) is None
+    assert available_tether(said.append) is None
     assert said == ["without the tether: nowhere0: no such interface; `ip link` lists them"]
     monkeypatch.setattr(tether, "address_of", lambda _interface: "192.168.2.2")
-    assert at_hand(said.append) == Tether("nowhere0", ("192.168.2.1",))
+    assert available_tether(said.append) == Tether("nowhere0", ("192.168.2.1",))
 
 
 @pytest.mark.parametrize(
@@ -121,15 +130,15 @@ def test_waiting_says_each_reason_once_and_ends(monkeypatch):
     monkeypatch.setattr(tether, "address_of", look)
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
     said = []
-    assert waited_for(Tether("eth0"), 10.0, lambda: False, said.append) == "192.168.2.2"
+    assert wait_for_address(Tether("eth0"), 10.0, lambda: False, said.append) == "192.168.2.2"
     assert said == ["waiting for the tether; no carrier", "waiting for the tether; no address"]
-    assert waited_for(Tether("eth0"), 10.0, lambda: True, said.append) == ""
+    assert wait_for_address(Tether("eth0"), 10.0, lambda: True, said.append) == ""
 
 
 def test_waiting_in_vain_names_what_was_missing(monkeypatch):
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
     with pytest.raises(HindraxError, match="waited 0 s for the tether; nowhere0: no such interface"):
-        waited_for(Tether("nowhere0"), 0.0, lambda: False, lambda _sentence: None)
+        wait_for_address(Tether("nowhere0"), 0.0, lambda: False, lambda _sentence: None)
 
 
 def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers():
@@ -167,7 +176,7 @@ def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeyp
             raise found
         return found
 
-    monkeypatch.setattr(up_run, "address_of", look)
+    monkeypatch.setattr(stack_runner, "address_of", look)
     _require_same(Tether("eth0"), "192.168.2.2")
     _require_same(Tether("eth0"), "192.168.2.2")
     with pytest.raises(HindraxError, match=r"eth0: its address was 192\.168\.2\.2 and is 10\.0\.0\.7"):
@@ -199,18 +208,32 @@ def test_health_is_one_sentence_and_an_exit_code(monkeypatch, tmp_path, capsys):
 
 
 def test_an_operator_is_lost_once_and_comes_back():
-    watch = LinkWatch(patience_s=2.0)
+    watch = LinkMonitor(patience_s=2.0)
     assert not watch.step(100.0), "nobody is lost who was never there"
-    assert watch.words(100.0) == "no operator yet"
+    assert watch.status_text(100.0) == "no operator yet"
     assert watch.beat(100.0) == "link: the operator is there"
-    assert watch.beat(100.5) == ""
-    assert not watch.step(102.5)
-    assert watch.step(102.6)
-    assert not watch.step(103.0)
-    assert watch.words(110.5) == "no operator for 10 s"
-    assert watch.beat(110.5) == "link: the operator is back after 10.0 s"
-    assert not watch.step(111.0)
-    assert watch.step(113.0)
+    assert [watch.beat(at_s) for at_s in (100.5, 101.0, 101.5)] == ["", "", ""]
+    assert not watch.step(103.5)
+    assert watch.step(103.6)
+    assert not watch.step(104.0)
+    assert watch.status_text(111.5) == "no operator for 10 s"
+    assert watch.beat(111.5) == "link: the operator is back after 10.0 s"
+    assert not watch.step(112.0)
+    assert [watch.beat(at_s) for at_s in (112.0, 112.5, 113.0)] == ["", "", ""]
+    assert watch.step(115.1)
+
+
+def test_a_link_that_is_not_steady_yet_is_lost_later():
+    watch = LinkMonitor(patience_s=2.0, unsteady_patience_s=10.0)
+    for at_s in (100.0, 102.6, 105.2, 105.7, 106.2):  # late, late, then regular
+        assert not watch.step(at_s)
+        watch.beat(at_s)
+    assert not watch.step(108.3), "three regular heartbeats are not steady yet"
+    assert watch.step(116.3), "but silence is not endured for ever"
+    for at_s in (120.0, 120.5, 121.0, 121.5):
+        watch.beat(at_s)
+    assert not watch.step(123.5)
+    assert watch.step(123.6)
 
 
 def test_the_pulse_is_felt_while_it_beats(tmp_path):
@@ -226,6 +249,36 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path):
         beating.beat("up", {"pilot": "", "dvl75": "silence"})
         assert felt(path.parent, at_s + 1.0) == (False, "dvl75: silence")
     assert list(path.parent.glob("*.pulse")) == []
+
+
+def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path):
+    with pulse() as beating:
+        (tmp_path / "runtime").rmdir()
+        beating.beat("pool-test surge: armed", {})
+    assert not (tmp_path / "runtime").exists()
+
+
+def test_every_process_of_every_stack_is_felt(tmp_path):
+    runtime = tmp_path / "runtime"
+    with pulse() as beating:
+        beating.beat("pool-test surge in mock: armed", {"dvl75": ""})
+        (path,) = runtime.glob("*.pulse")
+        at_s = json.loads(path.read_text())["at_s"]
+        heartbeats = runtime / f"{os.getpid()}-abc.beats"
+        heartbeats.mkdir()
+        for name, age_s in (("control", 0.5), ("thrusters", 2.5)):
+            (heartbeats / name).write_text(str(at_s - age_s))
+        assert felt(runtime, at_s) == (True, "pool-test surge in mock: armed")
+        (heartbeats / "sensors").write_bytes(b"")
+        assert felt(runtime, at_s) == (False, "sensors: no heartbeat yet")
+        late = "sensors: no heartbeat yet; thrusters: no heartbeat for 5 s"
+        assert felt(runtime, at_s + 2.4) == (False, late)
+        # What another tool, which was killed, has left behind is neither a stack nor a reason to be unwell.
+        (runtime / "4999999.pulse").write_text(path.read_text())
+        for name in ("sensors", "thrusters"):
+            (heartbeats / name).unlink()
+        assert felt(runtime, at_s) == (True, "pool-test surge in mock: armed")
+        assert not (runtime / "4999999.pulse").exists()
 
 
 def test_the_service_manager_is_told(tmp_path):

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hindrax_control.effectiveness import (
-    PAPER_SIGNS,
+from hindrax_control.allocation.effectiveness import (
     checked_effectiveness,
     effectiveness,
     quality,
@@ -20,6 +19,8 @@ from hindrax_core.vehicle import load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 B = effectiveness(HINDRAX)
+PAPER_SIGNS = {"surge": "++--", "sway": "+-+-"}
+"""COB-2023-1394: surge is driven by T1 and T2, sway by T1 and T3, the others steer; T1 to T4 in this order."""
 
 
 def test_first_thruster_as_the_paper_writes_it():

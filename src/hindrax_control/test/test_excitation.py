@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.excitation import EXCITATIONS, Bounds, Excite, signal
-from hindrax_control.prior import Freedom
+from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
+from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.vehicle import Drag
 
-SURGE = Freedom(27.3, Drag(66.48, 1.25))
+SURGE = PriorDynamics(27.3, Drag(66.48, 1.25))
 BOUNDS = Bounds(force=16.0, rate=0.45, middle=5.0, room=3.9, inertia=27.3)
 kinds = st.sampled_from(EXCITATIONS)
 seeds = st.integers(0, 2**32 - 1)

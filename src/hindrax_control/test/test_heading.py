@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from hindrax_control.heading import HeadingFilter, HeadingKnobs
+from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 
 KNOBS = HeadingKnobs(compass_sigma_deg=1.0)
 STRENGTH_T = 18e-6

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.holds import HoldKnobs, Holds, Setpoint, wrapped
-from hindrax_control.prior import Freedom, freedoms, guessed
+from hindrax_control.hold.holds import HoldKnobs, Holds, Setpoint, wrapped
+from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
 from hindrax_core.events import Stamp, stamp_from_s
-from hindrax_core.state import ZERO6, Navigation
+from hindrax_core.signals import ZERO6, Navigation
 from hindrax_core.vehicle import Drag, load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
@@ -23,7 +23,7 @@ class IdealVehicle:
     """Heave, roll, pitch and yaw, each on its own, with the truth of the vehicle file and a thruster lag."""
 
     def __init__(self, vehicle=HINDRAX, depth_m=0.9, limit=1e9):
-        self.freedoms = {axis: freedoms(vehicle)[axis] for axis in ("heave", "roll", "pitch", "yaw")}
+        self.freedoms = {axis: prior_dynamics(vehicle)[axis] for axis in ("heave", "roll", "pitch", "yaw")}
         self.value = {"heave": depth_m, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
         self.rate = dict.fromkeys(self.value, 0.0)
         self.thrust = dict.fromkeys(self.value, 0.0)
@@ -244,7 +244,7 @@ def test_other_vehicles_need_no_tuning(mass_kg, size):
 
 @given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))
 def test_steady_rate_undoes_drag(rate, drag):
-    freedom = Freedom(20.0, drag)
+    freedom = PriorDynamics(20.0, drag)
     assert freedom.rate_at(freedom.drag_force(rate)) == pytest.approx(rate, abs=1e-9)
 
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation import Allocator
-from hindrax_control.box import Box
-from hindrax_control.holds import Setpoint
-from hindrax_control.maneuvers import Goal, check_goal
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.hold.holds import Setpoint
+from hindrax_control.maneuver.maneuver import Goal, check_goal
+from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import Pilot, PilotKnobs
-from hindrax_control.plan import PlanKnobs
+from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
-from hindrax_core.state import UNKNOWN6, ZERO6, Allocation
+from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation
 
 SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0))
 
@@ -23,7 +23,7 @@ class Rig:
 
     def __init__(self, hindrax, ideal_vehicle, knobs=SHORT):
         self.ideal, self.pilot = ideal_vehicle(hindrax, step_s=0.05), Pilot(hindrax, knobs)
-        self.box, self.limits = Box(hindrax, 0.0), hindrax.limits.wrench
+        self.box, self.limits = PoolBounds(hindrax, 0.0), hindrax.limits.wrench
         self.nearest_m, self.armed, self.unarmed, self.flight = math.inf, False, "", None
         self.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 
@@ -246,6 +246,30 @@ def test_cancel_at_any_moment_ends_as_asked(rig, motion, ending, at_s):
     assert phases[-1].phase == "aborted"
 
 
+@pytest.mark.parametrize(
+    ("end", "reason"),
+    [
+        (lambda rig: rig.pilot.cancel(), "cancelled: by the operator"),
+        (lambda rig: setattr(rig, "armed", False), "disarmed: the thrusters were disarmed; arm and fly again"),
+    ],
+)
+@pytest.mark.parametrize("ending", ["hold", "neutral"])
+def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(rig, end, reason, ending):
+    rig.arm()
+    maneuver = rig.pilot.fly(Goal(("surge",), on_cancel=ending))
+    assert (maneuver.last, maneuver.done) == (None, False)
+    end(rig)
+    told = [rig.step().maneuver]
+    while not told[-1].done:
+        told.append(rig.step().maneuver)
+        assert len(told) < 500
+    assert maneuver.last is told[-1]
+    assert (told[-1].aborted, told[-1].phase.phase) == (reason, "aborted")
+    assert {(one.phase.motion, one.progress) for one in told} == {("", 0.0)}
+    assert {one.phase.phase for one in told[:-1]} == {"settle"}
+    assert told[-1].neutral is (ending == "neutral" or not rig.armed)
+
+
 def test_disarming_in_flight_aborts_and_asks_for_nothing(rig):
     rig.arm()
     rig.pilot.fly(Goal(("surge",)))
@@ -282,7 +306,7 @@ def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig):
     stamp = rig.ideal.stamp
     assert (
         "`./hindrax stop` ends it"
-        in rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)[0]
+        in rig.pilot.set_operator_wrench((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)[0]
     )
 
 
@@ -290,14 +314,14 @@ def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig):
     rig.arm()
     assert rig.pilot.set(Setpoint("depth", value=0.9)) == ""
     stamp = rig.ideal.stamp
-    assert rig.pilot.by_hand((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp) == ()
+    assert rig.pilot.set_operator_wrench((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp) == ()
     flight = rig.step()
     assert flight.wrench[0] == 5.0
     assert flight.wrench[2] != 0.0
     for _ in range(12):
         flight = rig.step()
     assert flight.wrench[0] == 0.0
-    refused = rig.pilot.by_hand((5.0,) * 6, "map", stamp, stamp)
+    refused = rig.pilot.set_operator_wrench((5.0,) * 6, "map", stamp, stamp)
     assert "found frame 'map'" in refused[0]
 
 
@@ -367,6 +391,9 @@ def test_goals_that_nobody_can_fly_are_refused(goal, reason):
 def test_plans_are_for_the_thrusters_that_work(hindrax, ideal_vehicle):
     rig = Rig(hindrax, ideal_vehicle)
     rig.pilot.disable(frozenset({"T3", "T4"}))
+    rig.pilot.check(Goal(("surge", "yaw")))
+    with pytest.raises(UsageError, match="sway: without T3, T4 no thruster serves it"):
+        rig.pilot.check(Goal(("surge", "sway")))
     rig.arm()
     with pytest.raises(UsageError, match="sway: without T3, T4 no thruster serves it"):
         rig.pilot.fly(Goal(("sway",)))

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.navigator import Navigator, NavigatorKnobs
+from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo, Inertial, Magnetic, Pressure
-from hindrax_core.rotation import apply, cross, matrix, undo
-from hindrax_core.state import Navigation
+from hindrax_core.rotation import cross, matrix, rotate, rotate_back
+from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -51,25 +51,25 @@ class Ride:
     def rates(self, t, h=1e-4):
         """Body rates by the rotation between two close attitudes."""
         before, after = matrix(self.attitude(t - h)), matrix(self.attitude(t + h))
-        columns = [undo(before, apply(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+        columns = [rotate_back(before, rotate(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
         return (columns[1][2] / (2 * h), columns[2][0] / (2 * h), columns[0][1] / (2 * h))
 
     def point(self, t, lever):
-        turned = apply(matrix(self.attitude(t)), lever)
+        turned = rotate(matrix(self.attitude(t)), lever)
         return tuple(a + b for a, b in zip(self.position(t), turned, strict=True))
 
     def velocity(self, t, lever=(0.0, 0.0, 0.0), h=1e-4):
         low, high = self.point(t - h, lever), self.point(t + h, lever)
-        return undo(matrix(self.attitude(t)), tuple((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
+        return rotate_back(matrix(self.attitude(t)), tuple((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
 
     def inertial(self, t, mount, h=1e-3):
         low, mid, high = (self.point(t + dt, mount.position_m) for dt in (-h, 0.0, h))
         a, b, c = ((x - 2 * y + z) / h**2 for x, y, z in zip(low, mid, high, strict=True))
-        force = undo(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
+        force = rotate_back(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
         turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
         return Inertial(
-            tuple(f + d for f, d in zip(undo(turn, force), self.force_bias, strict=True)),
-            tuple(w + d for w, d in zip(undo(turn, self.rates(t)), self.gyro_bias, strict=True)),
+            tuple(f + d for f, d in zip(rotate_back(turn, force), self.force_bias, strict=True)),
+            tuple(w + d for w, d in zip(rotate_back(turn, self.rates(t)), self.gyro_bias, strict=True)),
             20.0,
         )
 
@@ -86,7 +86,7 @@ class Ride:
             pressure = 101325.0 + 1000.0 * GRAVITY_mps2 * (depth + gauss(0.002))
             self.tell(t, Pressure(pressure, 20.0), "ms5837")
         if number % 9 == 0:
-            field_T = undo(matrix(self.attitude(t)), FIELD_T)
+            field_T = rotate_back(matrix(self.attitude(t)), FIELD_T)
             self.tell(t, Magnetic(tuple(a + b for a, b in zip(field_T, self.motors_T(t), strict=True))), "icm20948")
         if number % 10 == 0:
             self.acoustics(t, sensors, gauss)
@@ -100,7 +100,7 @@ class Ride:
         mount = sensors["dvl75"]
         speeds = [self.velocity(end - 0.05 + 0.005 * k, mount.position_m) for k in range(11)]
         turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
-        mean = undo(turn, tuple(sum(axis) / 11 for axis in zip(*speeds, strict=True)))
+        mean = rotate_back(turn, tuple(sum(axis) / 11 for axis in zip(*speeds, strict=True)))
         mean = tuple(one + gauss(0.01) for one in mean)
         known = self.dvl_from_s <= t < self.dvl_until_s
         self.tell(end - 0.025, BottomVelocity(mean if known else None, 0.01, 1.0, 0.05, 0), "dvl75")

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hindrax_control.holds import Setpoint
+from hindrax_control.hold.holds import Setpoint
 from hindrax_control.pilot import REFUSAL_S, Pilot
 
 
@@ -67,10 +67,10 @@ def test_a_wrench_by_hand_that_is_refused_is_shown_for_a_while(hovering):
     hovering.step()
     stamp = hovering.ideal.stamp
     assert hovering.fly().refused == ""
-    hovering.pilot.by_hand((5.0, math.nan, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)
+    hovering.pilot.set_operator_wrench((5.0, math.nan, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)
     flight = hovering.fly()
     assert flight.refused == "Y: found nan, wanted a finite number"
     assert flight.wrench[0] == 5.0
-    hovering.pilot.by_hand((5.0,) * 6, "map", stamp, stamp)
+    hovering.pilot.set_operator_wrench((5.0,) * 6, "map", stamp, stamp)
     assert hovering.fly(armed=False).refused.startswith("wrench: found frame 'map'")
     assert hovering.fly(seconds=REFUSAL_S + 0.1).refused == ""

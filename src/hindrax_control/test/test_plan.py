@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.allocation import Allocator
-from hindrax_control.box import Box
-from hindrax_control.plan import MOTIONS, PlanKnobs, Planner, stopping
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs, Planner, stopping
+from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Limits, Pool
 
@@ -21,7 +21,7 @@ def allocator(hindrax):
 
 def planned(vehicle, allocator, motion, knobs=None, disabled=frozenset()):
     planner = Planner(vehicle, allocator, knobs or PlanKnobs(), disabled)
-    return planner, planner.plan(motion, Box(vehicle, 0.0))
+    return planner, planner.plan(motion, PoolBounds(vehicle, 0.0))
 
 
 def test_surge_levels_are_those_of_the_paper(hindrax, allocator):
@@ -73,7 +73,7 @@ def test_fewer_thrusters_make_slower_plans(hindrax, allocator):
     _, whole = planned(hindrax, allocator, "surge", PlanKnobs(surge_mps=(0.1, 0.7)))
     _, less = planned(hindrax, allocator, "surge", PlanKnobs(surge_mps=(0.1, 0.7)), frozenset({"T3"}))
     assert less.legs[-1].rate > whole.legs[-1].rate  # both negative
-    with pytest.raises(UsageError, match=r"sway: without T3, T4 no thruster serves it; `\./hindrax thruster"):
+    with pytest.raises(UsageError, match=r"sway: without T3, T4 no thruster serves it .*; `\./hindrax thruster"):
         planned(hindrax, allocator, "sway", disabled=frozenset({"T3", "T4"}))
 
 

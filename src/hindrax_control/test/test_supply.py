@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hindrax_control.supply import Supply, SupplyKnobs
+from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
 from hindrax_core.events import stamp_from_s
 
 
@@ -14,36 +14,36 @@ def at(seconds):
 
 @pytest.fixture
 def supply():
-    return Supply(14.8, SupplyKnobs(silent_s=10.0))
+    return SupplyVoltage(14.8, SupplyKnobs(silent_s=10.0))
 
 
 def test_without_a_sensor_the_constant_is_said_to_be_assumed(supply):
     assert supply.measured_V(at(100.0)) is None
-    assert supply.words(at(100.0)) == "14.8 (assumed, no battery sensor)"
-    assert supply.complaint(at(100.0)) == ""
+    assert supply.status_text(at(100.0)) == "14.8 (assumed, no battery sensor)"
+    assert supply.silence_warning(at(100.0)) == ""
 
 
 def test_a_measurement_counts_until_it_is_stale(supply):
-    supply.hear(13.26, at(5.0))
+    supply.update(13.26, at(5.0))
     assert supply.measured_V(at(15.0)) == 13.3
-    assert supply.words(at(15.0)) == "13.3 (measured)"
+    assert supply.status_text(at(15.0)) == "13.3 (measured)"
     assert supply.measured_V(at(15.1)) is None
-    assert supply.words(at(17.0)) == "14.8 (assumed, the battery sensor is silent)"
-    assert supply.complaint(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
+    assert supply.status_text(at(17.0)) == "14.8 (assumed, the battery sensor is silent)"
+    assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
 
 
 def test_a_sensor_that_speaks_again_is_believed_again(supply):
-    supply.hear(13.0, at(0.0))
+    supply.update(13.0, at(0.0))
     assert supply.measured_V(at(60.0)) is None
-    supply.hear(12.5, at(60.0))
+    supply.update(12.5, at(60.0))
     assert supply.measured_V(at(61.0)) == 12.5
-    assert supply.complaint(at(61.0)) == ""
+    assert supply.silence_warning(at(61.0)) == ""
 
 
 @pytest.mark.parametrize("voltage", [math.nan, math.inf, 0.0, -1.0])
 def test_what_is_no_voltage_says_nothing(supply, voltage):
-    supply.hear(voltage, at(0.0))
+    supply.update(voltage, at(0.0))
     assert supply.measured_V(at(1.0)) is None
-    supply.hear(13.0, at(2.0))
-    supply.hear(voltage, at(11.0))
+    supply.update(13.0, at(2.0))
+    supply.update(voltage, at(11.0))
     assert supply.measured_V(at(13.0)) is None

@@ -41,7 +41,7 @@ def stationary_points(c: Coefficients) -> tuple[float, ...]:
 
 
 def inverse(c: Coefficients, low: float, high: float) -> Inverse:
-    """Return the function from a value to the x in [low, high] that has it; the piece must be strictly monotone there.
+    """Return the inverse on [low, high], where the polynomial must be strictly monotone.
 
     A value beyond that of an end gives that end, exactly.
     """

@@ -1,15 +1,18 @@
-"""The two ways a command can end badly, each with one sentence for the operator."""
+"""Errors that end a command, each with one sentence for the operator."""
 
 from __future__ import annotations
 
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended before its work was done, as of a shell: 128 and the number of SIGINT."""
+
 
 class HindraxError(Exception):
-    """The work failed: one sentence that names the thing, what was found, what was wanted, and the remedy."""
+    """The command failed: one sentence that names the thing, what was found, what was wanted, and the remedy."""
 
     exit_code = 1
 
 
 class UsageError(HindraxError):
-    """The tool was used wrongly: an unknown word, a missing file, a contradiction between options."""
+    """Invalid use of the tool: an unknown word, a missing file, contradictory options."""
 
     exit_code = 2

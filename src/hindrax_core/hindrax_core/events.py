@@ -1,4 +1,4 @@
-"""What flows out of a decoder: readings with the time they were valid, and bytes that were refused."""
+"""Output of a decoder: readings with the time at which they were valid, and rejected bytes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def to_s(stamp: int) -> float:
 
 
 def after(stamp: Stamp, seconds: float) -> Stamp:
-    """Return the stamp that lies the given seconds (may be negative) later."""
+    """Return the stamp shifted by the given seconds, which may be negative."""
     return Stamp(stamp + round(seconds * NS_PER_S))
 
 
@@ -43,12 +43,12 @@ class Stamped(Generic[ReadingT_co]):
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """Bytes that are data no longer: why they were refused, and what they were (cut to 64 bytes)."""
+    """Rejected bytes with the reason; the bytes are cut to 64."""
 
     stamp: Stamp
     reason: str
     data: bytes = b""
 
     def __post_init__(self) -> None:
-        """Keep a flood of garbage from becoming a flood of memory."""
+        """Limit the memory that invalid bytes can take."""
         object.__setattr__(self, "data", bytes(self.data[:64]))

@@ -23,7 +23,7 @@ _WORDS = {float: "a number", int: "a whole number", str: "a text", bool: "true o
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """Range, meaning (with its unit in brackets) and allowed words of one declared number, vector or word."""
+    """Range, meaning (with its unit in brackets) and choices of one declared number, vector or word."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -42,12 +42,12 @@ def knob(default: Any, low: float = -math.inf, high: float = math.inf, meaning: 
 
 
 def fact(low: float = -math.inf, high: float = math.inf, meaning: str = "") -> Any:
-    """Declare a number that has no default: the file must say it."""
+    """Declare a number without a default: the file must give it."""
     return field(metadata={META: Knob(low, high, meaning)})
 
 
 def block(factory: Callable[[], Any], meaning: str) -> Any:
-    """Declare a block of keys, or a list, that need not be there: `factory` makes what holds then."""
+    """Declare an optional block of keys, or an optional list; `factory` makes its default."""
     return field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
 
 
@@ -57,7 +57,7 @@ def choice(default: str, choices: Sequence[str], meaning: str) -> Any:
 
 
 def knob_of(declared: Field[Any]) -> Knob:
-    """Return what was declared for a field; fields without a declaration have no limits and no meaning."""
+    """Return the declaration of a field; without one it has no limits and no meaning."""
     found: Knob = declared.metadata.get(META, Knob())
     return found
 

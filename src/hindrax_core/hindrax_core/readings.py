@@ -1,4 +1,4 @@
-"""What the sensors say, in SI units. One dataclass per kind of reading; a reading never carries its own time."""
+"""Sensor readings in SI units. One dataclass per kind of reading; a reading does not carry its time."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class BottomVelocity:
 
     @property
     def valid(self) -> bool:
-        """Whether there is a velocity at all."""
+        """Whether the reading has a velocity."""
         return self.velocity_mps is not None
 
 
@@ -106,7 +106,7 @@ class BottomTrack:
 
 @dataclass(frozen=True, slots=True)
 class DeviceText:
-    """A free line of text of a device, for the log."""
+    """A text line of a device, for the log."""
 
     text: str
 
@@ -121,7 +121,7 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class AppliedPulses:
-    """Pulses that an output says it makes, thrusters then lights in the order of the vehicle file [us]."""
+    """Pulses that an output reports, thrusters then lights in the order of the vehicle file [us]."""
 
     pulses_us: tuple[float, ...]
 

@@ -24,14 +24,14 @@ def matrix(angles_rad: Vec3) -> Matrix3:
     )
 
 
-def apply(turn: Matrix3, vector: Vec3) -> Vec3:
+def rotate(turn: Matrix3, vector: Vec3) -> Vec3:
     """Matrix times vector."""
     x, y, z = vector
     (a, b, c), (d, e, f), (g, h, i) = turn
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
-def undo(turn: Matrix3, vector: Vec3) -> Vec3:
+def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
     """Transposed matrix times vector: the rotation back."""
     x, y, z = vector
     (a, b, c), (d, e, f), (g, h, i) = turn

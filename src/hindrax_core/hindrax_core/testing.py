@@ -1,17 +1,17 @@
-"""The checkers that are shipped beside the interfaces: transcripts for programs, chunkings for decoders."""
+"""Checkers shipped with the interfaces: transcripts for bus programs, chunking for decoders."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
-from hindrax_core.bus import DeviceError, Operation, Program
+from hindrax_core.bus_operations import DeviceError, Operation, Program
 
 ResultT = TypeVar("ResultT")
 
 
 def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, bytes | DeviceError]]) -> ResultT:
-    """Run a bus program against a transcript; every line must be said, in order, and none may be left.
+    """Run a bus program against a transcript; it must use every line, in order.
 
     Each line is the operation the program must yield and the answer it gets (bytes, or an error thrown into it).
     """

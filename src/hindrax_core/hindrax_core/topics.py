@@ -1,4 +1,4 @@
-"""Every topic of the stack, once: recorder, replay, diagnostics, launch, access policies and docs read this table.
+"""Table of all topics: recorder, replay, diagnostics, launch, access policies and docs read it.
 
 Names are relative to the vehicle's namespace (`/hindrax`), except those that begin with a slash.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hindrax_core.devices import SENSORS, Sensor
+from hindrax_core.sensor_table import SENSORS, Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ SENSOR = Quality(depth=50)
 COMMAND = Quality(depth=1, lifespan_s=1.0)
 LATCHED = Quality(depth=1, latched=True)
 BY_HAND = Quality(reliable=False, depth=1)
-"""What is late is lost: after a cut of the tether nothing is sent again."""
+"""Late messages are lost: after a loss of the tether nothing is sent again."""
 RAW = Quality(depth=200)
 
 
@@ -112,7 +112,6 @@ HEARTBEAT = Topic(
     "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, True, "the operator's link"
 )
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE, 1, True, "health of every node")
-VEHICLE_FILE = Topic("vehicle_file", "std_msgs/msg/String", LATCHED, 0, True, "the vehicle file in force, as text")
 
 TOPICS: tuple[Topic, ...] = (
     *MEASURED.values(),
@@ -136,7 +135,6 @@ TOPICS: tuple[Topic, ...] = (
     *RAW_FRAMES,
     HEARTBEAT,
     DIAGNOSTICS,
-    VEHICLE_FILE,
 )
 
 NAMESPACE = "/hindrax"

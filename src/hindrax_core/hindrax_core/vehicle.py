@@ -1,4 +1,4 @@
-"""What the vehicle is: one file with mass, volume, thruster poses and curves, limits, sensor mounts, water and pool.
+"""The vehicle file: mass, volume, thruster poses and curves, limits, sensor mounts, water and pool.
 
 Frames: SNAME body axes (x forward, y starboard, z down); positions are from the body origin, which is the center of the
 envelope. How the vehicle is *tuned* is not here; that is in ROS parameters declared from the nodes' knobs.
@@ -13,11 +13,11 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_core.curves import Curve, problems_of
-from hindrax_core.devices import SENSORS
+from hindrax_core.curve_branches import Curve, problems_of
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.sensor_table import SENSORS
 
 GRAVITY_mps2 = 9.80665
 
@@ -80,7 +80,7 @@ class Drag:
 
 @dataclass(frozen=True, slots=True)
 class Hydrodynamics:
-    """What is believed of the hydrodynamics: prior for plans, truth for the mock; never told to the estimator."""
+    """Prior of the hydrodynamics: for plans, and as truth of the mock; never given to the estimator."""
 
     added_mass: Vec6 = fact(0.0, 1e6, "diagonal added mass, surge to yaw [kg, kg m^2]")
     surge: Drag = field(default_factory=Drag)
@@ -101,7 +101,7 @@ class Hydrodynamics:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Where a sensor sits, how it is turned (sensor to body: yaw, then pitch, then roll), where it is plugged in."""
+    """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor."""
 
     device: str = fact(meaning="kind of sensor, a name of the table of sensors")
     port: str = knob("", meaning="where it is plugged in, such as /dev/i2c-1, or udp://0.0.0.0:27000 (a DVL)")
@@ -113,7 +113,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What makes the pulses: a PCA9685 on an I2C bus or an STM32F407 on a serial port."""
+    """Thruster output: a PCA9685 on an I2C bus or an STM32F407 on a serial port."""
 
     device: str = choice("pca9685", ("pca9685", "stm32"), "kind of output")
     port: str = knob("/dev/i2c-1", meaning="where it is plugged in")
@@ -127,7 +127,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What must not be exceeded, whoever asks."""
+    """Limits for every source of commands."""
 
     wrench: Vec6 = knob((60.0, 60.0, 80.0, 20.0, 25.0, 30.0), 0.0, 1e6, "largest wrench per axis [N, Nm]")
     speed_mps: float = knob(1.0, 0.0, 20.0, "largest speed through the water [m/s]")
@@ -159,7 +159,7 @@ class Vehicle:
     output: Output = field(default_factory=Output)
 
     def __post_init__(self) -> None:
-        """Names must be unique and refer to what exists; a curve must be one of a thruster."""
+        """Check that names are unique and refer to existing things, and that every curve is valid."""
         for name, curve in self.curves.items():
             problems = problems_of(curve)
             if problems:
@@ -212,7 +212,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
 
 
 def _check_sensor(name: str, device: str) -> None:
-    """A sensor must be of the table, and be called like its kind: topics and raw frames are found by that name."""
+    """Check that the table has the sensor and that it is named after its kind: topics are found by that name."""
     known = [sensor.name for sensor in SENSORS]
     if device not in known:
         raise ValueError(f"sensors.{name}.device: found {device!r}, wanted one of {', '.join(known)}")
@@ -227,14 +227,23 @@ def parse_vehicle(data: object, source: str) -> Vehicle:
 
 def load_vehicle(path: str | Path) -> Vehicle:
     """Read and check a vehicle file. UsageError names the file, the key path, what was found and what was wanted."""
+    if not str(path):
+        raise UsageError("vehicle file: found no name, wanted one; give --vehicle FILE, or -p vehicle:=FILE to a node")
     file = Path(path)
+    if file.is_dir():
+        raise UsageError(f"vehicle file {file}: found a folder, wanted a YAML file; give --vehicle FILE")
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"vehicle file {file}: cannot be read ({error}); name one with --vehicle") from error
+    return vehicle_from_text(text, str(file))
+
+
+def vehicle_from_text(text: str, source: str) -> Vehicle:
+    """Check the text of a vehicle file; errors name `source`."""
     try:
         data = yaml.safe_load(text)
     except yaml.YAMLError as error:
         where = " ".join(str(error).split())
-        raise UsageError(f"vehicle file {file}: is not YAML ({where})") from error
-    return parse_vehicle(data, str(file))
+        raise UsageError(f"vehicle file {source}: is not YAML ({where})") from error
+    return parse_vehicle(data, source)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Pause, Read, Transaction, Write, WriteRead, run
+from hindrax_core.bus_operations import DeviceError, Pause, Read, Transaction, Write, WriteRead, run
 from hindrax_core.testing import chunks, rehearse
-from hindrax_core.wire import pack_transaction, unpack_transaction
+from hindrax_core.wire_frames import pack_transaction, unpack_transaction
 
 
 def double_register():

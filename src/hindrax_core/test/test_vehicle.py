@@ -92,6 +92,13 @@ def test_a_missing_file_is_named(tmp_path):
         load_vehicle(tmp_path / "none.yaml")
 
 
+def test_no_name_and_a_folder_are_told_with_the_remedy(tmp_path):
+    with pytest.raises(UsageError, match=r"vehicle file: found no name, wanted one; .* -p vehicle:=FILE"):
+        load_vehicle("")
+    with pytest.raises(UsageError, match="found a folder, wanted a YAML file; give --vehicle FILE"):
+        load_vehicle(tmp_path)
+
+
 def test_broken_yaml_is_named(tmp_path):
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")

@@ -1,4 +1,4 @@
-"""What a driver file offers under the name DRIVER: its knobs, and how it is made from them."""
+"""What a driver file offers under the name DRIVER: its knobs and its constructor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Driver:
 
 
 def in_water(knobs: Any, vehicle: Vehicle) -> Any:
-    """Knobs with the speed of sound of the water that the vehicle is in, unless they were told another."""
+    """Knobs with the speed of sound of the vehicle's water, unless they set another."""
     if knobs.speed_of_sound_mps != type(knobs)().speed_of_sound_mps:
         return knobs
     return replace(knobs, speed_of_sound_mps=vehicle.water.speed_of_sound_mps)

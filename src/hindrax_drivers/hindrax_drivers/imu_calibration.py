@@ -38,7 +38,7 @@ class Correction:
 
     @property
     def idle(self) -> bool:
-        """Whether it changes nothing."""
+        """Whether the correction is the identity."""
         return self.offset == (0.0, 0.0, 0.0) and self.matrix == IDENTITY
 
     def apply(self, x: float, y: float, z: float) -> Vec3:
@@ -49,7 +49,7 @@ class Correction:
         return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
     def then(self, second: Correction) -> Correction:
-        """The one correction that does what this one and then the second do."""
+        """Composition: this correction, then the second."""
         if self.idle:
             return second
         first_matrix, second_matrix = (np.array(one.matrix).reshape(3, 3) for one in (self, second))
@@ -63,7 +63,7 @@ class Correction:
 
 
 def correction(calibration: Mapping[str, tuple[float, ...]], prefix: str, unit: str) -> Correction:
-    """Take `<prefix>_offset_<unit>` (3) and `<prefix>_matrix` (9) or `<prefix>_scale` (3) out of a mount.
+    """Read `<prefix>_offset_<unit>` (3) and `<prefix>_matrix` (9) or `<prefix>_scale` (3) from a mount.
 
     UsageError names the key when the number of values is wrong.
     """
@@ -74,7 +74,7 @@ def correction(calibration: Mapping[str, tuple[float, ...]], prefix: str, unit: 
 
 
 def fit_sphere(points: Sequence[Vec3], radius: float | None = None) -> Correction:
-    """Find the correction that puts raw vectors, taken in all directions, onto a sphere.
+    """Fit the correction that maps raw vectors, taken in all directions, onto a sphere.
 
     Least squares fit of a general ellipsoid x'Ax + b'x = 1 (Li and Griffiths, "Least squares ellipsoid specific
     fitting", GMP 2004, without its constraint, which noise as small as a sensor's does not need); the matrix is the
@@ -111,7 +111,7 @@ def roundness(points: Sequence[Vec3], fitted: Correction) -> float:
 
 
 def _root(A: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Symmetric root of a matrix; HindraxError unless it is that of an ellipsoid of believable shape."""
+    """Symmetric root (3, 3) of a matrix (3, 3); HindraxError unless it is that of a plausible ellipsoid."""
     values, vectors = np.linalg.eigh(A)
     if values.min() * LONGEST**2 <= values.max():
         raise HindraxError(TURN_MORE)

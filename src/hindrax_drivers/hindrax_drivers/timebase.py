@@ -42,8 +42,8 @@ DEFAULT_KNOBS = TimebaseKnobs()
 class Break:
     """The device's clock (or the host's) did not simply go on.
 
-    `reset`: it fell back; `jump`: it leapt, `shift_s` ahead of what was expected; `host step`: arrivals went back in
-    time. After these three the map starts anew. `wrap`: the counter passed its modulus and the map goes on.
+    `reset`: it went back; `jump`: it jumped, `shift_s` ahead of the expected time; `host step`: arrivals went back in
+    time. After these three the map restarts. `wrap`: the counter passed its modulus and the map continues.
     """
 
     kind: BreakKind
@@ -60,7 +60,7 @@ class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
     `tick_s` is the nominal length of a tick. `modulus`, where given, is the count at which the device starts again
-    at zero. `told` is called with each Break, from inside `map`, before it returns.
+    at zero. `on_break` is called with each Break, from inside `map`, before it returns.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class Timebase:
         knobs: TimebaseKnobs = DEFAULT_KNOBS,
         *,
         modulus: int | None = None,
-        told: Callable[[Break], None] = _ignore,
+        on_break: Callable[[Break], None] = _ignore,
     ) -> None:
         self._tick_ns = tick_s * NS_PER_S
         self._modulus = modulus
-        self._told = told
+        self._on_break = on_break
         self._steepest = knobs.drift_ppm * 1e-6
         self._latency_ns = round(knobs.latency_s * NS_PER_S)
         self._jump_ns = knobs.jump_s * NS_PER_S
@@ -133,7 +133,7 @@ class Timebase:
         elif self._modulus is not None and 2 * (ticks + self._modulus - self._ticks) < self._modulus:
             self._wrapped += self._modulus
             ticks += self._modulus
-            self._told(Break("wrap", 0.0, ticks, arrival))
+            self._on_break(Break("wrap", 0.0, ticks, arrival))
         else:
             ticks -= self._wrapped
             self._wrapped = 0
@@ -158,7 +158,7 @@ class Timebase:
         self._least_point = (x, 0.0)
 
     def _break(self, kind: BreakKind, shift_s: float, ticks: int, arrival: Stamp) -> None:
-        self._told(Break(kind, shift_s, ticks, arrival))
+        self._on_break(Break(kind, shift_s, ticks, arrival))
         self._begin(ticks, arrival)
 
     def _review(self, x: float, late: float, ticks: int, arrival: Stamp) -> float:
@@ -185,7 +185,7 @@ def _slope_under(points: Sequence[Point]) -> float:
     """Slope of the edge of the lower convex hull below the mean abscissa; 0 for a single point."""
     hull: list[Point] = []
     for point in points:
-        while len(hull) > 1 and _turn(hull[-2], hull[-1], point) <= 0.0:
+        while len(hull) > 1 and _cross_product(hull[-2], hull[-1], point) <= 0.0:
             hull.pop()
         hull.append(point)
     middle = sum(x for x, _ in points) / len(points)
@@ -195,6 +195,6 @@ def _slope_under(points: Sequence[Point]) -> float:
     return 0.0
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _cross_product(a: Point, b: Point, c: Point) -> float:
     """Positive where a, b, c turn left, as a lower hull does."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

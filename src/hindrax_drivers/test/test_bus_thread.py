@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Pause, Program, Read, Transaction, Write
-from hindrax_core.device import Identity
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Read, Transaction, Write
+from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.buses.bus_schedule import BusSchedule
+from hindrax_drivers.buses.bus_thread import BusThread, Deliver
 from hindrax_drivers.buses.clock import SystemClock
-from hindrax_drivers.buses.schedule import BusSchedule
-from hindrax_drivers.buses.thread import BusThread, Deliver
 
 
 class SystemWire(SystemClock):

@@ -8,7 +8,7 @@ import operator
 
 import pytest
 
-from hindrax_core.device import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.knobs import build

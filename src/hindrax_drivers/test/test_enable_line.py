@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.bus import DeviceError
-from hindrax_drivers.buses import enable_line
-from hindrax_drivers.buses.enable_line import open_enable_line
+from hindrax_core.bus_operations import DeviceError
+from hindrax_drivers.output import enable_line
+from hindrax_drivers.output.enable_line import open_enable_line
 
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
 

@@ -6,17 +6,16 @@ from itertools import pairwise
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Operation, Pause, Program, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, Transaction, Write, WriteRead
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s
 from hindrax_core.knobs import build
-from hindrax_core.readings import DeviceText, Inertial, Reading
+from hindrax_core.readings import Inertial, Reading
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.icm20948 import CROOKED, NO_DATA_S, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.icm20948_samples import HUNG_AFTER, REPEATS
-from hindrax_drivers.gyro_bias import GyroBiasKnobs
 from hindrax_drivers.imu_calibration import Correction
 
 START = stamp_from_s(10.0)
@@ -79,7 +78,7 @@ def chip() -> Chip:
 
 @pytest.fixture
 def sensor(chip: Chip) -> Icm20948:
-    one = Icm20948(Icm20948Knobs(magnetometer=False, startup_bias=False))
+    one = Icm20948(Icm20948Knobs(magnetometer=False))
     play(one.configure(), chip)  # type: ignore[arg-type]
     chip.still(4)
     assert len(play(one.cycle(START), chip)) == 4
@@ -189,7 +188,7 @@ def test_a_single_damaged_sample_is_refused_and_a_real_step_is_believed(sensor: 
 
 def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
     calibration = {"accel_offset_mps2": (0.1, 0.0, 0.0), "accel_scale": (1.0, 1.0, 0.5)}
-    sensor = Icm20948(Icm20948Knobs(magnetometer=False, startup_bias=False), 0, calibration)
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False), 0, calibration)
     play(sensor.configure(), chip)  # type: ignore[arg-type]
     chip.fill(LEVEL)
     (output,) = play(sensor.cycle(START), chip)
@@ -202,25 +201,13 @@ def test_a_calibration_of_the_wrong_length_names_its_key() -> None:
         Icm20948(calibration={"mag_matrix": (1.0, 1.0, 1.0)})
 
 
-def test_the_offset_at_rest_is_found_told_and_removed(chip: Chip) -> None:
-    sensor = Icm20948(Icm20948Knobs(magnetometer=False, bias=GyroBiasKnobs(samples=10)))
-    play(sensor.configure(), chip)  # type: ignore[arg-type]
-    for turn in range(3):
-        chip.fill(*[(index, 0, 8192, 100, -50, 25) for index in range(5)])
-        outputs = cycle(sensor, chip, turn)
-        if turn == 1:
-            assert isinstance(outputs[-1].reading if isinstance(outputs[-1], Stamped) else None, DeviceText)
-    assert isinstance(outputs[0], Stamped)
-    assert outputs[0].reading.rate_radps == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)  # type: ignore[union-attr]
-
-
 def test_a_period_that_overfills_the_fifo_is_refused() -> None:
     with pytest.raises(UsageError, match=r"imu: period_s: found 0.2, wanted at most 0.114 at 225 Hz"):
         build(Icm20948Knobs, {"period_s": 0.2}, "imu")
 
 
 def test_burst_mode_reads_the_newest_sample_when_there_is_one() -> None:
-    sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False, startup_bias=False))
+    sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
     assert sensor.period_s == pytest.approx(1 / 225)
     ready = (WriteRead(0x68, b"\x1a", 1), b"\x01")
     none = (WriteRead(0x68, b"\x1a", 1), b"\x00")

@@ -3,19 +3,22 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
+from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import marine_acoustic
+from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ros.convert import dvl_to_msg
 from hindrax_ros.graph import message_class
-from hindrax_ros.optional import optional_class
+from hindrax_ros.optional_messages import optional_class
 
 
 class Dvl:
@@ -35,6 +38,10 @@ def package(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules["marine_acoustic_msgs.msg"].Dvl = Dvl  # type: ignore[attr-defined]  # a stand-in
     yield
     message_class.cache_clear()
+
+
+def dvl_messages() -> ReadingMessages:
+    return ReadingMessages("dvl75", load_vehicle(default_vehicle()))
 
 
 def test_every_field_is_filled_from_ours() -> None:
@@ -64,21 +71,17 @@ def test_a_velocity_without_lock_is_unknown_there_too() -> None:
 
 def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
     assert optional_class(marine_acoustic.TYPE) is None
-    assert marine_acoustic.outlet(SimpleNamespace()) is None
+    assert marine_acoustic.dvl_class() is None
+    assert "dvl75/dvl" not in {topic.name for topic in dvl_messages().topics}
 
 
 @pytest.mark.usefixtures("package")
 def test_with_the_package_every_detail_is_published() -> None:
-    sent: dict[tuple[object, str], list[Dvl]] = {}
-
-    def create_publisher(kind: object, name: str, _quality: object) -> SimpleNamespace:
-        return SimpleNamespace(publish=sent.setdefault((kind, name), []).append)
-
-    node = SimpleNamespace(get_name=lambda: "dvl75", create_publisher=create_publisher)
-    publish = marine_acoustic.outlet(node)
-    assert publish is not None
-    publish(dvl_to_msg(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77)), None, "dvl75_link", 1490.0))
-    assert [one.header.frame_id for one in sent[Dvl, "dvl75/dvl"]] == ["dvl75_link"]
+    made = dvl_messages()
+    said = dict(made.of(Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77))))
+    assert "dvl75/dvl" in {topic.name for topic in made.topics if not topic.recorded}
+    assert said["dvl75/dvl"].header.frame_id == "dvl75_link"
+    assert isinstance(said["dvl75/dvl"], Dvl)
 
 
 def test_a_broken_package_is_not_taken_for_a_missing_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_core.bus import DeviceError, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Write, WriteRead
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of

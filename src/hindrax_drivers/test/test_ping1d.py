@@ -6,11 +6,12 @@ import struct
 
 import pytest
 
-from hindrax_core.device import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import DeviceText, Echo, EchoProfile
 from hindrax_drivers.devices import ping_protocol as protocol
-from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs, orders
+from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs
+from hindrax_drivers.devices.ping1d_settings import device_settings
 from hindrax_drivers.devices.ping_protocol import encode, request
 
 INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
@@ -85,8 +86,8 @@ def test_orders_are_given_one_by_one_and_proved():
     driver = Ping1d(Ping1dKnobs(mode_auto=True))
     outputs = set_up(driver)
     names = ("speed of sound", "mode", "ping interval", "ping enable", "continuous start")
-    assert [one.data for one in sends(outputs)][1:] == [order.frames for order in orders(Ping1dKnobs())]
-    assert tuple(order.name for order in orders(Ping1dKnobs())) == names
+    assert [one.data for one in sends(outputs)][1:] == [order.frames for order in device_settings(Ping1dKnobs())]
+    assert tuple(order.name for order in device_settings(Ping1dKnobs())) == names
     assert troubles(outputs) == []
     assert [one.text for one in outputs if isinstance(one, Identity)]
     assert driver.ready
@@ -95,7 +96,7 @@ def test_orders_are_given_one_by_one_and_proved():
 
 def test_range_and_gain_are_ordered_by_hand_only():
     by_hand = Ping1dKnobs(mode_auto=False, range_start_m=0.1, range_length_m=5.0, gain=3)
-    frames = b"".join(order.frames for order in orders(by_hand))
+    frames = b"".join(order.frames for order in device_settings(by_hand))
     assert encode(protocol.SET_RANGE, struct.pack("<II", 100, 5000)) in frames
     assert encode(protocol.SET_GAIN, b"\x03") in frames
 
@@ -141,7 +142,7 @@ def test_a_device_that_only_acknowledges_is_believed():
     outputs = []
     for index in range(1, 40):
         stamp = stamp_from_s(index * 0.1)
-        for order in orders(Ping1dKnobs(continuous=False)):
+        for order in device_settings(Ping1dKnobs(continuous=False)):
             outputs += driver.feed(encode(protocol.ACK, struct.pack("<H", order.message)), stamp)
         outputs += driver.tick(stamp)
         if driver.ready:

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Pause, Program, Read, Transaction, Write
-from hindrax_core.device import Identity, Trouble
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Read, Transaction, Write
+from hindrax_core.driver_interface import Identity, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.clock import NEVER
-from hindrax_drivers.buses.schedule import BusSchedule
 
 
 class Converter:
@@ -76,8 +76,8 @@ def test_a_conversion_does_not_keep_the_bus_from_others() -> None:
 def test_a_pause_counts_from_the_end_of_the_transfers_before_it() -> None:
     schedule, wire = BusSchedule(), Wire()
     schedule.add("p", Converter(0x76, 1.0, 0.010))
-    schedule.turn(Stamp(0), wire.transfer)  # configured
-    schedule.turn(Stamp(0), wire.transfer)  # conversion begun; the transfer took 3 ms
+    schedule.run_next(Stamp(0), wire.transfer)  # configured
+    schedule.run_next(Stamp(0), wire.transfer)  # conversion begun; the transfer took 3 ms
     assert schedule.next_due(stamp_from_s(0.003)) == stamp_from_s(0.013)
 
 
@@ -127,7 +127,7 @@ def test_a_request_goes_before_everything_that_is_due() -> None:
         schedule.add(hex(address), Converter(address, 0.01, 0.0))
     wire.now = stamp_from_s(0.5)
     future = schedule.request("thrusters", one_shot(0x40))
-    schedule.turn(wire.now, wire.transfer)
+    schedule.run_next(wire.now, wire.transfer)
     assert future.result(0) == b"\x40"
     assert wire.seen[0][1] == Write(0x40, b"!")
 

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_core.bus import DeviceError
-from hindrax_core.device import Send
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Send
 from hindrax_core.events import after
-from hindrax_drivers.buses.clock import SystemClock, open_clock
-from hindrax_drivers.buses.serial import SerialPort
+from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.ports import open_clock
+from hindrax_drivers.buses.serial_port import SerialPort
 
 
 class Pty:

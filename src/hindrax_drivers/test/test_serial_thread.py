@@ -7,7 +7,7 @@ import tty
 from collections.abc import Callable
 from pathlib import Path
 
-from hindrax_core.device import Output, Send, Trouble
+from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import DeviceText
 from hindrax_drivers.buses.clock import SystemClock
@@ -68,7 +68,7 @@ def test_it_greets_listens_asks_what_others_want_asked_and_comes_back(tmp_path: 
     assert heard(master, b"hello")
     os.write(master, b"polly")
     until(lambda: any(isinstance(one, Stamped) for one in said))
-    thread.ask(question)
+    thread.call(question)
     assert heard(master, b"profile?")
     assert asked_on == [str(path)]
     path.unlink()

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_drivers.devices.mavlink import (

@@ -11,8 +11,8 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 from rclpy.serialization import serialize_message
 
 from hindrax_core.events import Stamp
-from hindrax_drivers.arming import Command
 from hindrax_drivers.nodes.thrusters_node import ThrustersNode
+from hindrax_drivers.output.output_guard import Command
 from hindrax_msgs.msg import ThrusterCommand
 
 

@@ -86,7 +86,7 @@ def test_the_rate_is_never_believed_beyond_its_bound():
 def run_then(ticks: int, arrival: int, modulus: int | None = None) -> tuple[list[Break], Stamp]:
     """Let 200 samples at 10 Hz from tick 10^6 pass (the last at 20.9e6 ticks, START + 19.9 s), then one more."""
     told: list[Break] = []
-    base = Timebase(1e-6, told=told.append, modulus=modulus)
+    base = Timebase(1e-6, on_break=told.append, modulus=modulus)
     for index in range(200):
         base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
     return told, base.map(ticks, Stamp(arrival))
@@ -114,7 +114,7 @@ def test_a_leap_ahead_is_told_and_never_stamped_in_the_future():
 
 def test_after_a_leap_the_map_goes_on_from_the_new_count():
     told: list[Break] = []
-    base = Timebase(1e-6, told=told.append)
+    base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
         leap = 5_000_000 if index >= 200 else 0
         stamp = base.map(index * 100_000 + leap, Stamp(START + index * 100 * MS))
@@ -124,7 +124,7 @@ def test_after_a_leap_the_map_goes_on_from_the_new_count():
 
 def test_time_the_device_lost_is_found_within_two_seconds():
     told: list[Break] = []
-    base = Timebase(1e-6, told=told.append)
+    base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
         pause = 30_000 * MS if index >= 200 else 0
         arrival = Stamp(START + index * 100 * MS + pause)
@@ -137,7 +137,7 @@ def test_time_the_device_lost_is_found_within_two_seconds():
 
 def test_a_backlog_is_not_taken_for_lost_time():
     told: list[Break] = []
-    base = Timebase(1e-6, told=told.append)
+    base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
         due = START + index * 100 * MS
         held = START + 23_000 * MS if 200 <= index <= 230 else due
@@ -147,7 +147,7 @@ def test_a_backlog_is_not_taken_for_lost_time():
 
 def test_a_wrap_goes_on_as_if_nothing_were():
     told: list[Break] = []
-    base = Timebase(1e-3, modulus=1 << 16, told=told.append)
+    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
     for index in range(2000):
         assert base.map(index * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
     assert {one.kind for one in told} == {"wrap"}

@@ -6,8 +6,8 @@ from contextlib import closing
 
 import pytest
 
-from hindrax_core.bus import DeviceError
-from hindrax_core.device import Send
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Send
 from hindrax_core.events import after
 from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.line import UdpPort, open_line

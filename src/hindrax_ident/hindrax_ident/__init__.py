@@ -1,1 +1,1 @@
-"""Hydrodynamic models, estimators, the identification session, bench experiments, exports and reports."""
+"""Hydrodynamic models, estimators, and the identification session."""

@@ -1,4 +1,4 @@
-"""The one kind of array used here: double precision, shape told in each docstring."""
+"""Array types: double precision; each docstring gives the shape."""
 
 from __future__ import annotations
 
@@ -13,5 +13,5 @@ Index: TypeAlias = NDArray[np.intp]
 
 
 def array(values: Any) -> Array:
-    """Any numbers as an array of double precision; what is one already is not copied."""
+    """Numbers as a double-precision array of the same shape (...,); an array of that type is not copied."""
     return np.asarray(values, dtype=np.float64)

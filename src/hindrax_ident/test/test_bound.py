@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
+from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_ident.belief import wide_belief
-from hindrax_ident.bound import bound_of, true_parameters
-from hindrax_ident.models import model_of
-from hindrax_ident.montecarlo import trial_of
-from hindrax_ident.record import Record, Series, Stretch
-from hindrax_ident.refine import refine
-from hindrax_ident.results import truth_of
-from hindrax_ident.session import Session
-from hindrax_ident.synthetic import DVL, back_and_forth, events, fly
+from hindrax_analysis.identification.montecarlo import trial_of
+from hindrax_ident.assess.results import truth_of
+from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
+from hindrax_ident.fit.output_error import refine
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.online.session import Session
+from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
@@ -33,7 +33,7 @@ def test_long_plateaus_have_the_bound_of_a_linear_regression(vehicle):
     spans = tuple(Stretch(40.0 * k + 15.0, 40.0 * k + 39.9) for k in range(6))
     velocity = Series(t, flight.path.v[::10] + 0.01 * rng.standard_normal(len(t)))
     record = Record(velocity, Series(flight.times_s, flight.commands), spans, lag_s=0.15)
-    fit = refine(model, record, SURGE, wide_belief(vehicle, model))
+    fit = refine(model, record, SURGE, wide_prior(vehicle, model))
     v = np.array([np.interp(span.end_s, flight.grid.times_s, flight.path.v) for span in spans])
     slope = 2.0 * 66.48 * np.abs(v) + 1.25
     count = len(t) / 240.0 * 24.9
@@ -49,7 +49,7 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle):
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2), plateau_s=5.0):
         session.step(event)
-    trial = trial_of(7, vehicle, session.conclude())
+    trial = trial_of(7, vehicle, session.finalize())
     keys = {(one.coefficient, one.method) for one in trial.found}
     assert {("k_q", "output-error"), ("added_mass", "output-error"), ("k_q", "rls"), ("k_q", "plateaus")} <= keys
     assert all(one.bound > 0.0 for one in trial.found)
@@ -64,7 +64,7 @@ def test_the_true_gusts_count_in_the_bound_whatever_was_found(vehicle):
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2)):
         session.step(event)
-    fit = session.conclude().conclusions[0].fit
+    fit = session.finalize().assessments[0].fit
     sigmas = [np.sqrt(np.diag(bound_of(fit, SURGE, thrust_s))) for thrust_s in (0.0, 4e-5, 4e-3)]
     assert np.all(sigmas[0] < sigmas[1])
     assert np.all(2.0 * sigmas[1] < sigmas[2])

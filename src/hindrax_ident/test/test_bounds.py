@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from hindrax_ident.bounds import bounded
+from hindrax_ident.model.parameter_bounds import bounded
 
 FREE = ([-np.inf] * 3, [np.inf] * 3)
 

@@ -4,22 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic_runs import back_and_forth, fly
 
-from hindrax_core.curves import Branch
-from hindrax_ident.belief import wide_belief
-from hindrax_ident.calibration import (
+from hindrax_core.curve_branches import Branch
+from hindrax_ident.assess.model_misfit import check_form, check_lag
+from hindrax_ident.assess.thrust_calibration import (
     branch_covariance,
-    by_tilt,
     modes,
+    tilt_covariance,
     with_calibration,
     with_known_buoyancy,
     with_velocity_gain,
 )
-from hindrax_ident.misfit import check_form, check_lag
-from hindrax_ident.models import Model, model_of
-from hindrax_ident.record import Record, Series, Stretch
-from hindrax_ident.refine import refine
-from hindrax_ident.synthetic import back_and_forth, fly
+from hindrax_ident.fit.output_error import refine
+from hindrax_ident.model.motion_model import Model, model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 PLAN = back_and_forth((4.0, 8.0, 13.0), 8.0, 64.0)
@@ -36,7 +36,7 @@ def record_of(model, theta, lag_s=0.15, sigma=0.005):
 
 def fitted(vehicle, record, axis=0):
     model = model_of(vehicle, axis)
-    belief = wide_belief(vehicle, model)
+    belief = wide_prior(vehicle, model)
     return refine(model, record, belief.values, belief)
 
 
@@ -120,12 +120,12 @@ def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(vehicle, s
     )
     fit = fitted(vehicle, record, 3)
     b, plain = float(fit.theta[2]), float(np.sqrt(fit.covariance[2, 2]))
-    wide = float(np.hypot(plain, np.sqrt(by_tilt(vehicle, fit, 0.02)[2, 2])))
+    wide = float(np.hypot(plain, np.sqrt(tilt_covariance(vehicle, fit, 0.02)[2, 2])))
     # The restoring moment of 3 N m makes an offset of up to 0.06 N m out of it.
     assert abs(b) > 5.0 * plain
     assert abs(b) < 3.0 * wide
     assert wide < 3.0 * 0.03
-    narrow = np.sqrt(np.diag(by_tilt(vehicle, surge[1], 0.02)))
+    narrow = np.sqrt(np.diag(tilt_covariance(vehicle, surge[1], 0.02)))
     assert narrow == pytest.approx([0.0, 0.0, 0.02 * vehicle.net_buoyancy_N, 0.0], abs=1e-6)
 
 

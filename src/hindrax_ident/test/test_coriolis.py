@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from synthetic_runs import GYRO, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped, stamp_from_s
-from hindrax_core.state import NAN, Velocity
-from hindrax_ident.coriolis import Masses, Motions, coriolis, doubts
-from hindrax_ident.lag import LaggedThrust
-from hindrax_ident.models import model_of
-from hindrax_ident.results import truth_of
-from hindrax_ident.session import Session
-from hindrax_ident.synthetic import GYRO, back_and_forth, events, fly
+from hindrax_core.signals import NAN, Velocity
+from hindrax_ident.assess.results import truth_of
+from hindrax_ident.model.coriolis import Masses, VelocityHistory, coriolis, coriolis_errors
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.online.session import Session
 
 six = st.tuples(*[st.floats(-3.0, 3.0)] * 6)
 masses_six = st.tuples(*[st.floats(0.1, 60.0)] * 6)
@@ -46,17 +46,17 @@ def test_each_term_has_its_sign(axis, nu, wanted):
 def test_a_mass_nobody_knows_leaves_a_doubt():
     masses = Masses((10.0, 20.0, 30.0, 1.0, 2.0, 4.0), (0.1, 20.0, 6.0, 0.0, 0.0, 0.0))
     nu = [np.array([value]) for value in (0.5, 0.1, 2.0, 0.0, 0.0, 0.0)]
-    assert np.array(doubts(4, masses, nu)) == pytest.approx([6.0])
-    assert np.array(doubts(3, masses, nu)).ravel() == pytest.approx([20.0 * 0.2, -6.0 * 0.2])
-    assert doubts(0, masses, nu) == []  # nothing turns
+    assert np.array(coriolis_errors(4, masses, nu)) == pytest.approx([6.0])
+    assert np.array(coriolis_errors(3, masses, nu)).ravel() == pytest.approx([20.0 * 0.2, -6.0 * 0.2])
+    assert coriolis_errors(0, masses, nu) == []  # nothing turns
 
 
-def test_a_velocity_that_was_not_heard_of_late_is_not_believed():
-    motions = Motions(1.0)
+def test_an_old_velocity_is_not_used():
+    motions = VelocityHistory(1.0)
     assert motions.at(0.0) == (0.0,) * 6
-    assert motions.hear(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
-    assert motions.hear(0.8, (NAN, NAN, 0.1, NAN, NAN, NAN))
-    assert not motions.hear(0.9, (NAN,) * 6)
+    assert motions.update(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
+    assert motions.update(0.8, (NAN, NAN, 0.1, NAN, NAN, NAN))
+    assert not motions.update(0.9, (NAN,) * 6)
     assert motions.at(1.0) == (0.3, 0.0, 0.1, 0.0, 0.0, 0.0)
     assert motions.at(1.1) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
 
@@ -88,7 +88,7 @@ def off(vehicle, said, prior):
     session = Session(vehicle, prior=prior, silent=True)
     for event in said:
         session.step(event)
-    result, truth = session.finish().motions["pitch"], truth_of(vehicle)["pitch"]["k_r"]
+    result, truth = session.finalize().results.motions["pitch"], truth_of(vehicle)["pitch"]["k_r"]
     both = result.coefficients["k_r"], result.methods["rls"]["k_r"]
     return [(number.value - truth, number.std) for number in both]
 

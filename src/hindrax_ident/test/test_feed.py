@@ -7,9 +7,9 @@ import pytest
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import BottomVelocity, Pressure
-from hindrax_core.rotation import apply, cross, matrix
-from hindrax_core.state import Attitude, Navigation, Velocity
-from hindrax_ident.feed import Feed
+from hindrax_core.rotation import cross, matrix, rotate
+from hindrax_core.signals import Attitude, Navigation, Velocity
+from hindrax_ident.records.feed import Feed
 
 CENTER = (0.05, -0.03, 0.02)
 RATES = (0.4, -0.3, 0.6)
@@ -25,7 +25,7 @@ def told(vehicle):
     moved = replace(vehicle, center_of_mass_m=CENTER, sensors=sensors)
     feed = Feed(moved)
     at_dvl = tuple(v + w for v, w in zip(ORIGIN_MPS, cross(RATES, (0.1, 0.02, 0.15)), strict=True))
-    sensor_m = DEPTH_M + apply(matrix(ATTITUDE), (0.1, 0.02, 0.15))[2]
+    sensor_m = DEPTH_M + rotate(matrix(ATTITUDE), (0.1, 0.02, 0.15))[2]
     pressure = vehicle.water.surface_pressure_Pa + sensor_m * vehicle.water.density_kgpm3 * 9.80665
     state = Navigation(
         attitude_rad=ATTITUDE,
@@ -39,7 +39,7 @@ def told(vehicle):
         velocity_sigma_mps=(0.01, 0.01, 0.01),
     )
     readings = (state, BottomVelocity(at_dvl, 0.01, 1.0, 0.05, 0), Pressure(pressure, 20.0))
-    return [event.reading for one in readings for event in feed.step(Stamped(Stamp(0), one))]
+    return [event.reading for one in readings for event in feed.events_of(Stamped(Stamp(0), one))]
 
 
 def test_velocities_are_those_of_the_center_of_mass(told):
@@ -51,11 +51,11 @@ def test_velocities_are_those_of_the_center_of_mass(told):
 
 
 def test_depths_are_those_of_the_center_of_mass(told):
-    expected = DEPTH_M + apply(matrix(ATTITUDE), CENTER)[2]
+    expected = DEPTH_M + rotate(matrix(ATTITUDE), CENTER)[2]
     depths = [one.depth_m for one in told if isinstance(one, Attitude)]
     assert depths == pytest.approx([expected, expected], abs=1e-5)
     assert abs(expected - DEPTH_M) > 0.01
 
 
 def test_a_dvl_without_lock_says_nothing(vehicle):
-    assert Feed(vehicle).step(Stamped(Stamp(0), BottomVelocity(None, math.inf, 0.0, 0.05, 0))) == ()
+    assert Feed(vehicle).events_of(Stamped(Stamp(0), BottomVelocity(None, math.inf, 0.0, 0.05, 0))) == ()

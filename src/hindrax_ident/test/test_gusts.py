@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly
 
-from hindrax_ident.belief import wide_belief
-from hindrax_ident.gusts import common_noise
-from hindrax_ident.models import model_of
-from hindrax_ident.record import Record, Series, Stretch
-from hindrax_ident.refine import refine, reweighted
-from hindrax_ident.synthetic import COMMAND_S, STEP_S, back_and_forth, fly
+from hindrax_ident.fit.disturbance_noise import common_noise
+from hindrax_ident.fit.output_error import refine, reweighted
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 YAW = np.array([0.55, 1.47, 0.0, 0.76])
@@ -28,7 +28,7 @@ def fitted(vehicle, axis, seed, density_s=DENSITY_s):
     t, v = flight.grid.times_s[::every], flight.path.v[::every]
     measured = Series(t, v + sigma * rng.standard_normal(len(t)))
     record = Record(measured, Series(flight.times_s, flight.commands), (Stretch(1.0, 119.0),), lag_s=0.15)
-    return refine(model, record, theta, wide_belief(vehicle, model))
+    return refine(model, record, theta, wide_prior(vehicle, model))
 
 
 def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehicle):
@@ -37,7 +37,7 @@ def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehic
     found = common_noise({0: blind, 5: seeing})
     assert found[0].thrust == found[5].thrust == pytest.approx(DENSITY_s, rel=0.4)
     assert found[0].velocity == blind.noise.velocity
-    again = reweighted(blind, found[0], wide_belief(vehicle, blind.model))
+    again = reweighted(blind, found[0], wide_prior(vehicle, blind.model))
     assert again.noise == found[0]
     assert np.all(np.abs(again.theta - SURGE) < 4.0 * np.sqrt(np.diag(again.covariance)))
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped
-from hindrax_core.state import Thrust, Velocity
-from hindrax_ident.models import model_of
-from hindrax_ident.session import Session
-from hindrax_ident.synthetic import DVL, Plan, Sensors, back_and_forth, events, fly
+from hindrax_core.signals import Thrust, Velocity
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.online.session import Session
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
@@ -18,7 +18,7 @@ def identify(vehicle, said):
     session = Session(vehicle)
     for event in said:
         session.step(event)
-    return session.finish().motions["surge"]
+    return session.finalize().results.motions["surge"]
 
 
 def flown(vehicle, plan, seed=1, sensors=DVL, theta=SURGE):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from hindrax_ident.lag import LaggedThrust
+from hindrax_ident.model.thrust_lag import LaggedThrust
 
 
 @settings(max_examples=25, deadline=None)

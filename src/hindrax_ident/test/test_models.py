@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hindrax_core.errors import UsageError
-from hindrax_ident.models import (
+from hindrax_ident.model.motion_model import (
     MOTIONS,
     Model,
     coefficients,

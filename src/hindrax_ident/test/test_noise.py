@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hindrax_ident.noise import (
+from hindrax_ident.fit.autoregression import (
     Correlator,
     autocorrelation,
     color_backward,

@@ -4,14 +4,14 @@ import functools
 
 import numpy as np
 import pytest
+from synthetic_runs import Plan, back_and_forth, fly
 
+from hindrax_analysis.records.recording import Recording, events, tuned
 from hindrax_core.events import to_s
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.misfit import check_slow
-from hindrax_ident.models import Model
-from hindrax_ident.readers import Recording, events, tuned
-from hindrax_ident.session import Session
-from hindrax_ident.synthetic import Plan, back_and_forth, fly
+from hindrax_ident.assess.model_misfit import slow_force_ratio
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.online.session import Session
 from hindrax_ident.tuning import Tuning
 
 OTHER = Vehicle("other", 11.5, 0.0117, (0.457, 0.338, 0.254))
@@ -46,24 +46,24 @@ def only(axis, values):
     return table
 
 
-def recorded(flown, late_s=0.0, noise=0.01, wrench=None):
+def recorded(flown, latency_s=0.0, noise=0.01, wrench=None):
     """Velocities at 20 Hz whose stamps are late, and commands that are taken for forces."""
     rng = np.random.default_rng(1)
     v = flown.path.v[::10]
     velocity = only(0, v + noise * rng.standard_normal(len(v)))
     told = flown.commands if wrench is None else wrench
-    return Recording("x", flown.grid.times_s[::10] + late_s, velocity, flown.times_s, only(0, told), *EMPTY)
+    return Recording("x", flown.grid.times_s[::10] + latency_s, velocity, flown.times_s, only(0, told), *EMPTY)
 
 
-def concluded(recording, **knobs):
+def finalized(recording, **knobs):
     session = Session(OTHER, tuned([recording], Tuning(**knobs)), silent=True)
     for event in events(recording, 0):
         session.step(event)
-    return session.conclude(), to_s(next(iter(events(recording, 0))).stamp)
+    return session.finalize(), to_s(next(iter(events(recording, 0))).stamp)
 
 
 def surge(recording, **knobs):
-    return concluded(recording, **knobs)[0].results.motions["surge"]
+    return finalized(recording, **knobs)[0].results.motions["surge"]
 
 
 def off(result, name, truth=TRUTH):
@@ -72,10 +72,10 @@ def off(result, name, truth=TRUTH):
     return abs(number.value - truth[name]) / number.std_calibrated
 
 
-@pytest.mark.parametrize(("lag_s", "late_s"), [(0.0, 0.0), (0.25, 0.0), (0.1, 0.2), (0.3, 0.1)])
-def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, late_s):
-    found = surge(recorded(flight(lag_s=lag_s), late_s))
-    assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(lag_s + late_s, abs=0.03)
+@pytest.mark.parametrize(("lag_s", "latency_s"), [(0.0, 0.0), (0.25, 0.0), (0.1, 0.2), (0.3, 0.1)])
+def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, latency_s):
+    found = surge(recorded(flight(lag_s=lag_s), latency_s))
+    assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(lag_s + latency_s, abs=0.03)
     assert max(off(found, name) for name in TRUTH) < 3.0
     # Without them the added mass would be wrong by 5 kg and more.
     assert found.coefficients["added_mass"].std_calibrated < 2.0
@@ -108,9 +108,9 @@ def test_forces_that_wander_slowly_are_noticed():
     rng = np.random.default_rng(3)
     flown = flight(lag_s=0.1)
     push = np.interp(flown.times_s, np.arange(0.0, 61.0, 2.0), 3.0 * rng.standard_normal(31))
-    calm = concluded(recorded(flown))[0].conclusions[0].fit
-    pushed = concluded(recorded(flown, wrench=flown.commands + push))[0].conclusions[0].fit
-    assert check_slow(calm) < 1.3
+    calm = finalized(recorded(flown))[0].assessments[0].fit
+    pushed = finalized(recorded(flown, wrench=flown.commands + push))[0].assessments[0].fit
+    assert slow_force_ratio(calm) < 1.3
     assert np.all(np.diag(pushed.covariance)[:2] > 4.0 * np.diag(calm.covariance)[:2])
 
 
@@ -141,5 +141,5 @@ def test_linear_drag_that_pushes_is_no_drag():
 
 
 def test_thrusters_that_nobody_described_may_be_unsteady_all_the_same():
-    fit = concluded(recorded(flight(lag_s=0.1)))[0].conclusions[0].fit
+    fit = finalized(recorded(flight(lag_s=0.1)))[0].assessments[0].fit
     assert np.any(fit.problem.efforts > 0.0)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from hindrax_ident.phases import Limits, PhaseLog, usable
-from hindrax_ident.record import Series, Stretch
+from hindrax_ident.records.axis_record import Series, Stretch
+from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
 
-LIMITS = Limits(gap_s=1.0, thrust_age_s=2.0, longest_s=60.0)
+LIMITS = PhaseLimits(gap_s=1.0, thrust_age_s=2.0, longest_s=60.0)
 
 
 def log(*changes):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hindrax_ident.plateaus import Plateaus, detected, fit, measure
-from hindrax_ident.record import Record, Series, Stretch
+from hindrax_ident.fit.plateaus import Plateaus, detected, fit, measure
+from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 
 def plateaus(v, noise=0.0, seed=0):

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_ident.belief import wide_belief
-from hindrax_ident.models import Model, model_of
-from hindrax_ident.problem import pose
-from hindrax_ident.record import Record, Series, Stretch
-from hindrax_ident.refine import refine
-from hindrax_ident.synthetic import DVL, back_and_forth, events, fly
+from hindrax_ident.fit.output_error import refine
+from hindrax_ident.fit.output_error_problem import build_problem
+from hindrax_ident.model.motion_model import Model, model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 PLAN = back_and_forth((3.2, 6.0, 9.5, 13.5), 10.0, 80.0)
@@ -29,7 +29,7 @@ def record_of(flight, seed, *, velocity=None):
 
 def fit(vehicle, record):
     model = model_of(vehicle, 0)
-    return refine(model, record, np.array([50.0, 5.0, 0.1, 30.0]), wide_belief(vehicle, model))
+    return refine(model, record, np.array([50.0, 5.0, 0.1, 30.0]), wide_prior(vehicle, model))
 
 
 def test_bands_cover_and_the_bound_is_reached(vehicle, flight):
@@ -49,7 +49,7 @@ def test_bands_cover_and_the_bound_is_reached(vehicle, flight):
 
 def test_the_start_does_not_matter(vehicle, flight):
     model, record = model_of(vehicle, 0), record_of(flight, 3)
-    belief = wide_belief(vehicle, model)
+    belief = wide_prior(vehicle, model)
     near, far = (
         refine(model, record, np.array(start), belief) for start in ([66.0, 1.0, 0.0, 27.0], [20.0, 20.0, 2.0, 60.0])
     )
@@ -89,7 +89,7 @@ def test_what_is_told_beforehand_has_an_error_too(vehicle, flight):
     record = record_of(
         flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
     )
-    belief = wide_belief(vehicle, model).told(0, SURGE[0], 0.02)
+    belief = wide_prior(vehicle, model).combined_with(0, SURGE[0], 0.02)
     told = refine(model, record, SURGE, belief)
     assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
 
@@ -115,4 +115,4 @@ def test_too_few_samples_are_refused(vehicle):
         Series(np.linspace(0.0, 0.2, 5), np.zeros(5)), Series(np.zeros(1), np.zeros(1)), (Stretch(0.0, 1.0),)
     )
     with pytest.raises(ValueError, match="enough samples"):
-        pose(model_of(vehicle, 0), short)
+        build_problem(model_of(vehicle, 0), short)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from synthetic_runs import STEP_S, back_and_forth, fly
 
-from hindrax_ident.models import Model
-from hindrax_ident.regression import FilteredRegression, physical, scaled
-from hindrax_ident.rls import Rls
-from hindrax_ident.synthetic import STEP_S, back_and_forth, fly
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.online.filtered_regression import FilteredRegression, physical, scaled
+from hindrax_ident.online.rls import Rls
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
 ROLL = np.array([1.29, 0.05, 0.02, 3.0, 0.733])

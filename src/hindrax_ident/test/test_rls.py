@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_ident.rls import Rls
+from hindrax_ident.online.rls import Rls
 
 MANY = 1_000_000 if os.environ.get("HINDRAX_THOROUGH") else 30_000
 TRUTH = (66.48, 1.25, 0.4)
@@ -120,7 +120,7 @@ def test_follows_a_vehicle_that_changes():
 def test_information_of_a_sample_can_be_asked_without_learning():
     rls, _ = learned(1.0)
     before = rls.values
-    innovation, information = rls.regard(regressor(0.2), force(0.2) + 3.0)
+    innovation, information = rls.evaluate(regressor(0.2), force(0.2) + 3.0)
     assert rls.values == before
     assert innovation == pytest.approx(3.0, abs=0.1)
     x = np.array(regressor(0.2))

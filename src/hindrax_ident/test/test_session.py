@@ -4,15 +4,17 @@ import random
 
 import numpy as np
 import pytest
+from synthetic_runs import back_and_forth, events, fly, sensors_of
 
 from hindrax_core.events import Stamped, after, stamp_from_s
-from hindrax_core.state import Phase, Thrust, Velocity
-from hindrax_ident.models import model_of, motions_of
-from hindrax_ident.results import truth_of, with_truth
-from hindrax_ident.session import Session
-from hindrax_ident.synthetic import back_and_forth, events, fly, sensors_of
+from hindrax_core.signals import Phase, Thrust, Velocity
+from hindrax_ident.assess.results import truth_of, with_truth
+from hindrax_ident.model.motion_model import model_of, motions_of
+from hindrax_ident.online.session import Session
+from hindrax_ident.records.feed import Feed
 from hindrax_ident.tuning import Tuning
 
+pytestmark = pytest.mark.long
 LEVELS = {0: (3.2, 6.0, 9.5, 13.5), 1: (4.0, 9.0, 14.0, 20.0), 2: (5.0, 12.0, 20.0, 30.0), 3: (0.5, 0.9, 1.2, 1.4),
           4: (0.6, 1.0, 1.4, 1.7), 5: (0.6, 1.2, 2.0, 2.8)}  # fmt: skip
 SPANS_S = {0: 10.0, 1: 10.0, 2: 4.0, 3: 5.0, 4: 5.0, 5: 8.0}
@@ -23,8 +25,8 @@ def theta_of(vehicle, axis):
     truth, model = truth_of(vehicle), model_of(vehicle, axis)
     first, last = truth[motions_of(axis)[0].name], truth[motions_of(axis)[-1].name]
     drag = [first["k_q"], first["k_l"], *([last["k_q"], last["k_l"]] if model.split else [])]
-    rest = [first["k_r"]] if model.restores else []
-    return model, np.array([*drag, first["b"], *rest, model.rigid + first["added_mass"]])
+    flush = [first["k_r"]] if model.restores else []
+    return model, np.array([*drag, first["b"], *flush, model.rigid + first["added_mass"]])
 
 
 def heard(vehicle, axis, seed=1, end_s=80.0, **options):
@@ -37,7 +39,8 @@ def heard(vehicle, axis, seed=1, end_s=80.0, **options):
 
 def run(vehicle, said, tuning=None, prior=None):
     session = Session(vehicle, tuning, prior)
-    estimates = [estimate for event in said for estimate in session.step(event)]
+    feed = Feed(vehicle, session.tuning)
+    estimates = [estimate for event in feed.all(said) for estimate in session.step(event)]
     return session, estimates
 
 
@@ -49,7 +52,7 @@ def surge(vehicle):
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)
 def test_truth_lies_within_three_standard_deviations(vehicle, axis):
     session, _ = run(vehicle, heard(vehicle, axis, plateau_s=3.0))
-    results = with_truth(session.finish(), vehicle)
+    results = with_truth(session.finalize().results, vehicle)
     assert set(results.motions) == {motion.name for motion in motions_of(axis)}
     for result in results.motions.values():
         assert result.identifiable, result.reasons
@@ -81,7 +84,7 @@ def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle, su
 
 def test_online_estimate_is_close_to_the_refined_one(vehicle, surge):
     session, estimates = run(vehicle, surge)
-    refined = session.finish().motions["surge"].coefficients
+    refined = session.finalize().results.motions["surge"].coefficients
     last = estimates[-1].reading
     for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
         assert abs(value - refined[name].value) < 5.0 * sigma
@@ -93,14 +96,14 @@ def test_the_joint_filter_is_an_online_estimator_too(vehicle, surge):
     last = estimates[-1].reading
     for name, value, sigma in zip(last.names, last.values, last.sigmas, strict=True):
         assert abs(value - truth[name]) < 5.0 * sigma
-    assert set(session.finish().motions["surge"].methods) == {"ekf", "plateaus"}
+    assert set(session.finalize().results.motions["surge"].methods) == {"ekf", "plateaus"}
 
 
 def test_same_events_give_the_same_bits(vehicle, surge):
     first, second = (run(vehicle, surge) for _ in range(2))
     # Text, because the innovation of a sample that was not learned from is not a number.
     assert repr(first[1]) == repr(second[1])
-    assert first[0].finish().to_json() == second[0].finish().to_json()
+    assert first[0].finalize().results.to_json() == second[0].finalize().results.to_json()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -108,7 +111,7 @@ def test_the_order_of_arrival_does_not_matter(vehicle, surge, seed):
     rng = random.Random(seed)
     mixed = sorted(surge, key=lambda event: event.stamp / 1e9 + rng.uniform(0.0, 0.2))
     assert mixed != surge
-    assert run(vehicle, mixed)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+    assert run(vehicle, mixed)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
 def test_nothing_is_learned_in_other_phases(vehicle, surge):
@@ -118,7 +121,7 @@ def test_nothing_is_learned_in_other_phases(vehicle, surge):
     session, estimates = run(vehicle, parked)
     assert {estimate.reading.reason for estimate in estimates} == {"phase settle"}
     assert estimates[-1].reading.samples == 0
-    result = session.finish().motions["surge"]
+    result = session.finalize().results.motions["surge"]
     assert not result.identifiable
     assert "samples" in result.reasons[0]
 
@@ -126,7 +129,7 @@ def test_nothing_is_learned_in_other_phases(vehicle, surge):
 def test_without_a_motion_there_is_nothing(vehicle, surge):
     session, estimates = run(vehicle, [event for event in surge if not isinstance(event.reading, Phase)])
     assert estimates == []
-    assert session.finish().motions == {}
+    assert session.finalize().results.motions == {}
 
 
 def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle, surge):
@@ -151,7 +154,7 @@ def test_an_outlier_is_refused(vehicle, surge):
     session, estimates = run(vehicle, spoiled)
     assert [estimate.reading.reason for estimate in estimates].count("outlier") == 1
     clean, _ = run(vehicle, surge)
-    a, b = (one.finish().motions["surge"].coefficients["k_q"] for one in (session, clean))
+    a, b = (one.finalize().results.motions["surge"].coefficients["k_q"] for one in (session, clean))
     assert a.value == pytest.approx(b.value, abs=0.2 * b.std)
 
 
@@ -160,7 +163,7 @@ def test_values_that_are_not_numbers_do_no_harm(vehicle, surge):
     dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, (nan,) * 6, "dvl75")),
              Stamped(stamp_from_s(20.006), Thrust((nan,) * 6))]  # fmt: skip
     dirty.sort(key=lambda event: event.stamp)
-    assert run(vehicle, dirty)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+    assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
 def test_an_instrument_wins_over_the_navigator(vehicle, surge):
@@ -173,7 +176,7 @@ def test_an_instrument_wins_over_the_navigator(vehicle, surge):
         for event in surge
         for one in ([event, navigator(event)] if isinstance(event.reading, Velocity) else [event])
     ]
-    assert run(vehicle, doubled)[0].finish().to_json() == run(vehicle, surge)[0].finish().to_json()
+    assert run(vehicle, doubled)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
 def test_a_latency_of_the_stamps_can_be_told(vehicle, surge):
@@ -182,8 +185,13 @@ def test_a_latency_of_the_stamps_can_be_told(vehicle, surge):
         for event in surge
     ]
     late.sort(key=lambda event: event.stamp)
-    told = run(vehicle, late, Tuning(velocity_latency_s=0.2))[0].finish().motions["surge"].coefficients["added_mass"]
-    right = run(vehicle, surge)[0].finish().motions["surge"].coefficients["added_mass"]
+    told = (
+        run(vehicle, late, Tuning(velocity_latency_s=0.2))[0]
+        .finalize()
+        .results.motions["surge"]
+        .coefficients["added_mass"]
+    )
+    right = run(vehicle, surge)[0].finalize().results.motions["surge"].coefficients["added_mass"]
     assert told.value == pytest.approx(right.value, abs=0.5 * right.std)
 
 
@@ -191,7 +199,7 @@ def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
     model, theta = theta_of(vehicle, 0)
     flight = fly(model, theta, back_and_forth(LEVELS[0], 8.0, 96.0), 0.30)
     said = list(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(4)))
-    result = run(vehicle, said)[0].finish().motions["surge"]
+    result = run(vehicle, said)[0].finalize().results.motions["surge"]
     assert result.quality["lag_s"] == pytest.approx(0.30, abs=0.03)
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
 
@@ -199,7 +207,7 @@ def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
 def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle):
     said = heard(vehicle, 0, end_s=160.0)
     late = [Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in said]
-    result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finish().motions["surge"]
+    result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finalize().results.motions["surge"]
     assert result.quality["latency_s"] == pytest.approx(0.08, abs=0.02)
     assert result.quality["lag_s"] == pytest.approx(0.15, abs=0.02)
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
@@ -218,7 +226,7 @@ def test_plateaus_only_leaves_three_coefficients(vehicle, surge):
     session, estimates = run(vehicle, surge, Tuning(plateaus_only=True))
     reasons = {estimate.reading.reason for estimate in estimates if not estimate.reading.learning}
     assert "phase transient" in reasons
-    result = session.finish().motions["surge"]
+    result = session.finalize().results.motions["surge"]
     assert result.coefficients["k_q"].value == pytest.approx(66.48, abs=4.0 * result.coefficients["k_q"].std)
 
 
@@ -228,7 +236,7 @@ def test_heave_in_one_direction_reports_that_direction(vehicle):
     down = type(plan)(plan.times_s, np.where(plan.forces > 0.0, plan.forces, 2.0), plan.end_s)
     flight = fly(model, theta, down, 0.15)
     said = list(events(flight, 2, "heave_down", sensors_of(2), np.random.default_rng(1)))
-    results = run(vehicle, said)[0].finish()
+    results = run(vehicle, said)[0].finalize().results
     assert list(results.motions) == ["heave_down"]
     number = results.motions["heave_down"].coefficients["k_q"]
     assert number.value == pytest.approx(93.52, abs=4.0 * number.std)

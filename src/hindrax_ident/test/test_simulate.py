@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hindrax_ident.lag import LaggedThrust
-from hindrax_ident.models import Model
-from hindrax_ident.simulate import Grid, Trajectory, sensitivities, trajectory
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
+from hindrax_ident.model.thrust_lag import LaggedThrust
 
 SURGE = (Model(0, 15.22), np.array([66.48, 1.25, 0.1, 27.3]))
 HEAVE = (Model(2, 15.22, split=True), np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 37.7]))

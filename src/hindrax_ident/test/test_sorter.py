@@ -5,8 +5,8 @@ import random
 import pytest
 
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
-from hindrax_core.state import Phase, Thrust, Velocity
-from hindrax_ident.sorter import InOrder
+from hindrax_core.signals import Phase, Thrust, Velocity
+from hindrax_ident.records.sorter import StampSorter
 
 SIX = (0.0,) * 6
 
@@ -16,9 +16,9 @@ def thrust(t):
 
 
 def play(events, wait_s=0.25):
-    sorter = InOrder(wait_s)
+    sorter = StampSorter(wait_s)
     out = [one for event in events for one in sorter.push(event)]
-    return [*out, *sorter.rest()], sorter.dropped
+    return [*out, *sorter.flush()], sorter.dropped
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from hindrax_ident.likelihood import fit_noise
-from hindrax_ident.whitening import Chain, Noise, gains, transitions, whiten
+from hindrax_ident.fit.noise_likelihood import fit_noise
+from hindrax_ident.fit.whitening import Chain, Noise, gains, transitions, whiten
 
 MEMORY_S = 0.15
 

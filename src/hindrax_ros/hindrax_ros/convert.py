@@ -1,4 +1,4 @@
-"""Between our readings and ROS messages, both ways, in one place: the table of signs.
+"""Conversion between our readings and ROS messages, both ways; holds the table of signs.
 
 Inside, everything is SNAME (x forward, y starboard, z down). Outside, bodies and sensors are REP-103 (x forward, y
 left, z up), the world is east, north, up (REP-105).
@@ -24,7 +24,7 @@ from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range, Temperatur
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec3, Vec6
-from hindrax_core.state import Estimate, Navigation
+from hindrax_core.signals import Estimate, Navigation
 from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
 
 UNKNOWN_COVARIANCE = -1.0
@@ -143,13 +143,6 @@ def velocity_to_msg(stamped: Stamped[BottomVelocity], frame: str) -> TwistWithCo
     return message
 
 
-def velocity_from_msg(message: TwistWithCovarianceStamped) -> Stamped[BottomVelocity]:
-    """Undo `velocity_to_msg`; interval and device time do not travel."""
-    sigma = math.sqrt(max(0.0, message.twist.covariance[0]))
-    velocity = half_turn(_plain(message.twist.twist.linear))
-    return Stamped(stamp_from_msg(message.header.stamp), BottomVelocity(velocity, sigma, 1.0, 0.0, 0))
-
-
 def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMsg:
     """Orientation of the REP-103 body in east, north, up, from SNAME angles."""
     x, y, z, w = xyzw_from_sname(roll, pitch, yaw)
@@ -180,7 +173,7 @@ def sname_from_quaternion(q: QuaternionMsg) -> Vec3:
 
 
 def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
-    """Do what `sname_from_quaternion` does, from numbers."""
+    """`sname_from_quaternion` from numbers."""
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -216,7 +209,7 @@ def attitude_track(stamp: Stamp, attitude_rad: Vec3, *, locked: bool = True) -> 
 
 
 def dvl_to_msg(stamped: Stamped[BottomVelocity], track: BottomTrack | None, frame: str, sound_mps: float) -> Dvl:
-    """All the DVL says, shaped like marine_acoustic_msgs/Dvl (x forward, y starboard, z along the beam axis).
+    """Full DVL reading, laid out like marine_acoustic_msgs/Dvl (x forward, y starboard, z along the beam axis).
 
     One message per velocity, also while there is none (NaN, covariance -1), with the latest beams.
     """
@@ -284,7 +277,7 @@ def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
 
 
 def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:
-    """Everything the navigator knows, SNAME; undone by `navigation_from_msg`."""
+    """Full navigation state, SNAME; undone by `navigation_from_msg`."""
     state = stamped.reading
     ages = state.ages_s
     message = NavigationStatus()

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions straight from the topics table: a node never spells a topic name or a quality."""
+"""Publishers and subscriptions from the topics table, so that no node spells a topic name or a quality."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from hindrax_core.topics import NAMESPACE, Quality, Topic
-from hindrax_ros.outbox import HeldPublisher
-from hindrax_ros.polled import PolledNode
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.deferred_publisher import DeferredPublisher
 
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
@@ -32,7 +32,7 @@ def message_class(type_name: str) -> Any:
 
 
 def profile(quality: Quality) -> QoSProfile:
-    """Quality of service as rclpy wants it."""
+    """Quality of service as an rclpy profile."""
     made = QoSProfile(
         depth=quality.depth,
         reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
@@ -45,16 +45,13 @@ def profile(quality: Quality) -> QoSProfile:
     return made
 
 
-def publisher(node: Node, topic: Topic, *, held: bool = True) -> Publisher | HeldPublisher:
+def publisher(node: Node, topic: Topic, *, held: bool = True) -> Publisher | DeferredPublisher:
     """Make the publisher of one row of the topics table (a plain one: safety does not wait for a lifecycle).
 
-    That of a polled node sends when its outbox is flushed, unless `held` is false. What is not a node but offers
-    `create_publisher`, as a replay does, makes its own.
+    That of a batched node sends when its publish queue is flushed, unless `held` is false.
     """
-    if not isinstance(node, Node):
-        return node.create_publisher(message_class(topic.type), topic.name, profile(topic.quality))
     made = Node.create_publisher(node, message_class(topic.type), topic.name, profile(topic.quality))
-    return HeldPublisher(made, node.outbox) if held and isinstance(node, PolledNode) else made
+    return DeferredPublisher(made, node.publish_queue) if held and isinstance(node, BatchedNode) else made
 
 
 def subscription(

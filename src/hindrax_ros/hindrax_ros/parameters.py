@@ -1,9 +1,10 @@
-"""ROS parameters out of knob dataclasses: declared once, described with unit and range, read back checked."""
+"""ROS parameters from knob dataclasses: declared once, described with unit and range, read back and checked."""
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
@@ -13,6 +14,9 @@ from rclpy.node import Node
 from hindrax_core.knobs import Knob, build, knob_of
 
 T = TypeVar("T")
+
+RENAMED = {"box.": "pool_bounds.", "hand.": "operator_wrench.", "safety.": "guards.", "watch.": "fault_detector."}
+"""Groups of parameters that had another name: old prefix, new prefix."""
 
 
 def text(node: Node, name: str, default: str, meaning: str) -> str:
@@ -27,6 +31,38 @@ def knobs(node: Node, cls: type[T]) -> T:
     Knobs of a nested dataclass are declared as `field.knob`.
     """
     return build(cls, _declared(node, cls(), ""), node.get_name())
+
+
+def unknown_parameters(
+    node: str, given: Iterable[str], declared: Collection[str], elsewhere: Collection[str] = ()
+) -> list[str]:
+    """Return one sentence for each parameter given to a node that neither it nor its process declares.
+
+    `elsewhere`: the names that the other nodes of the process declare; arguments of a process reach all its nodes.
+    """
+    found = []
+    for name in sorted({*given} - {*declared}):
+        new = _new_name(name)
+        if name in elsewhere or (new in elsewhere and new not in declared):
+            continue
+        near = difflib.get_close_matches(name, declared, n=1)
+        hint = f"; it is called {new} now" if new in declared else f"; the nearest is {near[0]}" if near else ""
+        found.append(f"parameter {name!r} of {node}: unknown, ignored{hint}")
+    return found
+
+
+def _new_name(name: str) -> str:
+    return next((new + name.removeprefix(old) for old, new in RENAMED.items() if name.startswith(old)), "")
+
+
+def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:
+    """Log a warning for each parameter that was given to the nodes of this process and that none of them declares."""
+    declared = {node: node.get_parameters_by_prefix("").keys() for node in nodes}
+    for node in nodes:
+        given = node._parameter_overrides  # noqa: SLF001  # rclpy offers no other way to them
+        elsewhere = {name for other in nodes if other is not node for name in declared[other]}
+        for sentence in unknown_parameters(node.get_name(), given, declared[node], elsewhere):
+            node.get_logger().warning(sentence)
 
 
 def _declared(node: Node, defaults: Any, prefix: str) -> dict[str, Any]:

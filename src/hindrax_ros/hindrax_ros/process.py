@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import gc
 import inspect
+import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from types import FrameType
 
@@ -17,10 +19,12 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from hindrax_ros.polled import PolledNode, Turns, events_executor
+from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
+from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.parameters import warn_of_unknown_parameters
 
 
-class Stop:
+class StopSignal:
     """Set by the first SIGINT or SIGTERM."""
 
     def __init__(self) -> None:
@@ -33,12 +37,12 @@ class Stop:
 
 
 def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = None) -> int:
-    """Make the nodes, turn them until a signal asks to stop, end each, and return the exit code of the process.
+    """Make the nodes, spin them until a stop signal, close them, and return the exit code of the process.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
     in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again.
     """
-    stop = Stop()
+    stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()
@@ -46,16 +50,18 @@ def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = N
         nodes = make()
         for node in nodes:
             executor.add_node(node)
-        turns = Turns(nodes, executor)
-        _spare_the_loop()
+        warn_of_unknown_parameters(nodes)
+        loop = SpinLoop(nodes, executor)
+        _avoid_late_pauses()
         while not stop.asked:
-            turns.turn()
+            loop.spin_once()
+            heartbeat.beat(time.monotonic())
     finally:
         for node in nodes:
             getattr(node, "close", lambda: None)()
         for node in nodes:
-            if isinstance(node, PolledNode):
-                node.outbox.flush()
+            if isinstance(node, BatchedNode):
+                node.publish_queue.flush()
         executor.shutdown()
         for node in nodes:
             node.destroy_node()
@@ -63,8 +69,8 @@ def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = N
     return 0
 
 
-def _spare_the_loop() -> None:
-    """Do what would hold up a loop later, 43 ms each in the control process.
+def _avoid_late_pauses() -> None:
+    """Do now what would interrupt the loop later, 43 ms each in the control process.
 
     rclpy asks where the caller is before it logs, for which Python looks up the files of all modules, once; and the
     collector of garbage need never look through what was made at the start.

@@ -10,9 +10,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.state import Navigation
+from hindrax_core.signals import Navigation
 from hindrax_ros.convert import FLU, FSD, odometry_to_msg, stamp_to_msg
-from hindrax_ros.optional import optional_class
+from hindrax_ros.optional_messages import optional_class
 
 TYPE = "tf2_msgs/msg/TFMessage"
 STATIC = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -39,7 +39,7 @@ def half_turn_about_x(stamp: Stamp) -> TransformStamped:
 
 
 class Transforms:
-    """Publishes them from a node; does nothing where tf2_msgs is not installed."""
+    """Publishes the transforms of a node; does nothing where tf2_msgs is not installed."""
 
     def __init__(self, node: Node) -> None:
         self._type = optional_class(TYPE)
@@ -50,7 +50,7 @@ class Transforms:
             now = Stamp(node.get_clock().now().nanoseconds)
             self._fixed.publish(self._type(transforms=[half_turn_about_x(now)]))
 
-    def follow(self, found: Stamped[Navigation]) -> None:
-        """Move base_link to where the vehicle is."""
+    def publish(self, found: Stamped[Navigation]) -> None:
+        """Publish the pose of base_link."""
         if self._out is not None:
             self._out.publish(self._type(transforms=[base_of(odometry_to_msg(found))]))

@@ -9,14 +9,11 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
-from hindrax_ros.polled import PolledNode
+from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.process import spin
 
-DOMAIN = "101"
-"""No stack uses it: those take 1 to 100."""
 
-
-class Curious(PolledNode):
+class Curious(BatchedNode):
     """Looks around in its first turn, then asks to stop."""
 
     def __init__(self) -> None:
@@ -29,9 +26,9 @@ class Curious(PolledNode):
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def test_what_is_slow_once_is_done_before_the_first_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_slow_once_is_done_before_the_first_turn(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_DOMAIN_ID", DOMAIN)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     monkeypatch.setattr(inspect, "modulesbyfile", {})
     monkeypatch.setattr(inspect, "_filesbymodname", {})
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

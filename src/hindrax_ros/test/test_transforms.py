@@ -10,7 +10,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 from geometry_msgs.msg import Quaternion
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.state import Navigation
+from hindrax_core.signals import Navigation
 from hindrax_ros import transforms
 from hindrax_ros.convert import odometry_to_msg
 
@@ -80,7 +80,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
 
 def test_both_are_published_where_tf2_is_installed(sent: list[tuple[str, TFMessage]]) -> None:
     clock = SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=9))
-    transforms.Transforms(SimpleNamespace(get_clock=lambda: clock)).follow(FOUND)
+    transforms.Transforms(SimpleNamespace(get_clock=lambda: clock)).publish(FOUND)
     assert [(name, [one.child_frame_id for one in message.transforms]) for name, message in sent] == [
         ("/tf_static", ["base_link_fsd"]),
         ("/tf", ["base_link"]),
@@ -90,4 +90,4 @@ def test_both_are_published_where_tf2_is_installed(sent: list[tuple[str, TFMessa
 def test_elsewhere_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tf2_msgs", None)
     monkeypatch.setattr(transforms, "optional_class", lambda _: None)
-    transforms.Transforms(SimpleNamespace()).follow(FOUND)
+    transforms.Transforms(SimpleNamespace()).publish(FOUND)

@@ -1,4 +1,4 @@
-"""What an emulator file offers under the name EMULATOR: how it is made, what it sees of the world, how to judge it."""
+"""What an emulator file offers under the name EMULATOR: constructor, truth from the world, check of readings."""
 
 from __future__ import annotations
 

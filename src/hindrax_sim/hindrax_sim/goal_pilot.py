@@ -1,22 +1,22 @@
-"""A goal flown in lock-step: arms when the guards agree, flies it with the vehicle's own pilot, disarms."""
+"""A goal flown in lock-step: arms when the guards permit, flies it with the vehicle's own pilot, disarms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hindrax_control.maneuvers import Goal, Maneuver, ManeuverOutput
+from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverOutput
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.state import NAN, Allocation, Navigation
+from hindrax_core.signals import NAN, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
-from hindrax_sim.lockstep import IDLE, Order
+from hindrax_sim.lockstep import IDLE, LockstepCommand
 
 READY_S = 1.0
 """Time for which the guards must agree before arming."""
 
 
 class GoalPilot:
-    """Flies one goal and is finished; `maneuver`, `output` and `suspected` (thrusters) say what became of it.
+    """Flies one goal; `maneuver`, `output` and `suspected` (thrusters) hold the outcome.
 
     `cancel_at_s` (after the start of the maneuver) cancels it as an operator would.
     """
@@ -41,25 +41,25 @@ class GoalPilot:
         self._disabled = frozenset(disabled)
         self.pilot.disable(self._disabled)
 
-    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> Order:
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
         """Decide on the next order."""
         stamp = navigation.stamp
         if self._begun is not None and seconds_between(self._begun, stamp) >= self._cancel_at_s:
             self.pilot.cancel()
         flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
         self.output = flight.maneuver
-        if flight.suspicion is not None:
-            # A thruster that does not push is left out, as the pilot node has it done.
-            self.suspected += (flight.suspicion.sentence,)
-            self._disabled |= {flight.suspicion.name}
+        if flight.suspected_fault is not None:
+            # A thruster without thrust is disabled, as by the pilot node.
+            self.suspected += (flight.suspected_fault.sentence,)
+            self._disabled |= {flight.suspected_fault.name}
             self.pilot.disable(self._disabled)
         if self.output is not None and self.output.done:
-            return Order(phase=self.output.phase, finished=True)
+            return LockstepCommand(phase=self.output.phase, finished=True)
         if armed and self.maneuver is None:
             self.maneuver = self.pilot.fly(self.goal)
             self._begun = stamp
         phase = self.output.phase if self.output is not None else IDLE
-        return Order(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
+        return LockstepCommand(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
 
     def _ready(self, stamp: Stamp, guards: Sequence[str]) -> bool:
         """Whether to arm, or to stay armed; once the maneuver has begun, its own guards decide."""

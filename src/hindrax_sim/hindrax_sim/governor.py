@@ -1,4 +1,4 @@
-"""How fast the mock's time may go: as fast as the stack follows, and never faster than asked for."""
+"""Rate of the mock's time: as fast as the stack follows, and never faster than requested."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SLOW = 8.0
 
 @dataclass(slots=True)
 class Governor:
-    """Says how much wall time a step of the mock takes at least.
+    """Computes the minimum wall time of a step of the mock.
 
     The pulses written to the emulated outputs show how far the control loop is behind. While it keeps up, time runs
     free (or at `rate`, where that is not zero). When it falls behind by more than a period and a half, time nearly
@@ -25,7 +25,7 @@ class Governor:
     worst_lag_s: float = 0.0
 
     def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
-        """Wall seconds that the step from `now` should take at least."""
+        """Minimum wall time of the step from `now` [s]."""
         asked = step_s / self.rate if self.rate > 0.0 else 0.0
         lag = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_s
         if lag < DEAD_LAG_s:

@@ -7,12 +7,12 @@ from typing import Any
 
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.vehicle import Mount, Vehicle
-from hindrax_sim.buses.bus import VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685
 from hindrax_sim.devices.serial_emulator import SerialEmulator
 from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
-from hindrax_sim.faults import FAULTS, FaultSpec, fate, with_bus_faults, with_faults
-from hindrax_sim.registry import EMULATORS, SERIAL
+from hindrax_sim.emulator_registry import EMULATORS, SERIAL
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, with_bus_faults, with_faults
 from hindrax_sim.world import Conditions, World
 
 START = stamp_from_s(10.0)
@@ -23,7 +23,7 @@ THRUSTERS = "thrusters"
 
 
 class Hardware:
-    """World and devices in step: pulses of the output drive the plant, devices see the truth at their mounts."""
+    """World and devices in step: output pulses drive the plant, devices get the truth at their mounts."""
 
     def __init__(
         self,
@@ -40,12 +40,12 @@ class Hardware:
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
         self._tellers: list[Callable[[float], None]] = []
-        self._faults, self._fate = faults, fate(self.world, faults, to_s(START))
-        self._plug_output(seed)
+        self._faults, self._injector = faults, fault_injector(self.world, faults, to_s(START))
+        self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
-            self._plug(name, mount, seed * 101 + number)
+            self._attach(name, mount, seed * 101 + number)
         self.world.advance(START)
-        self._tell()
+        self._set_truths()
 
     @property
     def stamp(self) -> Stamp:
@@ -53,21 +53,21 @@ class Hardware:
         return self.world.stamp
 
     def advance(self, stamp: Stamp) -> dict[str, bytes]:
-        """Let time pass; returns what each serial device has put on its wire."""
+        """Advance time; return the bytes of each serial device."""
         pulses = self.output.pulses_us()
-        self._fate.step(to_s(stamp))
+        self._injector.step(to_s(stamp))
         self.world.drive([pulses[channel] or 0.0 for channel in self._channels])
         self.world.advance(stamp)
-        now_s = self._tell()
+        now_s = self._set_truths()
         return {name: device.step(now_s) for name, device in self.serial.items()}
 
-    def _tell(self) -> float:
+    def _set_truths(self) -> float:
         now_s = to_s(self.world.stamp)
         for tell in self._tellers:
             tell(now_s)
         return now_s
 
-    def _plug_output(self, seed: int) -> None:
+    def _attach_output(self, seed: int) -> None:
         output = self.vehicle.output
         if output.device == "stm32":
             board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
@@ -81,7 +81,7 @@ class Hardware:
         self.i2c.attach(ALL_CALL, chip.all_call)
         self.i2c.attach(GENERAL_CALL, chip.general_call)
 
-    def _plug(self, name: str, mount: Mount, seed: int) -> None:
+    def _attach(self, name: str, mount: Mount, seed: int) -> None:
         row = EMULATORS[mount.device]
         device = row.make(seed)
         at = self.world.mounting(mount)

@@ -2,7 +2,7 @@
 
     step = Lockstep(vehicle, pilot, seed=7)
     for event in step.run(120.0): ...
-    results = step.session.finish()
+    results = step.session.finalize().results
 
 The same objects that run on the vehicle are stepped here in simulated time: devices (with fidelity "bytes"), navigator,
 pilot with its holds and maneuvers, command guard, allocator, output guard, identification.
@@ -14,21 +14,22 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeAlias
 
-from hindrax_control.allocation import Allocator
-from hindrax_control.applied import Applied
-from hindrax_control.guard import FSD, CommandGuard
-from hindrax_control.navigator import Navigator
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_control.allocation.wrench_guard import FSD, WrenchGuard
+from hindrax_control.navigation.estimator_health import EstimatorHealth
+from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import BottomVelocity, Pressure, Reading, Vec6
-from hindrax_core.state import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
+from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.arming import Command, Guard, Refusal, Request
-from hindrax_ident.feed import Feed, Measurement, Sorter
-from hindrax_ident.session import Session
-from hindrax_sim.faults import FaultSpec
-from hindrax_sim.rigs import BytesRig, ReadingsRig, Rig
-from hindrax_sim.sensors import Noise
+from hindrax_drivers.output.output_guard import Command, OutputGuard, Refusal, Request
+from hindrax_ident.online.session import Session
+from hindrax_ident.records.feed import Feed, Measurement
+from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_sim.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
+from hindrax_sim.sensor_models import Noise
 from hindrax_sim.world import Conditions, World
 
 Write: TypeAlias = Callable[[Sequence[float]], tuple[float, ...]]
@@ -37,10 +38,10 @@ Event: TypeAlias = Stamped[Navigation] | Stamped[Allocation] | Stamped[Phase] | 
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """What a pilot wants now: a wrench about the center of mass [N, Nm], the phase of its motion, armed thrusters.
+class LockstepCommand:
+    """Command of a pilot: a wrench about the center of mass [N, Nm], the phase of its motion, armed thrusters.
 
-    `disabled` are thrusters that it wants left out, for good.
+    `disabled` are thrusters to exclude permanently.
     """
 
     wrench: Vec6 = ZERO6
@@ -51,30 +52,33 @@ class Order:
 
 
 class Pilot(Protocol):
-    """Flies the vehicle: one order per Navigation."""
+    """Flies the vehicle: one command per Navigation."""
 
-    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> Order:
-        """Decide, given what is known, what became of the last wrench, and the output guard's state."""
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
+        """Return the next command from the state, the result of the last wrench, and the output guard's state."""
 
 
 class Onboard:
-    """The stack between readings and pulses, with nothing of the world in it.
+    """The stack between readings and pulses, without the world.
 
-    `write` puts pulses on the thrusters and returns those that are really made [us].
+    `write` applies thruster pulses and returns the actual ones [us].
     """
 
     def __init__(self, vehicle: Vehicle, pilot: Pilot, session: Session, write: Write) -> None:
         self.navigator = Navigator(vehicle)
         self.session = session
         self.disabled: frozenset[str] = frozenset()
-        self.order = Order()
+        self.order = LockstepCommand()
         self._pilot, self._write = pilot, write
         self._allocator = Allocator(vehicle)
-        self._limits = CommandGuard(vehicle)
-        self._applied = Applied(vehicle)
-        self._guard = Guard(len(vehicle.thrusters))
+        self._limits = WrenchGuard(vehicle)
+        self._applied = AppliedWrench(vehicle)
+        self._guard = OutputGuard(len(vehicle.thrusters))
         self._state = self._guard.start(Stamp(0))
-        self._feed, self._sorter = Feed(vehicle), Sorter()
+        self._health = EstimatorHealth(vehicle)
+        self.unhealthy: tuple[str, ...] = ()
+        """Why the state is not believed; empty when it is."""
+        self._feed = Feed(vehicle, session.tuning)
         self._became: Allocation | None = None
         self._phase = IDLE
         self._sequence = 0
@@ -82,11 +86,11 @@ class Onboard:
 
     @property
     def armed(self) -> bool:
-        """Whether the output guard lets pulses through."""
+        """Whether the output guard passes pulses."""
         return self._state.armed
 
-    def hear(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:
-        """Take one reading, and act on it; returns what happened."""
+    def on_reading(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:
+        """Process one reading; return the resulting events."""
         events: list[Event] = []
         if isinstance(reading.reading, BottomVelocity | Pressure):
             self._learn(Stamped(reading.stamp, reading.reading), events)
@@ -95,6 +99,8 @@ class Onboard:
             return events
         events.append(navigation)
         self._learn(navigation, events)
+        active = self._state.phase in {"arming", "armed"}
+        self.unhealthy = self._health.step(navigation.reading, navigation.stamp, armed=active)
         order = self.order = self._pilot.step(navigation, self._became, armed=self.armed)
         if order.phase != self._phase:
             self._phase = order.phase
@@ -103,19 +109,18 @@ class Onboard:
         self._command(order, navigation.stamp, now, events)
         return events
 
-    def rest(self) -> list[Event]:
-        """Let the identification have what still waits for latecomers."""
+    def flush(self) -> list[Event]:
+        """Pass the samples that still wait for late ones to the identification."""
         events: list[Event] = []
-        for measurement in self._sorter.rest():
-            self._take(measurement, events)
-        events += self.session.flush()
+        for event in self._feed.flush():
+            events += self.session.step(event)
         return events
 
-    def _command(self, order: Order, stamp: Stamp, now: Stamp, events: list[Event]) -> None:
-        """Wrench to pulses: limits, allocation, output guard; and what the applied pulses achieve."""
-        self._arm(order.armed, now)
+    def _command(self, order: LockstepCommand, stamp: Stamp, now: Stamp, events: list[Event]) -> None:
+        """Wrench to pulses: limits, allocation, output guard; then the wrench achieved by the applied pulses."""
+        self._arm(order.armed and not self.unhealthy, now)
         self.disabled |= order.disabled
-        accepted = self._limits.step(order.wrench if self.armed else ZERO6, FSD, stamp, now)
+        accepted = self._limits.step(order.wrench if self.armed and not self.unhealthy else ZERO6, FSD, stamp, now)
         plan = self._allocator.allocate(accepted.wrench or ZERO6, self.disabled, self._planned)
         self._planned = plan.pulses_us
         self._sequence += 1
@@ -131,7 +136,7 @@ class Onboard:
         self._learn(Stamped(now, Thrust(applied.achieved, applied.forces_N)), events)
 
     def _arm(self, wanted: bool, now: Stamp) -> None:
-        """Follow the pilot's wish; the guard decides when it comes true."""
+        """Request arming or disarming as the pilot wants; the guard decides."""
         arming = self._state.phase in {"arming", "armed"}
         if wanted == arming:
             return
@@ -143,7 +148,7 @@ class Onboard:
             self._state, _ = self._guard.disarm(self._state, request, now)
 
     def _achieved(self, plan: Allocation, pulses_us: tuple[float, ...]) -> Allocation:
-        """Say what the applied pulses give; the guard may have slowed or stopped them, the output rounded them."""
+        """Allocation of the applied pulses; the guard may have limited them, the output rounded them."""
         if pulses_us == plan.pulses_us:
             return plan
         forces = self._applied.forces_N(pulses_us)
@@ -152,10 +157,6 @@ class Onboard:
         return replace(plan, achieved=achieved, shortfall=(X, Y, Z, K, M, N), forces_N=forces)
 
     def _learn(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
-        for one in self._sorter.push(measurement):
-            self._take(one, events)
-
-    def _take(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
         for event in self._feed.step(measurement):
             events += self.session.step(event)
 
@@ -191,12 +192,14 @@ class Lockstep:
         return seconds_between(self._start, self.world.stamp)
 
     def run(self, seconds: float) -> Iterator[Event]:
-        """Let time pass, until the pilot has finished or the time is over; yields what happens."""
+        """Run until the pilot has finished or the time is over; yields the events."""
         end = after(self.world.stamp, seconds)
         while self.world.stamp < end and not self.onboard.order.finished:
-            for source, reading in self.rig.listen():
-                yield from self.onboard.hear(source, reading, self.world.stamp)
-        yield from self.onboard.rest()
+            for source, reading in self.rig.advance():
+                yield from self.onboard.on_reading(source, reading, self.world.stamp)
+                if self.onboard.order.finished:
+                    break
+        yield from self.onboard.flush()
 
 
 def _rig(
@@ -207,7 +210,7 @@ def _rig(
     *,
     noise: Noise | None,
     faults: Sequence[FaultSpec],
-) -> Rig:
+) -> LockstepRig:
     if fidelity == "readings":
         return ReadingsRig(vehicle, seed, conditions, noise, faults)
     if fidelity != "bytes":

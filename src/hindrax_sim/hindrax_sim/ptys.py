@@ -1,4 +1,4 @@
-"""Serial emulators on ptys at stable paths: what other programs open as if it were a serial port."""
+"""Serial emulators on ptys at stable paths, which other programs open like a serial port."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Pty:
         self.plug(in_place=True)
 
     def plug(self, *, in_place: bool) -> None:
-        """Plug in, or unplug: programs at the far end then see their port go away."""
+        """Plug in, or unplug: programs at the far end then lose their port."""
         if in_place and self._ends is None:
             near, far = pty.openpty()
             tty.setraw(far)
@@ -39,10 +39,10 @@ class Pty:
         """Speed that the program at the far end has set, as a termios code (`termios.B115200`)."""
         return int(termios.tcgetattr(self._ends[0])[5]) if self._ends else 0
 
-    def put(self, data: bytes) -> None:
-        """Send bytes to the far end. When it is full, nobody has read for seconds: what waits there is forgotten.
+    def write(self, data: bytes) -> None:
+        """Send bytes to the far end. A full buffer was not read for seconds: its content is discarded.
 
-        So whoever opens the port next begins with news, as on a real port, and not with what was long ago.
+        So the next program that opens the port starts with current data, as on a real port.
         """
         if self._ends is None:
             return
@@ -52,8 +52,8 @@ class Pty:
         except BlockingIOError:
             termios.tcflush(far, termios.TCIFLUSH)
 
-    def take(self) -> bytes:
-        """Take what the far end has sent."""
+    def read(self) -> bytes:
+        """Return bytes from the far end."""
         if self._ends is None:
             return b""
         try:
@@ -62,5 +62,5 @@ class Pty:
             return b""
 
     def close(self) -> None:
-        """Unplug for good."""
+        """Unplug permanently."""
         self.plug(in_place=False)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
 from hindrax_core.readings import Quaternion, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
-from hindrax_sim.draws import Draws
-from hindrax_sim.plant import LONGEST_STEP_S, Plant
-from hindrax_sim.pool import Box
-from hindrax_sim.quaternion import euler, quaternion, rotate
+from hindrax_sim.physics.normal_draws import NormalDraws
+from hindrax_sim.physics.plant import LONGEST_STEP_S, Plant
+from hindrax_sim.physics.pool import PoolWalls
+from hindrax_sim.physics.quaternion import euler, quaternion, rotate
 
 GUST_PERIOD_S = 0.1
 AMPERE = 0.13
@@ -21,7 +21,7 @@ AMPERE = 0.13
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What may differ from one day at the pool to the next; everything random comes from the seed of the world."""
+    """Conditions that vary between days at the pool; all random values come from the seed of the world."""
 
     current_mps: Vec3 = (0.0, 0.0, 0.0)
     """Velocity of the water in pool axes."""
@@ -46,7 +46,7 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """A mount made ready: lever from the center of mass in body axes, rotation sensor to body (None: none)."""
+    """A prepared mount: lever from the center of mass in body axes, rotation sensor to body (None: none)."""
 
     lever_m: Vec3
     turn: Quaternion | None
@@ -70,15 +70,15 @@ class World:
         self.vehicle = vehicle
         self.conditions = conditions or Conditions()
         self.plant = Plant(vehicle)
-        self.box = Box(vehicle)
+        self.box = PoolWalls(vehicle)
         self.stamp = Stamp(0)
         self.dvl_silenced = False
         """Fault: the DVL finds no bottom."""
-        self._draws = Draws("world", seed)
+        self._draws = NormalDraws("world", seed)
         self._motor_fields = [self._direction() for _ in vehicle.thrusters]
         self._failed: dict[str, float] = {}
         self._next_gust = Stamp(0)
-        self._gust()
+        self._disturb()
         self.float_at_the_surface()
         self.plant.current_mps = self.conditions.current_mps
 
@@ -90,16 +90,16 @@ class World:
         ox, oy, oz = vehicle.center_of_mass_m
         self.plant.place((ox, oy, immersion + oz), (0.0, 0.0, 0.0))
 
-    # ---- what is done to it
+    # ---- inputs
 
     def advance(self, stamp: Stamp) -> None:
-        """Let time pass until a stamp; a stamp that is past does nothing."""
+        """Advance to a stamp; a past stamp does nothing."""
         while self._next_gust < stamp:
-            self._pass_until(self._next_gust)
-            self._gust()
-        self._pass_until(stamp)
+            self._integrate_until(self._next_gust)
+            self._disturb()
+        self._integrate_until(stamp)
 
-    def _pass_until(self, stamp: Stamp) -> None:
+    def _integrate_until(self, stamp: Stamp) -> None:
         left_s = (stamp - self.stamp) / NS_PER_S
         if left_s <= 0.0:
             return
@@ -110,7 +110,7 @@ class World:
             confine(plant)
         self.stamp = stamp
 
-    def _gust(self) -> None:
+    def _disturb(self) -> None:
         self._next_gust = Stamp(self._next_gust + stamp_from_s(GUST_PERIOD_S))
         noise, gain = self.conditions.thrust_noise, self.conditions.thrust_gain
         normal = self._draws.normal
@@ -126,7 +126,7 @@ class World:
             self.plant.drive(pulses)
 
     def fail_thruster(self, name: str, gain: float = 0.0) -> None:
-        """Fault: from now on this thruster gives only a share of its thrust."""
+        """Fault: this thruster produces only a share of its thrust from now on."""
         known = [one.name for one in self.vehicle.thrusters]
         if name not in known:
             raise ValueError(f"thruster {name!r}: unknown, wanted one of {', '.join(known)}")
@@ -170,12 +170,12 @@ class World:
         return sum(_ampere(force) for force in self.plant.targets_N)
 
     def point_m(self, lever_m: Vec3) -> Vec3:
-        """Where a point of the vehicle is in the pool."""
+        """Position of a point of the vehicle in the pool [m]."""
         x, y, z = rotate(self.plant.quaternion, lever_m)
         return (self.plant.x + x, self.plant.y + y, self.plant.z + z)
 
     def inertial(self, at: Mounting) -> tuple[Vec3, Vec3]:
-        """Specific force [m/s^2] and rate [rad/s] in the sensor's axes, with what rotation does at its lever."""
+        """Specific force [m/s^2] and rate [rad/s] in the sensor's axes, with the effect of rotation at its lever."""
         plant = self.plant
         p, q, r = plant.p, plant.q, plant.r
         w, x, y, z = plant.quaternion

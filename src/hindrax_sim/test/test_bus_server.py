@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Read, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
 from hindrax_core.events import Stamp
-from hindrax_drivers.buses.bus import open_bus
-from hindrax_drivers.buses.clock import open_clock
-from hindrax_drivers.buses.virtual import VirtualBus
-from hindrax_sim.buses.bus import VirtualI2c
-from hindrax_sim.buses.server import BusServer
+from hindrax_drivers.buses.mock_bus import VirtualBus
+from hindrax_drivers.buses.ports import open_bus, open_clock
+from hindrax_sim.buses.mock_server import BusServer
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 
 class Echo:
@@ -153,9 +152,9 @@ def test_a_client_is_roused_by_name(tmp_path: Path) -> None:
         sleeper.start()
         _serve_until(server, lambda: server.earliest_wakeup() == 500)
         server.serve(Stamp(7))
-        server.rouse("somebody else")
+        server.wake("somebody else")
         assert server.earliest_wakeup() == 500
-        server.rouse("dvl75")
+        server.wake("dvl75")
         assert server.busy() == ["dvl75"]
         sleeper.join()
         assert done == [7]

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from hindrax_core.errors import UsageError
-from hindrax_sim import stream_faults
-from hindrax_sim.faults import FAULTS, FaultSpec, parse_fault, with_faults
-from hindrax_sim.stream_faults import FaultyLine, Scheduled
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, stream_faults, with_faults
+from hindrax_sim.faults.fault_schedule import Scheduled
+from hindrax_sim.faults.stream_faults import FaultyLine
 
 
 @pytest.mark.parametrize(

@@ -7,24 +7,26 @@ import math
 import os
 import random
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
-from hindrax_bringup.vehicles import default_vehicle
-from hindrax_control.allocation import Allocator
-from hindrax_control.box import Box
-from hindrax_control.maneuvers import ENDINGS, Goal, Maneuver
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.maneuver import ENDINGS, Goal, Maneuver
+from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs
+from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_control.pilot import PilotKnobs
-from hindrax_control.plan import MOTIONS, PlanKnobs
+from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import after
-from hindrax_core.state import ZERO6, Navigation, Phase
-from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.faults import parse_fault
+from hindrax_core.signals import ZERO6, Navigation, Phase
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.goal_pilot import GoalPilot
 from hindrax_sim.lockstep import Lockstep
 from hindrax_sim.world import World
 
+pytestmark = pytest.mark.long
 THOROUGH = bool(os.environ.get("HINDRAX_THOROUGH"))
 VEHICLE = load_vehicle(default_vehicle())
 SHORT = PlanKnobs(
@@ -61,9 +63,9 @@ def heading_deg(world: World) -> float:
     return math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
-def fly(motions: tuple[str, ...], *faults: str, seed: int = 1) -> Flown:
-    pilot = GoalPilot(VEHICLE, Goal(motions), KNOBS)
-    step = Lockstep(VEHICLE, pilot, seed, faults=[parse_fault(fault) for fault in faults])
+def fly(motions: tuple[str, ...], *faults: str, seed: int = 1, vehicle: Vehicle = VEHICLE) -> Flown:
+    pilot = GoalPilot(vehicle, Goal(motions), KNOBS)
+    step = Lockstep(vehicle, pilot, seed, faults=[parse_fault(fault) for fault in faults])
     flown, phase = Flown(pilot, step.world), Phase("", "")
     for event in step.run(3000.0):
         if isinstance(event.reading, Phase):
@@ -105,6 +107,23 @@ def test_the_remaining_time_that_is_told_is_that_which_remains(whole: Flown) -> 
         assert abs(told_s - true_s) <= max(0.2 * true_s, 3.0), f"{told_s:.1f} s told, {true_s:.1f} s true"
 
 
+def six_thrusters() -> Vehicle:
+    """The Hindrax with level thrusters in the plane of its center of mass, and two vertical ones amidships."""
+    x_m, _, z_m = VEHICLE.center_of_mass_m
+    level = [replace(one, position_m=(*one.position_m[:2], z_m)) for one in VEHICLE.thrusters[:4]]
+    vertical = [replace(one, position_m=(x_m, one.position_m[1], z_m)) for one in VEHICLE.thrusters[4:6]]
+    return replace(VEHICLE, thrusters=(*level, *vertical))
+
+
+def test_six_thrusters_fly_all_that_they_serve_to_the_end() -> None:
+    six = six_thrusters()
+    found = motions_to_fly(["all"], six)
+    assert found.left_out == (("pitch", "no thruster serves it"),)
+    flown = fly(found.flown, vehicle=six)
+    assert flown.aborted == ""
+    assert {"surge", "sway", "heave_down", "heave_up", "roll", "yaw"} == set(flown.altitude_m)
+
+
 def ended_well(flown: Flown) -> bool:
     """Flown to the end, or ended by a guard that gives its name."""
     return flown.aborted == "" or re.match(r"[a-z_]+: \S", flown.aborted) is not None
@@ -143,7 +162,7 @@ def test_a_current_that_begins_to_run_is_held_against(seed: int) -> None:
 def test_a_cancel_at_any_moment_ends_neutral_or_in_the_hold_as_asked(motion: str, seed: int) -> None:
     ending = ENDINGS[(MOTIONS.index(motion) + seed) % 2]
     goal = Goal((motion,), on_cancel=ending)
-    planned = Maneuver(VEHICLE, Allocator(VEHICLE), goal, Box(VEHICLE, 0.0), plan_knobs=KNOBS.plan)
+    planned = Maneuver(VEHICLE, Allocator(VEHICLE), goal, PoolBounds(VEHICLE, 0.0), plan_knobs=KNOBS.plan)
     at_s = random.Random(f"{motion} {seed}").uniform(0.0, 0.8 * planned.seconds)
     pilot = GoalPilot(VEHICLE, goal, KNOBS, cancel_at_s=at_s)
     step = Lockstep(VEHICLE, pilot, seed)

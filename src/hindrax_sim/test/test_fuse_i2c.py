@@ -16,8 +16,8 @@ from smbus2 import SMBus, i2c_msg
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_sim.buses import i2cdev_abi as abi
-from hindrax_sim.buses.bus import VirtualI2c
 from hindrax_sim.buses.fuse_i2c import FuseI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
 

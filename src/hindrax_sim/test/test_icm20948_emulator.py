@@ -4,9 +4,9 @@ import struct
 
 import pytest
 
-from hindrax_sim.buses.bus import NackError
+from hindrax_sim.buses.virtual_i2c import NackError
 from hindrax_sim.devices.icm20948 import Icm20948
-from hindrax_sim.devices.imu_signal import Imperfections, ImuTruth, typical
+from hindrax_sim.devices.imu_signal import ImuTruth, SensorErrors, typical
 
 TRUTH = ImuTruth((1.0, -2.0, 9.5), (0.1, -0.2, 0.3), (20e-6, -10e-6, 30e-6), 30.0)
 
@@ -39,7 +39,7 @@ class Host:
 
 @pytest.fixture
 def host() -> Host:
-    return Host(Icm20948(1, Imperfections(noise=0.05)))
+    return Host(Icm20948(1, SensorErrors(noise=0.05)))
 
 
 def test_identity_and_values_at_power_on(host: Host) -> None:
@@ -174,7 +174,7 @@ def test_an_empty_fifo_gives_ones_and_a_held_one_stays_empty(host: Host) -> None
 
 
 def test_samples_come_on_a_clock_of_its_own() -> None:
-    host = Host(Icm20948(1, Imperfections(clock_error=0.02, noise=0.05)))
+    host = Host(Icm20948(1, SensorErrors(clock_error=0.02, noise=0.05)))
     fill(host)
     total = 0
     for _ in range(100):

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from hindrax_core.bus import DeviceError, Read, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
 from hindrax_core.events import Stamp
-from hindrax_drivers.buses.bus import open_bus
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
+from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.buses import i2cdev_abi as abi
-from hindrax_sim.buses.bus import BusStuckError, VirtualI2c
 from hindrax_sim.buses.ioctl_seam import seam
+from hindrax_sim.buses.virtual_i2c import BusStuckError, VirtualI2c
 
 
 class Memory:

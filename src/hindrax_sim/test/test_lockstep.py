@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_control.maneuvers import Goal
+from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import PilotKnobs
-from hindrax_control.plan import PlanKnobs
 from hindrax_core.errors import UsageError
-from hindrax_core.state import ZERO6, Allocation, Estimate, Navigation, Phase
+from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.faults import parse_fault
+from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.goal_pilot import GoalPilot
-from hindrax_sim.lockstep import Lockstep, Order
-from hindrax_sim.rigs import BytesRig, ReadingsRig
-from hindrax_sim.sensors import Noise
+from hindrax_sim.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.lockstep_rigs import BytesRig, ReadingsRig
+from hindrax_sim.sensor_models import Noise
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 
@@ -26,7 +26,7 @@ class Idle:
     """Asks for a wrench and lets the rest be."""
 
     def __init__(self, wrench=ZERO6, armed=True):
-        self.order = Order(wrench, Phase("", ""), armed)
+        self.order = LockstepCommand(wrench, Phase("", ""), armed)
 
     def step(self, navigation, became, *, armed):
         del navigation, became, armed
@@ -67,7 +67,7 @@ def test_disarming_stops_everything():
     step = Lockstep(VEHICLE, pilot, 5)
     list(step.run(12.0))
     assert any(step.world.plant.targets_N)
-    pilot.order = Order()
+    pilot.order = LockstepCommand()
     list(step.run(0.2))
     assert not any(step.world.plant.targets_N)
     assert not step.onboard.armed
@@ -111,7 +111,7 @@ def test_both_rigs_say_the_same_kinds_of_things():
         end = rig.world.stamp + 4_000_000_000
         said = set()
         while rig.world.stamp < end:
-            said |= {(name, type(one.reading).__name__) for name, one in rig.listen()}
+            said |= {(name, type(one.reading).__name__) for name, one in rig.advance()}
         return {one for one in said if one[1] != "DeviceText"}
 
     assert kinds(ReadingsRig(VEHICLE, 1)) == kinds(BytesRig(VEHICLE, 1))
@@ -125,7 +125,7 @@ def test_a_surge_run_finds_the_drag_and_never_touches_a_wall():
         estimates += isinstance(one.reading, Estimate)
         if isinstance(one.reading, Navigation):
             errors.append(abs(one.reading.depth_m - step.world.depth_m))
-    surge = step.session.finish().motions["surge"]
+    surge = step.session.finalize().results.motions["surge"]
     drag = VEHICLE.hydrodynamics.surge
     for speed in (0.2, 0.3, 0.4):
         truth = (drag.k_q * speed + drag.k_l) * speed

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hindrax_sim.buses.bus import NackError
+from hindrax_sim.buses.virtual_i2c import NackError
 from hindrax_sim.devices.pca9685 import Pca9685
 
 FAR = 10.0

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
-from hindrax_sim.plant import Plant
-from hindrax_sim.quaternion import euler, quaternion, rotate
-from hindrax_sim.thrust import steady_force, thruster_force, wrench_per_newton
+from hindrax_sim.physics.plant import Plant
+from hindrax_sim.physics.quaternion import euler, quaternion, rotate
+from hindrax_sim.physics.steady_thrust import steady_force, thruster_force, wrench_per_newton
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 DT = 0.002

@@ -18,11 +18,11 @@ def line(number: int) -> bytes:
 def test_who_opens_late_reads_nothing_that_is_long_past(tmp_path: Path) -> None:
     pty = Pty(tmp_path / "dvl")
     for number in range(5000):
-        pty.put(line(number))
+        pty.write(line(number))
     port = os.open(tmp_path / "dvl", os.O_RDWR | os.O_NONBLOCK)
     found, number = b"", 5000
     while line(number - 1) not in found and number < 5500:  # the kernel moves bytes along when it likes
-        pty.put(line(number))
+        pty.write(line(number))
         number += 1
         time.sleep(0.01)
         with contextlib.suppress(BlockingIOError):
@@ -38,10 +38,10 @@ def test_bytes_go_both_ways_unchanged(tmp_path: Path) -> None:
     pty = Pty(tmp_path / "ping")
     port = os.open(tmp_path / "ping", os.O_RDWR)
     everything = bytes(range(256))
-    pty.put(everything)
+    pty.write(everything)
     assert os.read(port, 256) == everything
     os.write(port, everything)
-    assert pty.take() == everything
+    assert pty.read() == everything
     os.close(port)
     pty.close()
 
@@ -65,8 +65,8 @@ def test_an_unplugged_port_is_gone_and_comes_back_at_its_place(tmp_path: Path) -
     with pytest.raises(OSError, match="Input/output error"):
         os.write(port, b"?")
     os.close(port)
-    pty.put(b"nobody hears this")
-    assert (pty.take(), pty.baud) == (b"", 0)
+    pty.write(b"nobody hears this")
+    assert (pty.read(), pty.baud) == (b"", 0)
     pty.plug(in_place=True)
     assert (tmp_path / "dvl").exists()
     pty.close()

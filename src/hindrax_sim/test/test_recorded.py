@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hindrax_bag.reader import attachments, messages
-from hindrax_core.bus import Read, Write, WriteRead
+from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_core.bus_operations import Read, Write, WriteRead
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Pressure
 from hindrax_core.vehicle import parse_vehicle
-from hindrax_core.wire import pack_transaction
-from hindrax_drivers.buses.bus import wire_error
-from hindrax_drivers.buses.schedule import BusSchedule
-from hindrax_drivers.registry import DEVICES
+from hindrax_core.wire_frames import pack_transaction
+from hindrax_drivers.buses.bus_schedule import BusSchedule
+from hindrax_drivers.buses.register_bus import wire_error
+from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.devices.register_emulator import NackError
-from hindrax_sim.recorded import RecordedHardware, RecordedLine, RecordedPart, frames_of
+from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, frames_of
 
 MS = 1_000_000
 BAG = Path(__file__).parents[3] / "test" / "replay" / "bags" / "surge"
@@ -74,7 +74,7 @@ def test_nobody_answers_before_the_record_behind_it_or_to_what_was_never_asked()
 
 def test_a_line_says_its_bytes_when_their_time_has_come():
     line = RecordedLine([(10, b"a"), (20, b"bc"), (21, b"d")])
-    assert [line.until(stamp) for stamp in (5, 10, 20, 30, 40)] == [b"", b"a", b"bc", b"d", b""]
+    assert [line.read_until(stamp) for stamp in (5, 10, 20, 30, 40)] == [b"", b"a", b"bc", b"d", b""]
     assert line.receive(b"question", 1.0) == b""
 
 

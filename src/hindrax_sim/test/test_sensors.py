@@ -9,8 +9,8 @@ import pytest
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
-from hindrax_sim.draws import Draws
-from hindrax_sim.sensors import QUIET, Noise, sensors
+from hindrax_sim.physics.normal_draws import NormalDraws
+from hindrax_sim.sensor_models import QUIET, Noise, sensors
 from hindrax_sim.world import Conditions, World
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -105,7 +105,7 @@ def test_one_seed_one_story():
 
 
 def test_draws_depend_on_name_and_seed_alone():
-    first, again, other = Draws("a", 1), Draws("a", 1), Draws("b", 1)
+    first, again, other = NormalDraws("a", 1), NormalDraws("a", 1), NormalDraws("b", 1)
     values = [first.normal() for _ in range(3000)]
     assert values == [again.normal() for _ in range(3000)]
     assert values != [other.normal() for _ in range(3000)]

@@ -32,7 +32,7 @@ class Wired:
         heard = []
         for _ in range(round(seconds / 0.01)):
             self.now_s += 0.01
-            self.port.put(self.device.step(self.now_s) + self.device.receive(self.port.take(), self.now_s))
+            self.port.write(self.device.step(self.now_s) + self.device.receive(self.port.read(), self.now_s))
             self.line.turn()
             while True:
                 try:

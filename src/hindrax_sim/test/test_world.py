@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
-from hindrax_sim.quaternion import quaternion, rotate
+from hindrax_sim.physics.quaternion import quaternion, rotate
 from hindrax_sim.world import Conditions, World
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")

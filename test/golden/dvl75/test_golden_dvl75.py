@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hindrax_core.device import Identity
+from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity
 from hindrax_drivers.devices.dvl75 import Dvl75

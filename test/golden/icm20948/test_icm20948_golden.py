@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from hindrax_core.bus import DeviceError, Operation, Pause, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Inertial, Magnetic
 from hindrax_core.testing import rehearse
@@ -18,7 +18,7 @@ from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
 from hindrax_drivers.imu_calibration import Correction
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
-NARROW = Icm20948Knobs(gyro_range_dps="250", accel_range_g="2", magnetometer=False, startup_bias=False)
+NARROW = Icm20948Knobs(gyro_range_dps="250", accel_range_g="2", magnetometer=False)
 
 Line = tuple[Operation, bytes | DeviceError]
 

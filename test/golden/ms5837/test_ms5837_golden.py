@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from hindrax_core.bus import DeviceError, Operation, Pause, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Pressure
 from hindrax_core.testing import rehearse

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from hindrax_core.bus import Operation, Pause, Write, WriteRead
+from hindrax_core.bus_operations import Operation, Pause, Write, WriteRead
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.pca9685 import Pca9685
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hindrax_core.device import Identity, Send
+from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Echo, EchoProfile
 from hindrax_drivers.devices import ping_protocol as protocol

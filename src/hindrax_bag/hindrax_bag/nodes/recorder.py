@@ -20,47 +20,52 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from hindrax_bag.gaps import Gaps
-from hindrax_bag.limits import Limits, free_bytes
 from hindrax_bag.metadata import SHORTEST_FOREVER_S
-from hindrax_bag.software import software_version
-from hindrax_bag.stamps import stamp_of
-from hindrax_bag.writer import BagWriter, Channel
+from hindrax_bag.read.completion import begin_completion
+from hindrax_bag.read.header_stamp import valid_stamp
+from hindrax_bag.software_version import software_version
+from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.limits import BagLimits, free_bytes
+from hindrax_bag.write.publication_gaps import PublicationGaps
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic, resolved
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import message_class, profile
-from hindrax_ros.health import Reporter, status
 from hindrax_ros.parameters import knobs, text
-from hindrax_ros.polled import PolledNode
 from hindrax_ros.process import spin
 
 MessageInfo = dict[str, Any]
-"""What rclpy tells beside a message."""
+"""Message info of rclpy."""
 FLUSH_S = 0.5
 SYNC_EVERY = 2
 QUEUE = 4000
-"""Messages of one topic that may wait for the recorder; more are lost, and counted."""
+"""Queue length of one topic; further messages are lost, and counted."""
 
 
-class Recorder(PolledNode):
-    """Subscribes to what the table says is recorded and writes it down."""
+class Recorder(BatchedNode):
+    """Subscribes to the recorded topics of the table and writes their messages."""
 
     def __init__(self) -> None:
         super().__init__("recorder")
         folder = Path(text(self, "bag", "", "folder of the bag [-]"))
         vehicle = text(self, "vehicle", "", "vehicle file, kept inside the bag [-]")
         notes = text(self, "notes", "", "what this run is, kept inside the bag [-]")
-        self._bag = BagWriter(folder, limits=knobs(self, Limits))
-        self._bag.open()
+        self._bag = BagWriter(folder, limits=knobs(self, BagLimits))
+        unfinished = self._bag.open(resume=True)
         self._describe(notes, vehicle)
-        self._reporter = Reporter(self)
-        self._gaps: dict[str, Gaps] = {}
+        self._completion = begin_completion(unfinished)
+        if self._bag.path.stem != f"{folder.name}_0":
+            self.get_logger().warning(f"{folder} is there already; recording goes on in {self._bag.path.name}")
+        self._reporter = DiagnosticsPublisher(self)
+        self._gaps: dict[str, PublicationGaps] = {}
+        self._invalid_stamps: Counter[str] = Counter()
         self._early: list[tuple[Channel, bytes, int]] = []
         self._flushes = 0
         for topic in TOPICS:
             if topic.recorded:
-                self._listen(topic)
-        # In wall time, whatever the mock's clock does: a power cut asks no clock.
+                self._subscribe(topic)
+        # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
 
     def _now(self) -> Stamp:
@@ -74,43 +79,46 @@ class Recorder(PolledNode):
             if path:
                 self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self._now())
 
-    def _listen(self, topic: Topic) -> None:
-        """Subscribe with a deep queue of our own."""
-        self._gaps[topic.name] = Gaps(partial(self.count_publishers, resolved(topic)))
+    def _subscribe(self, topic: Topic) -> None:
+        """Subscribe to a topic with a deep queue."""
+        self._gaps[topic.name] = PublicationGaps(partial(self.count_publishers, resolved(topic)))
         quality = replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)
-        self.create_subscription(message_class(topic.type), topic.name, self._keeper(topic), profile(quality), raw=True)
+        self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), profile(quality), raw=True)
 
-    def _keeper(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
+    def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         stamped = starts_with_stamp(topic)
         write, now, early = self._bag.write, self.get_clock().handle.get_now, self._early
-        hear = self._gaps[topic.name].hear
+        count, invalid = self._gaps[topic.name].count, self._invalid_stamps
         channel: Channel | None = None
 
-        def keep(data: bytes, info: MessageInfo) -> None:
+        def write_message(data: bytes, info: MessageInfo) -> None:
             nonlocal channel
             if channel is None:
                 channel = self._channel(topic)
             number = info["publication_sequence_number"]
             if number is not None:
-                hear(number)
+                count(number)
+            sent = valid_stamp(data) if stamped else None
+            if stamped and sent is None:
+                invalid[topic.name] += 1
             received = now().nanoseconds
             if not received:
-                # The mock's clock has not been heard yet: these messages wait for its first word.
-                early.append((channel, data, stamp_of(data) if stamped else 0))
+                # No /clock message yet: these messages wait for the first one.
+                early.append((channel, data, sent or 0))
                 return
             if early:
-                self._place(received)
-            write(channel, data, received, stamp_of(data) if stamped else received)
+                self._write_early(received)
+            write(channel, data, received, received if sent is None else sent)
 
-        return keep
+        return write_message
 
-    def _place(self, received: int) -> None:
+    def _write_early(self, received: int) -> None:
         for channel, data, sent in self._early:
             self._bag.write(channel, data, received, sent or received)
         self._early.clear()
 
     def _channel(self, topic: Topic) -> Channel:
-        """Describe a topic as its publishers do, once there is one; as the table does where none is seen."""
+        """Describe a topic as its publishers offer it; without a publisher, as in the table."""
         name = resolved(topic)
         found = self.get_publishers_info_by_topic(name)
         offered = dict.fromkeys(offered_quality(one.qos_profile, topic.quality) for one in found)
@@ -126,13 +134,15 @@ class Recorder(PolledNode):
 
     def _report(self) -> None:
         bag, lost = self._bag, Counter({name: gaps.lost for name, gaps in self._gaps.items() if gaps.lost})
+        invalid = self._invalid_stamps
         values = {
             "messages": str(bag.counts.total()),
             "lost": str(lost.total()),
             "size [MB]": f"{bag.size_bytes / 1e6:.1f}",
-            "free [MB]": f"{free_bytes(bag.folder) / 1e6:.0f}",
+            "free [MB]": _free_MB(bag.folder),
             "bag": str(bag.path),
             **{f"lost: {topic}": str(count) for topic, count in sorted(lost.items())},
+            **{f"invalid stamps: {topic}": str(count) for topic, count in sorted(invalid.items())},
         }
         level = DiagnosticStatus.ERROR if bag.stopped else DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
         said = bag.stopped or (f"recording; {lost.total()} messages lost" if lost else "recording")
@@ -141,8 +151,20 @@ class Recorder(PolledNode):
     def close(self) -> None:
         """Finish the bag with its index."""
         if self._early:
-            self._place(max(sent for _, _, sent in self._early))
+            self._write_early(max(sent for _, _, sent in self._early))
         self._bag.close()
+        if self._bag.stopped:
+            self.get_logger().error(self._bag.stopped)
+        if self._completion is not None:
+            self._completion.wait()
+            self._bag.index()
+
+
+def _free_MB(folder: Path) -> str:
+    try:
+        return f"{free_bytes(folder) / 1e6:.0f}"
+    except OSError as error:  # the folder is gone, or its disk
+        return str(error.strerror)
 
 
 def starts_with_stamp(topic: Topic) -> bool:
@@ -152,7 +174,7 @@ def starts_with_stamp(topic: Topic) -> bool:
 
 
 def offered_quality(found: QoSProfile, said: Quality) -> Quality:
-    """Quality that a publisher offers; how deep its queue is the graph does not tell: as the table has it."""
+    """Quality that a publisher offers; the graph has no queue depth, so it is that of the table."""
     return Quality(
         reliable=found.reliability == ReliabilityPolicy.RELIABLE,
         depth=found.depth or said.depth,
@@ -163,12 +185,12 @@ def offered_quality(found: QoSProfile, said: Quality) -> Quality:
 
 
 def _limited_s(found: Duration) -> float:
-    """Seconds of a duration; 0 where it is without end."""
+    """Seconds of a duration; 0 for an infinite one."""
     return 0.0 if found.nanoseconds >= SHORTEST_FOREVER_S * NS_PER_S else found.nanoseconds / NS_PER_S
 
 
 def type_hash(found: object) -> str:
-    """Write a type hash of the graph as rosbag2 does: RIHS01_ and the digits; empty when the middleware tells none."""
+    """Format a type hash as rosbag2 does: RIHS01_ and the digits; empty if the middleware gives none."""
     version, value = getattr(found, "version", -1), getattr(found, "value", b"")
     return f"RIHS{version:02d}_{bytes(value).hex()}" if version > 0 and any(value) else ""
 

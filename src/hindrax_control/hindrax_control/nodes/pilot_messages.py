@@ -1,20 +1,23 @@
-"""What the pilot is told and tells, as messages."""
+"""Messages that the pilot receives and publishes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hindrax_control.holds import HoldState
-from hindrax_control.maneuvers import Goal, ManeuverOutput
+from hindrax_control.hold.holds import HoldState
+from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
+from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.state import Estimate
+from hindrax_core.signals import Estimate
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldStatus, ManeuverStatus
 from hindrax_ros.convert import stamp_to_msg
 
+LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
+"""Motions of which there may be an estimate."""
 FRESH_S = 2.0
-"""Age from which on an estimate counts as one that learns no more, whatever it said."""
+"""Age from which on an estimate counts as no longer learning."""
 
 
 def goal_from_msg(message: Any) -> Goal:
@@ -22,8 +25,21 @@ def goal_from_msg(message: Any) -> Goal:
     return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel)
 
 
+def unfit_estimate(message: Any) -> str:
+    """Why a ModelEstimate cannot be one; empty when it can."""
+    count = len(message.values)
+    if message.motion not in LEARNED:
+        return f"found motion {message.motion[:40]!r}, wanted one of {', '.join(sorted(LEARNED))}"
+    if not len(message.names) == len(message.units) == count or len(message.covariance) != count * count:
+        found = f"{len(message.names)} names, {len(message.units)} units and {len(message.covariance)} covariances"
+        return f"found {found} for {count} values, wanted {count}, {count} and {count * count}"
+    if any(message.covariance[index * (count + 1)] < 0.0 for index in range(count)):
+        return "found a negative variance, wanted none"
+    return ""
+
+
 def holds_to_msg(holds: Sequence[HoldState], stamp: Stamp) -> HoldStatus:
-    """Every hold."""
+    """HoldStatus of every hold."""
     message = HoldStatus(
         axes=[one.axis for one in holds],
         engaged=[one.engaged for one in holds],
@@ -36,7 +52,7 @@ def holds_to_msg(holds: Sequence[HoldState], stamp: Stamp) -> HoldStatus:
 
 
 def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
-    """What is flown, for everybody."""
+    """ManeuverStatus of one cycle."""
     message = ManeuverStatus(
         motion=output.phase.motion,
         phase=output.phase.phase,
@@ -52,7 +68,7 @@ def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
 
 
 def feedback_to_msg(output: ManeuverOutput, estimates: Mapping[str, Stamped[Estimate]], stamp: Stamp) -> Any:
-    """What is flown, for who asked for it, with what is known of that motion; `estimates` are those of each motion."""
+    """Feedback of FlyManeuver with the estimate of its motion; `estimates`: by motion."""
     feedback = FlyManeuver.Feedback(
         motion=output.phase.motion,
         phase=output.phase.phase,

@@ -1,6 +1,6 @@
-"""The clocks a host can wait on: the system's, or that of mock hardware (see `virtual`).
+"""Clocks a host can wait on: the system's, or that of mock hardware (see `mock_bus`); `ports` opens one.
 
-Every sleep can be cut short by `wake()` from another thread or by a readable file descriptor.
+Every sleep can be ended by `wake()` from another thread or by a readable file descriptor.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Meanwhile: TypeAlias = Callable[[], None]
 
 
 def nothing() -> None:
-    """What there is to do where nothing is."""
+    """Do nothing."""
 
 
 class Clock(Protocol):
-    """Time that can be read and waited for."""
+    """A clock that can be read and waited on."""
 
     def now(self) -> Stamp:
         """Time of this clock."""
@@ -35,18 +35,18 @@ class Clock(Protocol):
     def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
         """Return when the time has come, after `wake()`, or when the descriptor `readable` has bytes: check which.
 
-        `meanwhile` is called once, at the beginning: for work that no device waits for. A mock's time goes on by then.
+        `meanwhile` is called once, at the start, for work that no device waits for. A mock's time advances by then.
         """
 
     def wake(self) -> None:
-        """End the sleep of another thread; with nobody asleep, the next sleep ends at once."""
+        """End the sleep of another thread; if none sleeps, the next sleep ends at once."""
 
     def close(self) -> None:
-        """Give back descriptors. The clock must not be used afterwards."""
+        """Close the descriptors. Afterwards only `now` may be used."""
 
 
 class Alarm:
-    """A pipe that turns `ring()` in one thread into a readable descriptor in another; rings are not counted."""
+    """A pipe that turns `set()` in one thread into a readable descriptor in another; calls are not counted."""
 
     def __init__(self) -> None:
         self._read, self._write = os.pipe()
@@ -54,16 +54,16 @@ class Alarm:
         os.set_blocking(self._write, False)
 
     def fileno(self) -> int:
-        """Descriptor that is readable after a ring."""
+        """Descriptor that is readable after `set`."""
         return self._read
 
-    def ring(self) -> None:
+    def set(self) -> None:
         """Make the descriptor readable; a full pipe is readable already."""
         with contextlib.suppress(BlockingIOError):
             os.write(self._write, b"!")
 
-    def hush(self) -> None:
-        """Forget all rings so far."""
+    def clear(self) -> None:
+        """Make the descriptor unreadable again."""
         with contextlib.suppress(BlockingIOError):
             os.read(self._read, 4096)
 
@@ -95,25 +95,12 @@ class SystemClock:
             wanted = [self._alarm.fileno()] if readable is None else [self._alarm.fileno(), readable]
             ready, _, _ = select.select(wanted, (), (), left_s)
             if self._alarm.fileno() in ready:
-                self._alarm.hush()
+                self._alarm.clear()
 
     def wake(self) -> None:
         """End the current or the next sleep."""
-        self._alarm.ring()
+        self._alarm.set()
 
     def close(self) -> None:
         """Close the alarm's pipe."""
         self._alarm.close()
-
-
-def open_clock(port: str, name: str = "") -> Clock:
-    """Open "system", or "mock:/path/to/socket" for the clock of mock hardware.
-
-    `name` tells the mock who is asking, so that it can rouse a serial node as its port gets bytes (`BusServer.rouse`).
-    Anything else than a mock's socket is a real port and lives in system time.
-    """
-    if port.startswith(MOCK_PREFIX):
-        from hindrax_drivers.buses.virtual import VirtualClock  # noqa: PLC0415 - `virtual` implements Clock
-
-        return VirtualClock(port.removeprefix(MOCK_PREFIX), name)
-    return SystemClock()

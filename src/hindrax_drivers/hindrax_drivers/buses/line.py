@@ -1,4 +1,4 @@
-"""A line to a device that speaks by itself: a serial port, or datagrams of a network that carry the same bytes."""
+"""Line to a device that sends by itself: a serial port, or network datagrams with the same bytes."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import contextlib
 import socket
 from typing import Protocol
 
-from hindrax_core.bus import DeviceError
-from hindrax_core.device import Send
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Send
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
-from hindrax_drivers.buses.serial import SerialPort
+from hindrax_drivers.buses.serial_port import SerialPort
 
 UDP_PREFIX = "udp://"
 LARGEST_DATAGRAM = 65536
@@ -22,16 +22,16 @@ class Line(Protocol):
     """An open line. DeviceError when it is lost."""
 
     def read(self) -> tuple[bytes, Stamp]:
-        """Take what has arrived, without waiting, and the time at which it was found."""
+        """Return the bytes that have arrived, without waiting, and the time of the read."""
 
     def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
         """Sleep on the clock until bytes arrive, the time has come, or `clock.wake()` is called."""
 
     def send(self, order: Send) -> None:
-        """Put bytes on the wire."""
+        """Send bytes."""
 
     def close(self) -> None:
-        """Give the line back; closing twice is no error."""
+        """Close the line; closing twice is no error."""
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
@@ -40,7 +40,7 @@ def open_line(path: str, baud: int, clock: Clock) -> Line:
 
 
 class UdpPort:
-    """Listens at an address of this machine and answers whoever spoke last; until somebody has, orders are kept.
+    """Listens at a local address and answers the last sender; until there is one, commands are queued.
 
     A datagram ends a line of text, whether or not it says so. A DVL-75 sends to port 27000 from the port at which it
     takes commands. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface".
@@ -53,7 +53,7 @@ class UdpPort:
         self._socket = _listening(path)
 
     def read(self) -> tuple[bytes, Stamp]:
-        """Take the datagrams that have arrived."""
+        """Return the datagrams that have arrived."""
         stamp = self._clock.now()
         found = []
         try:
@@ -74,7 +74,7 @@ class UdpPort:
             raise self._lost(error) from error
 
     def send(self, order: Send) -> None:
-        """Send to the device, as soon as it is known where that is."""
+        """Send to the device, or queue until its address is known."""
         self._kept = [*self._kept[-MOST_KEPT:], order.data]
         try:
             self._send_kept()
@@ -82,7 +82,7 @@ class UdpPort:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """Give the address back."""
+        """Close the socket."""
         self._socket.close()
 
     def _send_kept(self) -> None:

@@ -1,6 +1,6 @@
 """The AK09916 magnetometer inside an ICM-20948, on the host's bus by the bypass. TDK DS-000189 r1.3, section 13.
 
-It is a second die, and fails on its own: then the inertial sensor goes on without it, and it is set up again.
+It is a separate die that can fail alone: the inertial sensor then continues without it, and it is set up again.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Magnetic
 from hindrax_drivers.devices import icm20948_registers as r
@@ -33,7 +33,7 @@ MagOutputs = Sequence[Stamped[Magnetic] | Rejected]
 
 
 class Ak09916:
-    """Set-up and reading of the magnetometer; every output of `read` is data, wire errors included."""
+    """Set-up and reading of the magnetometer; `read` returns bus errors as data."""
 
     def __init__(self, correction: Correction) -> None:
         self._correction = correction
@@ -44,7 +44,7 @@ class Ak09916:
         self._repeats = self._doubted = 0
 
     def configure(self) -> Program[str]:
-        """Reset, identify, measure at 100 Hz. Returns what answered, or why nobody did."""
+        """Reset, identify, measure at 100 Hz. Returns the identity, or the reason for no answer."""
         self._ready = False
         try:
             yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL3, r.MAG_RESET]))
@@ -60,14 +60,14 @@ class Ak09916:
         return "AK09916"
 
     def read(self, stamp: Stamp) -> Program[MagOutputs]:
-        """Take the newest sample if there is one; a lost magnetometer is set up again once a second."""
+        """Read the newest sample, if any; a lost magnetometer is set up again once a second."""
         if not self._ready:
             return (yield from self._set_up_again(stamp))
         try:
             block = yield WriteRead(r.MAG_ADDRESS, bytes([r.MAG_ST1]), r.MAG_BLOCK)
         except DeviceError as error:
             return self._lost(stamp, f"magnetometer: {error}")
-        return self._judge(block, stamp)
+        return self._decode(block, stamp)
 
     def _set_up_again(self, stamp: Stamp) -> Program[MagOutputs]:
         if 0.0 <= seconds_between(self._tried, stamp) < SET_UP_EVERY_S:
@@ -76,8 +76,8 @@ class Ak09916:
         found = yield from self.configure()
         return () if self._ready else (Rejected(stamp, f"magnetometer: {found}"),)
 
-    def _judge(self, block: bytes, stamp: Stamp) -> MagOutputs:
-        """Ready, not overflowed, not the same for ever."""
+    def _decode(self, block: bytes, stamp: Stamp) -> MagOutputs:
+        """Decode a sample that is ready, has not overflowed and is not stuck."""
         if not block[0] & r.MAG_READY:
             self._heard = self._heard if 0 < self._heard <= stamp else stamp
             silent = seconds_between(self._heard, stamp) > SILENT_S
@@ -91,11 +91,11 @@ class Ak09916:
         if self._repeats >= REPEATS:
             return self._lost(stamp, f"magnetometer: {self._repeats} equal samples", block)
         counts = _FIELD.unpack(field)
-        if self._leaps(counts):
+        if self._jumps(counts):
             return (Rejected(stamp, "magnetometer: leap, no vehicle turns like that", block),)
         return (Stamped(after(stamp, -MEAN_AGE_S), self._magnetic(*counts)),)
 
-    def _leaps(self, counts: tuple[int, ...]) -> bool:
+    def _jumps(self, counts: tuple[int, ...]) -> bool:
         last = self._believed
         far = last is not None and any(abs(a - b) > LARGEST_STEP_LSB for a, b in zip(counts, last, strict=True))
         if far and self._doubted < BELIEVE_AFTER:

@@ -1,6 +1,6 @@
-"""Cerulean DVL-75 Doppler velocity log; a Tracker 650 is understood too.
+"""Cerulean DVL-75 Doppler velocity log; a Tracker 650 is supported too.
 
-$DVPDL says by how much the vehicle has moved in the interval before its time tag. Velocity is that over the interval:
+$DVPDL gives the displacement of the vehicle in the interval before its time tag. Velocity is that over the interval:
 a mean, so it is stamped with the middle of the interval, on the device's clock mapped to ROS time.
 
 Each delta is rounded to 1 mm on its own when it is printed (captured lines show -0.000, which a carried remainder would
@@ -17,13 +17,13 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 
-from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
 from hindrax_drivers.devices import dvl75_protocol as protocol
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, setup_commands, wanted_settings
 from hindrax_drivers.devices.nmea import MAX_LINE, LineSplitter, SentenceError, require_numbers, split_verified
-from hindrax_drivers.devices.vigil import Vigil
+from hindrax_drivers.devices.silence_monitor import SilenceMonitor
 from hindrax_drivers.driver import Driver, in_water
 from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
 
@@ -45,28 +45,28 @@ class Dvl75:
         self._max_speed_mps = knobs.max_speed_mps
         self._axis_sign = knobs.axis_sign
         self._floor_variance = knobs.sigma_floor_mps**2
-        self._vigil = Vigil("DVL", f"$DV sentences at {knobs.baud} baud", knobs.stall_s)
+        self._silence = SilenceMonitor("DVL", f"$DV sentences at {knobs.baud} baud", knobs.stall_s)
         self._lines = LineSplitter()
         self._clock = Timebase(
             1e-6,
             TimebaseKnobs(drift_ppm=knobs.clock_drift_ppm, latency_s=knobs.latency_s),
-            told=self._clock_broke,
+            on_break=self._on_clock_break,
         )
-        self._takers: dict[bytes, Callable[[list[bytes], bytes, Stamp], Iterable[Output]]] = {
-            b"DVPDX": self._take_delta,
-            b"DVEXT": self._take_extended,
-            b"DVNVM": self._take_configuration,
-            b"DVTXT": self._take_text,
-            b"DVKFA": self._take_kalman,
-            b"DVKFC": self._take_counted,
-            b"GPRMC": self._take_counted,
+        self._handlers: dict[bytes, Callable[[list[bytes], bytes, Stamp], Iterable[Output]]] = {
+            b"DVPDX": self._on_delta,
+            b"DVEXT": self._on_extended,
+            b"DVNVM": self._on_configuration,
+            b"DVTXT": self._on_text,
+            b"DVKFA": self._on_kalman,
+            b"DVKFC": self._on_counted,
+            b"GPRMC": self._on_counted,
         }
         self._counts: Counter[bytes] = Counter()
         self._configuration: dict[str, str] = {}
-        self._forget(Stamp(0))
+        self._reset(Stamp(0))
 
-    def _forget(self, stamp: Stamp) -> None:
-        """State of a line that has just been opened."""
+    def _reset(self, stamp: Stamp) -> None:
+        """Reset to the state after opening the line."""
         self._lines.clear()
         self._clock.restart()
         self._identity = ""
@@ -74,8 +74,8 @@ class Dvl75:
         self._last_tag = self._last_extended = b""
         self._last_stamp = self._last_track = Stamp(0)
         self._moved = self._asked = stamp
-        self._tries = 0
-        self._vigil.restart(stamp)
+        self._requests = 0
+        self._silence.restart(stamp)
         self._troubles: list[Trouble] = []
 
     @property
@@ -86,7 +86,7 @@ class Dvl75:
     @property
     def ready(self) -> bool:
         """Whether a Cerulean DVL has been recognized and its deltas keep coming."""
-        return bool(self._identity) and self._last_us >= 0 and self._vigil.condition == "well" and self._tries == 0
+        return bool(self._identity) and self._last_us >= 0 and self._silence.condition == "well" and self._requests == 0
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -95,21 +95,21 @@ class Dvl75:
 
     @property
     def configuration(self) -> Mapping[str, str]:
-        """What the device last said about its settings; empty until it did."""
+        """Last reported settings of the device; empty before the first report."""
         return self._configuration
 
     def start(self, stamp: Stamp) -> list[Output]:
-        """Ask who is there. Settings are not touched."""
-        self._forget(stamp)
+        """Request the identity. Settings are not changed."""
+        self._reset(stamp)
         return [Send(ASK_CONFIGURATION)]
 
     def feed(self, data: bytes, stamp: Stamp) -> list[Output]:
-        """Decode what has arrived; what is refused comes back as Rejected, in the order of the bytes."""
-        self._vigil.heard = stamp
+        """Decode received bytes; invalid ones come back as Rejected, in the order of the bytes."""
+        self._silence.last_byte = stamp
         outputs: list[Output] = []
         for line in self._lines.feed(data):
             try:
-                outputs += self._take(line, stamp)
+                outputs += self._on_line(line, stamp)
             except SentenceError as bad:
                 outputs.append(Rejected(stamp, f"{_name(line)}: {bad}", line))
         if self._troubles:
@@ -117,23 +117,23 @@ class Dvl75:
             self._troubles = []
         return outputs
 
-    def _take(self, line: bytes, stamp: Stamp) -> Iterable[Output]:
+    def _on_line(self, line: bytes, stamp: Stamp) -> Iterable[Output]:
         if line.startswith(b"$DVPDL,"):
-            return self._take_delta(split_verified(line), line, stamp)
+            return self._on_delta(split_verified(line), line, stamp)
         if len(line) >= MAX_LINE:
             raise SentenceError("length")
         if line[:1] != b"$":
-            return self._take_plain(line, stamp)
+            return self._on_plain(line, stamp)
         if line[:6] == b"$DVTXT" and line[-3:-2] != b"*":
-            return self._take_text(line[1:].split(b",", 1), line, stamp)
+            return self._on_text(line[1:].split(b",", 1), line, stamp)
         fields = split_verified(line)
-        taker = self._takers.get(fields[0])
-        if taker is None:
+        handler = self._handlers.get(fields[0])
+        if handler is None:
             raise SentenceError("unknown")
-        self._vigil.understood = stamp
-        return taker(fields, line, stamp)
+        self._silence.last_valid = stamp
+        return handler(fields, line, stamp)
 
-    def _take_delta(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
+    def _on_delta(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
         require_numbers(line[6:-3])
         tag = fields[0]
         now_us, span_us, moved, percent = protocol.position_delta(fields if tag == b"DVPDL" else fields[:10])
@@ -151,8 +151,8 @@ class Dvl75:
         at = self._middle(now_us, span_us, stamp)
         self._counts[tag] += 1
         self._last_us, self._last_tag = now_us, tag
-        self._moved = self._vigil.understood = stamp
-        self._tries = 0
+        self._moved = self._silence.last_valid = stamp
+        self._requests = 0
         outputs: list[Output] = [Stamped(at, reading)]
         if tag == b"DVPDX":
             outputs += self._standoff(fields, percent, at)
@@ -161,18 +161,18 @@ class Dvl75:
         return outputs
 
     def _standoff(self, fields: list[bytes], percent: int, at: Stamp) -> list[Output]:
-        """Altitude of a Tracker 650: a $DVPDX tells it, for as long as the bottom is followed."""
+        """Altitude of a Tracker 650 from its $DVPDX, while it tracks the bottom."""
         confidence = percent * 0.01
         return [Stamped(at, Echo(protocol.standoff(fields), confidence))] if confidence >= self._min_confidence else []
 
     def _middle(self, end_us: int, span_us: int, arrival: Stamp) -> Stamp:
-        """Middle of an interval of which the device says when it ended; never before the one before."""
+        """Middle of an interval with a known end; never before the previous one."""
         middle = self._clock.map(end_us, arrival) - span_us * 500
         self._last_stamp = Stamp(max(self._last_stamp, middle))
         return self._last_stamp
 
     def _velocity(self, moved: Vec3, span_us: int, percent: int, now_us: int) -> BottomVelocity:
-        """Mean velocity over the interval, or none while the confidence is low: the deltas are then zeros or bogus."""
+        """Mean velocity over the interval, or none at low confidence, when the deltas are zero or invalid."""
         span_s = span_us * 1e-6
         confidence = percent * 0.01
         if confidence < self._min_confidence:
@@ -186,8 +186,8 @@ class Dvl75:
         sigma = math.sqrt(self._floor_variance + ROUNDING_VARIANCE_m2 / (span_s * span_s))
         return BottomVelocity(velocity, sigma, confidence, span_s, now_us)
 
-    def _take_extended(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
-        """$DVEXT carries no time: it is stamped with the start of its transmission, and never before the last one."""
+    def _on_extended(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
+        """Decode $DVEXT. It has no time: its stamp is the start of transmission, never before the last one."""
         if line == self._last_extended:
             # Four beams measured to a tenth of a millimetre per second do not come out the same twice.
             raise SentenceError("repeated")
@@ -198,7 +198,7 @@ class Dvl75:
         self._last_track = min(stamp, max(self._last_track, Stamp(stamp - on_wire_ns)))
         return [*self._identify("DVL-75"), Stamped(self._last_track, track)]
 
-    def _take_configuration(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
+    def _on_configuration(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         self._counts[b"DVNVM"] += 1
         self._configuration = protocol.configuration(fields)
         self._identity = self._configuration.get("Model", "DVL-75")
@@ -212,25 +212,25 @@ class Dvl75:
                 outputs.append(Trouble(stamp, sentence))
         return outputs
 
-    def _take_text(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
+    def _on_text(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         self._counts[b"DVTXT"] += 1
         text = b",".join(fields[1:])
         if not _printable(text):
             raise SentenceError("text")
         return [Stamped(stamp, DeviceText(text.decode("ascii").strip()))]
 
-    def _take_kalman(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
+    def _on_kalman(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
         protocol.kalman_header(fields)
         self._counts[b"DVKFA"] += 1
         return self._identify("DVL-75")
 
-    def _take_counted(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
-        """Recognized, of no use here: the vehicle's own position, raw beams of a Tracker 650."""
+    def _on_counted(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
+        """Count a known sentence without use here: the device's own position, raw beams of a Tracker 650."""
         self._counts[fields[0]] += 1
         return []
 
-    def _take_plain(self, line: bytes, stamp: Stamp) -> list[Output]:
-        """A line that is no sentence: boot messages and answers to commands, or the rest of a sentence cut in two."""
+    def _on_plain(self, line: bytes, stamp: Stamp) -> list[Output]:
+        """Handle a line that is no sentence: boot message, answer to a command, or a fragment of a sentence."""
         if line[:4] == b"IMU:":
             protocol.retweet(line)
             self._counts[b"IMU"] += 1
@@ -247,17 +247,17 @@ class Dvl75:
         self._identity = model
         return [Identity(f"Cerulean {model}")]
 
-    def _clock_broke(self, one: Break) -> None:
+    def _on_clock_break(self, one: Break) -> None:
         self._last_stamp = Stamp(0) if one.kind == "host step" else self._last_stamp
         what = {"reset": "has restarted", "jump": "leapt", "host step": "goes on, but the host's was set back"}
         sentence = f"DVL clock {what.get(one.kind, 'wrapped')} at {one.ticks} us (by {one.shift_s:.3f} s)"
         self._troubles.append(Trouble(one.arrival, f"{sentence}; stamps start anew"))
 
     def tick(self, stamp: Stamp) -> list[Output]:
-        """Notice silence, foreign talk and missing deltas; ask for deltas of a DVL, and of a line that is silent."""
-        troubles = self._vigil.tick(stamp)
-        stranger = not self._identity and self._vigil.condition != "silent"
-        if stranger or self._vigil.condition == "foreign":
+        """Detect silence, foreign data and missing deltas; request deltas of a DVL and on a silent line."""
+        troubles = self._silence.tick(stamp)
+        stranger = not self._identity and self._silence.condition != "silent"
+        if stranger or self._silence.condition == "foreign":
             return [*troubles]
         return [*troubles, *self._ask_for_deltas(stamp)]
 
@@ -265,19 +265,19 @@ class Dvl75:
         if seconds_between(max(self._moved, self._asked), stamp) < self._knobs.enable_after_s:
             return []
         self._asked = stamp
-        self._tries += 1
-        if self._tries <= self._knobs.enable_tries:
+        self._requests += 1
+        if self._requests <= self._knobs.enable_tries:
             return [Send(ENABLE_DELTAS)]
-        if self._tries > self._knobs.enable_tries + 1:
+        if self._requests > self._knobs.enable_tries + 1:
             return []
-        return [Trouble(stamp, f"DVL: no $DVPDL after {self._tries - 1} requests; check its firmware and settings")]
+        return [Trouble(stamp, f"DVL: no $DVPDL after {self._requests - 1} requests; check its firmware and settings")]
 
 
 _KNOWN = (b"DVPDL", b"DVPDX", b"DVEXT", b"DVNVM", b"DVTXT", b"DVKFA", b"DVKFC", b"GPRMC")
 
 
 def _name(line: bytes) -> str:
-    """Name for a refused line: its tag where that is a known one, so that reasons stay countable."""
+    """Name of a refused line: its tag if known, so that the set of reasons stays small."""
     if line[:1] != b"$":
         return "line"
     return line[1:6].decode("ascii") if line[1:6] in _KNOWN else "sentence"

@@ -1,4 +1,4 @@
-"""What a Cerulean DVL-75 (and its sister, the Tracker 650) says. Pure functions on verified fields.
+"""Sentences of a Cerulean DVL-75 and Tracker 650. Pure functions on verified fields.
 
 Sources: docs.ceruleansonar.com, "DVL-75 / Communicating with the DVL" and "Tracker 650 / Communicating with the
 Tracker 650", with the sentence's own page named at each function; field counts as in captured lines, which end $DVEXT
@@ -25,7 +25,7 @@ POSITION_STEP_m = 0.001
 
 @dataclass(frozen=True, slots=True)
 class KalmanHeader:
-    """The part of $DVKFA that the page fixes; the data groups behind it are left alone."""
+    """The part of $DVKFA that the page defines; the data groups after it are ignored."""
 
     version: int
     sequence: int
@@ -56,7 +56,7 @@ def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
     if len(fields) != 36 or fields[35] or not fields[3].isdigit() or len(fields[3]) != 4:
         raise SentenceError("fields")
     locked = _flag(fields[1])
-    # One look at all numbers: roll to quaternion and gains, then velocities and ranges of the beams.
+    # Check all numbers at once: roll to quaternion and gains, then velocities and ranges of the beams.
     values = numbers(fields[4:23] + fields[27:35])
     roll, pitch, heading, skipped, _, altitude, north, east = values[:8]
     if abs(roll) > 180.0 or abs(pitch) > 180.0 or not 0.0 <= heading <= 360.0 or not skipped.is_integer():

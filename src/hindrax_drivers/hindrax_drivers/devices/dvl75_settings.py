@@ -1,4 +1,4 @@
-"""How a DVL-75 is read, and the settings it keeps in its flash."""
+"""How a DVL-75 is read, and the settings in its flash."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ DEFAULT_KNOBS = Dvl75Knobs()
 
 
 def wanted_settings(knobs: Dvl75Knobs) -> dict[str, str]:
-    """Sticky settings this driver is best served with, as $DVNVM would report them."""
+    """Flash settings that this driver wants, as $DVNVM reports them."""
     return {
         "DVPDL messages": "ON",
         "DVEXT messages": "ON",
@@ -56,7 +56,7 @@ def wanted_settings(knobs: Dvl75Knobs) -> dict[str, str]:
 
 
 def setup_commands(current: Mapping[str, str], knobs: Dvl75Knobs, always: bool = False) -> tuple[bytes, ...]:
-    """Lines that make a device's settings (its $DVNVM, empty when unknown) those of the knobs; they wear the flash."""
+    """Commands that bring the settings (its $DVNVM, empty when unknown) to those of the knobs; they wear the flash."""
     return commands(current, wanted_settings(knobs), always)
 
 

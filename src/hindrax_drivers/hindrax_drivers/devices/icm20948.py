@@ -1,4 +1,4 @@
-"""TDK ICM-20948: specific force and angular rate out of its FIFO, magnetic field through its bypass.
+"""TDK ICM-20948: specific force and angular rate from its FIFO, magnetic field through its bypass.
 
 The FIFO keeps every sample until it is fetched, so nothing is missed when the host is late, and samples are counted:
 they are stamped by the sample clock, not by the wake-up of a thread. Source: TDK DS-000189 r1.3.
@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
-from hindrax_core.device import Identity
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
-from hindrax_core.readings import DeviceText, Inertial, Reading
+from hindrax_core.readings import Reading
 from hindrax_drivers.devices import icm20948_registers as r
 from hindrax_drivers.devices.ak09916 import Ak09916
 from hindrax_drivers.devices.icm20948_samples import Samples
 from hindrax_drivers.driver import Driver
-from hindrax_drivers.gyro_bias import GyroBias, GyroBiasKnobs
 from hindrax_drivers.imu_calibration import correction
 from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 
@@ -54,8 +53,6 @@ class Icm20948Knobs:
     temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
     largest_rate_step_radps: float = knob(1.0, 0.0, 100.0, "larger steps between two samples are damage [rad/s]")
     largest_force_step_mps2: float = knob(5.0, 0.0, 500.0, "larger steps between two samples are damage [m/s^2]")
-    startup_bias: bool = knob(True, meaning="take the gyroscope's offset off once it has been seen at rest")
-    bias: GyroBiasKnobs = field(default_factory=GyroBiasKnobs)
 
     @property
     def rate_Hz(self) -> float:
@@ -63,7 +60,7 @@ class Icm20948Knobs:
         return r.BASE_RATE_Hz / (1 + self.divider)
 
     def __post_init__(self) -> None:
-        """The FIFO must not overflow while all goes well."""
+        """Check that the FIFO cannot overflow in normal operation."""
         wanted = self.period_s * self.rate_Hz * r.SAMPLE_BYTES
         if self.mode == "fifo" and wanted > FILL * r.FIFO_BYTES:
             longest = FILL * r.FIFO_BYTES / r.SAMPLE_BYTES / self.rate_Hz
@@ -85,7 +82,6 @@ class Icm20948:
         calibration: Mapping[str, tuple[float, ...]] | None = None,
     ) -> None:
         self._knobs, self._address = knobs, address or r.ADDRESS
-        self.bias = GyroBias(knobs.bias)
         self._samples = Samples(
             gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
             accel_scale=r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g)),
@@ -127,13 +123,11 @@ class Icm20948:
         )
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
-        """Fetch all samples taken since the last cycle, and now and then temperature and magnetic field."""
+        """Read all samples since the last cycle, and at lower rates temperature and magnetic field."""
         knobs = self._knobs
         outputs = yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
         if self._samples.hung:
             raise DeviceError(f"address {self._address:#04x}: gives the same sample again and again")
-        if self.bias.found is None and knobs.startup_bias:
-            outputs += self._learn_bias(outputs)
         self._turn += 1
         if knobs.magnetometer and self._turn % knobs.magnetometer_every == 0:
             outputs += yield from self._mag.read(stamp)
@@ -166,7 +160,7 @@ class Icm20948:
         yield self._write(r.LP_CONFIG, 0)
 
     def _set_up_converters(self) -> Program[None]:
-        """Bank 2, written and read back: a setting that did not arrive would scale every reading wrongly."""
+        """Write bank 2 and read it back: a lost setting would scale every reading wrongly."""
         knobs = self._knobs
         gyro = r.config_byte(knobs.filter, r.GYRO_RANGES.index(knobs.gyro_range_dps))
         accel = r.config_byte(knobs.filter, r.ACCEL_RANGES.index(knobs.accel_range_g))
@@ -201,23 +195,23 @@ class Icm20948:
         yield self._write(r.FIFO_RST, 0)
 
     def _fetch_fifo(self, stamp: Stamp) -> Program[Outputs]:
-        """Count, then all samples in one burst; a FIFO that has lost its beginning is emptied."""
+        """Read the count, then all samples in one burst; a FIFO that has overflowed is emptied."""
         raw = yield self._read(r.FIFO_COUNTH, 2)
         count: int = _COUNT.unpack(raw)[0]
-        wrong = self._wrong(count, stamp)
+        wrong = self._fifo_fault(count, stamp)
         if wrong:
             yield from self._empty_fifo()
             self._samples.restart()
             self._crooked, self._fetched = 0, stamp
             return [Rejected(stamp, wrong, raw)]
         if count == 0 or self._crooked:
-            return self._nothing(stamp)
+            return self._on_empty_fifo(stamp)
         self._fetched = stamp
         data = yield self._read(r.FIFO_R_W, count)
         return self._samples.decode(data, stamp)
 
-    def _wrong(self, count: int, stamp: Stamp) -> str:
-        """Say why a fill level means that the FIFO must be emptied; a half-written sample is waited for."""
+    def _fifo_fault(self, count: int, stamp: Stamp) -> str:
+        """Reason why the FIFO must be emptied at this fill level; a half-written sample is waited for."""
         if count > r.FIFO_BYTES - r.SAMPLE_BYTES:
             return f"FIFO overflow: {count} bytes waiting, samples are lost"
         elapsed_s = seconds_between(self._fetched, stamp)
@@ -232,35 +226,22 @@ class Icm20948:
     def _fetch_newest(self, stamp: Stamp) -> Program[Outputs]:
         status = (yield self._read(r.INT_STATUS_1, 1))[0]
         if not status & r.RAW_DATA_READY:
-            return self._nothing(stamp)
+            return self._on_empty_fifo(stamp)
         self._fetched = stamp
         data = yield self._read(r.ACCEL_XOUT_H, r.SAMPLE_BYTES)
-        # Half a period old on average; how many samples were passed over is not known, so nothing is counted.
+        # Half a period old on average; the number of skipped samples is unknown and not counted.
         return self._samples.decode_one(data, after(stamp, -0.5 / self._knobs.rate_Hz - self._knobs.filter_delay_s))
 
     def _fetch_temperature(self) -> Program[None]:
         raw = yield self._read(r.TEMP_OUT_H, 2)
         self._samples.temperature_C = r.temperature_C(_TEMPERATURE.unpack(raw)[0])
 
-    def _nothing(self, stamp: Stamp) -> Outputs:
-        """A sensor that has reset itself sleeps, and gives nothing for ever."""
+    def _on_empty_fifo(self, stamp: Stamp) -> Outputs:
+        """Check an empty FIFO: a sensor that has reset itself sleeps and gives no samples."""
         if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
             self._fetched = stamp
         if seconds_between(self._fetched, stamp) > NO_DATA_S:
             raise DeviceError(f"address {self._address:#04x}: no sample for {NO_DATA_S} s; it may have reset itself")
-        return []
-
-    def _learn_bias(self, outputs: Outputs) -> Outputs:
-        for output in outputs:
-            if not isinstance(output, Stamped) or not isinstance(output.reading, Inertial):
-                continue
-            if self.bias.add(output.reading.rate_radps, output.reading.specific_force_mps2):
-                assert self.bias.found is not None
-                self._samples.bias_radps = self.bias.found
-                text = ", ".join(f"{rate:+.4f}" for rate in self.bias.found)
-                return [
-                    Stamped(output.stamp, DeviceText(f"gyroscope offset at rest: {text} rad/s, removed from now on"))
-                ]
         return []
 
     def _bank(self, number: int) -> Write:

@@ -1,4 +1,4 @@
-"""From the bytes of an ICM-20948's samples to readings: scale, correct, stamp, and refuse what cannot be true."""
+"""From the sample bytes of an ICM-20948 to readings: scale, correct, stamp, and refuse implausible samples."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import struct
 from itertools import pairwise
 
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped
-from hindrax_core.readings import Inertial, Reading, Vec3
+from hindrax_core.readings import Inertial, Reading
 from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase
 
@@ -42,12 +42,11 @@ class Samples:
         self._correction = None if correction.idle else correction
         self._period_ns = NS_PER_S / rate_Hz
         self._timebase = timebase
-        self.bias_radps: Vec3 = (0.0, 0.0, 0.0)
         self.temperature_C = float("nan")
         self.restart()
 
     def restart(self) -> None:
-        """The count of samples is broken: begin anew."""
+        """Restart the sample count after a gap."""
         self._timebase.restart()
         self._ticks = 0
         self._stamp = Stamp(0)
@@ -56,13 +55,13 @@ class Samples:
 
     @property
     def hung(self) -> bool:
-        """Whether samples have been equal for so long that only a reset can help."""
+        """Whether samples have been equal for so long that a reset is needed."""
         return self._repeats > HUNG_AFTER
 
     def decode(self, data: bytes, arrival: Stamp) -> Outputs:
         """Decode whole samples that arrived together, oldest first.
 
-        Only the newest tells something about the sample clock: the others waited for it.
+        Only the newest sample informs the sample clock: the others waited for it.
         """
         outputs: Outputs = []
         count = len(data) // SAMPLE.size
@@ -75,34 +74,33 @@ class Samples:
             self._begin_with(data)
         for older, raw in zip(range(count - 1, -1, -1), SAMPLE.iter_unpack(data), strict=True):
             stamp = self._stamp = max(self._stamp, Stamp(newest - round(older * period_ns)))
-            reason = self._doubt(raw)
+            reason = self._implausible(raw)
             outputs.append(Rejected(stamp, reason, SAMPLE.pack(*raw)) if reason else self._reading(raw, stamp))
         return outputs
 
     def _begin_with(self, data: bytes) -> None:
-        """The first sample has none before it to be judged by: start from the first that its successor confirms."""
+        """Start from the first sample that its successor confirms: the first has no predecessor to compare with."""
         for raw, following in pairwise(SAMPLE.iter_unpack(data)):
-            if not self._leaps(raw, following):
+            if not self._jumps(raw, following):
                 self._last, self._repeats = raw, -1
                 return
 
     def decode_one(self, data: bytes, stamp: Stamp) -> Outputs:
         """Decode one sample that has its stamp already."""
         raw = SAMPLE.unpack(data)
-        reason = self._doubt(raw)
+        reason = self._implausible(raw)
         return [Rejected(stamp, reason, data) if reason else self._reading(raw, stamp)]
 
     def _reading(self, raw: tuple[int, ...], stamp: Stamp) -> Stamped[Reading]:
         ax, ay, az, gx, gy, gz = raw
         a, g = self._accel_scale, self._gyro_scale
-        bx, by, bz = self.bias_radps
         force = (a * ax, a * ay, a * az)
         if self._correction is not None:
             force = self._correction.apply(*force)
-        return Stamped(stamp, Inertial(force, (g * gx - bx, g * gy - by, g * gz - bz), self.temperature_C))
+        return Stamped(stamp, Inertial(force, (g * gx, g * gy, g * gz), self.temperature_C))
 
-    def _doubt(self, raw: Raw) -> str:
-        """Say why a sample cannot be true; an empty string when it can."""
+    def _implausible(self, raw: Raw) -> str:
+        """Reason why a sample is implausible; empty when it is plausible."""
         last = self._last
         if raw == last:
             self._repeats += 1
@@ -110,14 +108,14 @@ class Samples:
         self._repeats = 0
         if -32768 in raw or 32767 in raw:
             return "saturated: the motion exceeds the range"
-        if last is not None and self._leaps(raw, last) and self._doubted < BELIEVE_AFTER:
+        if last is not None and self._jumps(raw, last) and self._doubted < BELIEVE_AFTER:
             self._doubted += 1
             return "leap: no vehicle moves like that"
         self._doubted = 0
         self._last = raw
         return ""
 
-    def _leaps(self, raw: Raw, last: Raw) -> bool:
+    def _jumps(self, raw: Raw, last: Raw) -> bool:
         force, rate = self._force_step, self._rate_step
         return (
             abs(raw[0] - last[0]) > force

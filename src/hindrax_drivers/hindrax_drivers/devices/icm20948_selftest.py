@@ -1,4 +1,4 @@
-"""The ICM-20948's self test: the response to a built-in stimulus, compared with what the factory measured.
+"""Self test of the ICM-20948: the response to a built-in stimulus against the factory's measurement.
 
 Procedure and limits as in TDK's embedded motion driver: full scales 250 dps and 2 g, 102 Hz, means of 200 readings
 10 ms apart without and with the stimulus. The vehicle must stand still. Not to be run while the device is in a
@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_core.bus import Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import Pause, Program, Write, WriteRead
 from hindrax_core.readings import Vec3
 from hindrax_drivers.devices import icm20948_registers as r
 
@@ -34,7 +34,7 @@ class SelfTest:
 
     @property
     def passed(self) -> bool:
-        """Whether all six axes answer as they should."""
+        """Whether all six axes respond within the limits."""
         low, high = ACCEL_SHARES
         return min(self.gyro) >= GYRO_LEAST and all(low <= one <= high for one in self.accel)
 

@@ -22,7 +22,7 @@ UNKNOWN = 0xFFFF
 
 
 class Message(Protocol):
-    """How a message lies in its payload: fields by size, extensions last."""
+    """Layout of a message in its payload: fields by size, extensions last."""
 
     NUMBER: ClassVar[int]
     CRC_EXTRA: ClassVar[int]
@@ -38,7 +38,7 @@ class Message(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """HEARTBEAT: what the sender is and whether it is armed; custom_mode is not used."""
+    """HEARTBEAT: type of the sender and whether it is armed; custom_mode is not used."""
 
     NUMBER: ClassVar[int] = 0
     CRC_EXTRA: ClassVar[int] = 50
@@ -67,7 +67,7 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True)
 class ServoOutput:
-    """SERVO_OUTPUT_RAW: pulses that the controller puts out, sixteen channels [us], 0 where there is none."""
+    """SERVO_OUTPUT_RAW: output pulses of the controller, sixteen channels [us], 0 for none."""
 
     NUMBER: ClassVar[int] = 36
     CRC_EXTRA: ClassVar[int] = 222
@@ -243,7 +243,7 @@ def checksum(body: bytes, crc_extra: int) -> int:
 class Decoder:
     """Cuts a stream of bytes into frames; any cutting of the stream gives the same events.
 
-    A start byte that begins nothing valid is dropped alone, and what follows is looked at again: no frame is lost to
+    An invalid start byte is dropped alone, and the following bytes are scanned again: no frame is lost to
     garbage before it, nor to a corrupt length.
     """
 
@@ -253,7 +253,7 @@ class Decoder:
         self._why = ""
 
     def feed(self, data: bytes, stamp: Stamp) -> Iterator[Frame | Rejected]:
-        """Everything that is complete by now. Refused bytes come before the frame that ends them, 64 at a time."""
+        """Return all complete frames. Rejected bytes come before the frame that follows them, 64 at a time."""
         self._buffer += data
         while len(self._buffer) >= HEAD:
             start = self._buffer.find(STX)
@@ -268,7 +268,7 @@ class Decoder:
                 continue
             if self._refused:
                 yield self._flush(len(self._refused), stamp)
-            yield self._take(size)
+            yield self._pop_frame(size)
 
     def _judge_head(self) -> tuple[int, str]:
         length, incompatible = self._buffer[1], self._buffer[2]
@@ -290,7 +290,7 @@ class Decoder:
     def _message(self) -> type[Message]:
         return _BY_NUMBER[int.from_bytes(self._buffer[7:10], "little")]
 
-    def _take(self, size: int) -> Frame:
+    def _pop_frame(self, size: int) -> Frame:
         _, length, _, _, sequence, system, component = self._buffer[:7]
         message = self._message()
         payload = bytes(self._buffer[HEAD : HEAD + length]).ljust(message.FIELDS.size, b"\x00")
@@ -298,7 +298,7 @@ class Decoder:
         return Frame(system, component, sequence, message.of(message.FIELDS.unpack(payload)))
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
-        # The first reason that names a frame says more than that there was none.
+        # The first reason that names a frame is more specific than its absence.
         if not self._refused or self._why == "no start of a frame":
             self._why = why
         self._refused += self._buffer[:count]

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
-from hindrax_core.device import Identity
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Pressure, Reading
@@ -142,7 +142,7 @@ def depth_m(pressure_Pa: float, surface_Pa: float, density_kgpm3: float = FRESH_
 
 
 class Ms5837:
-    """The sensor at an address (0 for 0x76). Between the two conversions of a turn the bus is free for others."""
+    """The sensor at an address (0 for 0x76). During its conversions the bus is free for others."""
 
     def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int = 0) -> None:
         self._knobs, self._address = knobs, address or ADDRESS
@@ -160,7 +160,7 @@ class Ms5837:
         return self._knobs.period_s
 
     def configure(self) -> Program[Identity]:
-        """Reset, read the calibration and check it, tell the model."""
+        """Reset, read and check the calibration, return the model."""
         yield Write(self._address, bytes([RESET]))
         yield Pause(RELOAD_S)
         words = []
@@ -179,7 +179,7 @@ class Ms5837:
         return Identity(f"MS5837-{model} at {self._address:#04x}, C1 {words[1]}{remark}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
-        """Convert the temperature when it is due, then the pressure; valid in the middle of its conversion."""
+        """Convert the temperature if due, then the pressure; the stamp is the middle of its conversion."""
         assert self._prom is not None
         begin_s = 0.0
         if self._turn % self._knobs.temperature_every == 0:
@@ -192,9 +192,9 @@ class Ms5837:
             raise DeviceError(f"address {self._address:#04x}: gives the same conversion again and again")
         reading = to_reading(self._prom, compensate(self._prom, d1, self._d2))
         valid = after(stamp, begin_s + 0.5 * self._wait_s)
-        reason = self._doubt(self._prom, d1, reading)
+        reason = self._implausible(self._prom, d1, reading)
         if reason:
-            self._turn = 0  # the temperature may be what is wrong
+            self._turn = 0  # the temperature may be wrong
             return [Rejected(valid, reason, d1.to_bytes(3, "big") + self._d2.to_bytes(3, "big"))]
         return [Stamped(valid, reading)]
 
@@ -209,7 +209,7 @@ class Ms5837:
         return value
 
     def _model(self, c1: int) -> tuple[Model, str]:
-        """Model wanted by the knob, or told by the calibration; a contradiction is remarked in the identity."""
+        """Model from the knob or the calibration; the identity notes a contradiction."""
         told = model_of(c1)
         if self._knobs.model == "auto":
             if told is None:
@@ -221,8 +221,8 @@ class Ms5837:
         model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
         return model, "" if told == model else f" (its calibration looks like {told or 'neither model'})"
 
-    def _doubt(self, prom: Prom, d1: int, reading: Pressure) -> str:
-        """Say why a reading cannot be true; an empty string when it can."""
+    def _implausible(self, prom: Prom, d1: int, reading: Pressure) -> str:
+        """Reason why a reading is implausible; empty when it is plausible."""
         lowest_Pa, highest_Pa = LIMITS_Pa[prom.model]
         if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
             return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{prom.model} measures"
@@ -232,10 +232,10 @@ class Ms5837:
         self._last_d1 = d1
         if self._repeats >= REPEATS:
             return f"{self._repeats + 1} equal conversions"
-        return self._leap(reading)
+        return self._jump(reading)
 
-    def _leap(self, reading: Pressure) -> str:
-        """Compare with the last reading that was believed; a leap that stays was real."""
+    def _jump(self, reading: Pressure) -> str:
+        """Compare with the last accepted reading; a lasting jump is accepted."""
         last = self._last
         if last is not None and self._doubted < BELIEVE_AFTER:
             step_Pa, step_C = reading.pressure_Pa - last.pressure_Pa, reading.temperature_C - last.temperature_C

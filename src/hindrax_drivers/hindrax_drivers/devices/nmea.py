@@ -18,7 +18,7 @@ class SentenceError(ValueError):
 
 
 class LineSplitter:
-    """Cuts a byte stream into pieces that are worth a look, the same ones however the stream is chunked.
+    """Cuts a byte stream into candidate lines, independent of its chunking.
 
     A piece ends at a line end, before a `$` (a sentence cannot hold one, so a new one has begun and the old one was
     cut or lost its line end), or when it has grown to MAX_LINE bytes; then it is garbage, and what follows is not.
@@ -49,7 +49,7 @@ class LineSplitter:
 
 
 def _cut_front(line: bytes, pieces: list[bytes]) -> bytes:
-    """Move what is known to be complete from a line without an end to the pieces; return what is left."""
+    """Move the complete part of a line without an end to the pieces; return the rest."""
     while len(line) >= MAX_LINE:
         cut = line.find(b"$", 1, MAX_LINE)
         cut = cut if cut > 0 else MAX_LINE

@@ -11,8 +11,8 @@ import math
 import struct
 from collections.abc import Sequence
 
-from hindrax_core.bus import DeviceError, Pause, Program, Write, WriteRead
-from hindrax_core.device import Identity
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.driver_interface import Identity
 from hindrax_core.vehicle import Vehicle
 
 MODE1, MODE2, LED0, PRE_SCALE = 0x00, 0x01, 0x06, 0xFE
@@ -67,7 +67,7 @@ class Pca9685:
         return tuple(self._count(pulse) * self.step_us for pulse in pulses_us)
 
     def configure(self) -> Program[Identity]:
-        """Bring the chip to neutral pulses at the wanted rate, and read back that it is so.
+        """Set neutral pulses at the wanted rate, and verify by reading back.
 
         A chip that runs as wanted gets its neutral pulses first and is never put to sleep; otherwise its outputs are
         off until neutral is in all its registers. Clears the all-call address, on which a stranger could write.
@@ -88,7 +88,7 @@ class Pca9685:
         yield Write(self.address, bytes([LED0 + 4 * self._first]) + self._registers(pulses_us))
 
     def hold(self) -> Program[None]:
-        """Every channel at rest, at once; then, when the chip is not as it should be, once more from the ground up."""
+        """Set every channel to rest at once; if the chip is not as configured, configure it again."""
         yield from self.neutral()
         try:
             yield from self.check(self._rest_us)
@@ -96,13 +96,13 @@ class Pca9685:
             yield from self.configure()
 
     def neutral(self) -> Program[None]:
-        """Every channel at rest, in one burst."""
+        """Set every channel to rest in one burst."""
         yield from self.write(self._rest_us)
 
     def check(self, pulses_us: Sequence[float]) -> Program[None]:
-        """DeviceError when the chip is not as it was left, set up and with these pulses in its channels [us].
+        """DeviceError unless the chip is still set up, with these pulses in its channels [us].
 
-        Then it lost its supply, or somebody else wrote to it, or a bit was lost on the way.
+        A mismatch means a supply loss, a foreign write, or a lost bit.
         """
         mode1, mode2 = yield from self._read(MODE1, 2)
         (prescale,) = yield from self._read(PRE_SCALE, 1)
@@ -118,7 +118,7 @@ class Pca9685:
     def _wake_neutral(self) -> Program[None]:
         yield self._set(MODE1, SLEEP | AUTO_INCREMENT)
         if self._awake & EXTCLK:
-            yield self._set(MODE1, SLEEP | self._awake)  # taken only in a second write, while asleep
+            yield self._set(MODE1, SLEEP | self._awake)  # accepted only in a second write, while asleep
         yield self._set(PRE_SCALE, self._prescale)
         # Neutral before waking: the first pulse a speed controller sees is a whole one, of the right length.
         yield from self.neutral()

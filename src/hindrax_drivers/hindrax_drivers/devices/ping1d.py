@@ -1,11 +1,11 @@
 """Blue Robotics Ping1D and Ping2 echo sounders.
 
-After the port is opened: wake and ask who is there (again and again, the automatic choice of the line speed fails now
-and then), give the orders one by one, then measure. An order holds when the device, asked back, says the wanted
-value, or has acknowledged it; one that is refused is told and left. A sonar that lost its power may have lost its
-settings, so all of this is done again whenever it falls silent or its ping numbers start anew.
+After opening the port: wake the sonar and request its identity (repeatedly, its automatic baud rate fails now
+and then), send the settings one by one, then measure. A setting holds when the device reports the wanted
+value or has acknowledged it; a refused one is reported and skipped. A sonar that lost its power may have lost its
+settings, so all of this is repeated whenever it falls silent or its ping numbers restart.
 
-A distance is stamped with the moment of the echo. The sonar speaks after it has listened to the whole scan, so the
+A distance is stamped with the time of the echo. The sonar sends after the whole scan, so the
 echo is older than the message by the rest of the scan and by the message's time on the wire. When it is polled, the
 answer is moreover up to one ping interval old, which cannot be known from outside. Stamps never go back, also when
 several messages arrive at once.
@@ -16,16 +16,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import DeviceText, Echo, EchoProfile
 from hindrax_drivers.devices import ping_protocol as protocol
-from hindrax_drivers.devices.ping1d_orders import DEFAULT_KNOBS, Order, Ping1dKnobs, orders
+from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
 from hindrax_drivers.devices.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
-from hindrax_drivers.devices.vigil import Vigil
+from hindrax_drivers.devices.silence_monitor import SilenceMonitor
 from hindrax_drivers.driver import Driver, in_water
 
-__all__ = ["HELLO", "Order", "Ping1d", "Ping1dKnobs", "orders"]
+__all__ = ["HELLO", "DeviceSetting", "Ping1d", "Ping1dKnobs", "device_settings"]
 
 HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
 HALF_COUNT = 1 << 31
@@ -40,32 +40,32 @@ class Ping1d:
         self._frames = FrameSplitter()
         wanted = f"Ping frames at {knobs.baud} baud"
         self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
-        self._vigil = Vigil("Ping", wanted, self._stall_s)
-        self._takers: dict[int, Callable[[Frame, Stamp], list[Output]]] = {
-            protocol.DEVICE_INFORMATION: self._take_identity,
-            protocol.ACK: self._take_ack,
-            protocol.NACK: self._take_nack,
-            protocol.TEXT: self._take_text,
-            protocol.DISTANCE_SIMPLE: self._take_simple,
-            protocol.DISTANCE: self._take_echo,
-            protocol.PROFILE: self._take_echo,
+        self._silence = SilenceMonitor("Ping", wanted, self._stall_s)
+        self._handlers: dict[int, Callable[[Frame, Stamp], list[Output]]] = {
+            protocol.DEVICE_INFORMATION: self._on_identity,
+            protocol.ACK: self._on_ack,
+            protocol.NACK: self._on_nack,
+            protocol.TEXT: self._on_text,
+            protocol.DISTANCE_SIMPLE: self._on_simple,
+            protocol.DISTANCE: self._on_echo,
+            protocol.PROFILE: self._on_echo,
         }
         self._lost = 0
         self._profile_wanted = knobs.profile
         self._round_trip_s: float | None = None
         self._told_stranger = False
         self._last_stamp = Stamp(0)
-        self._forget(Stamp(0))
+        self._reset(Stamp(0))
 
-    def _forget(self, stamp: Stamp) -> None:
+    def _reset(self, stamp: Stamp) -> None:
         self._running = self._known = self._acked = False
-        self._orders: deque[Order] = deque()
+        self._orders: deque[DeviceSetting] = deque()
         self._tries = 0
         self._asked = stamp
         self._waiting = False
         self._last_ping = -1
         self._fresh = stamp
-        self._told_gap = Stamp(-1 << 62)
+        self._gap_reported = Stamp(-1 << 62)
 
     @property
     def baud(self) -> int:
@@ -74,8 +74,8 @@ class Ping1d:
 
     @property
     def ready(self) -> bool:
-        """Whether a Ping sonar has answered and been through all orders."""
-        return self._running and self._vigil.condition == "well"
+        """Whether a Ping sonar has answered and has received all settings."""
+        return self._running and self._silence.condition == "well"
 
     @property
     def lost_pings(self) -> int:
@@ -88,20 +88,20 @@ class Ping1d:
         return self._round_trip_s
 
     def request_profile(self) -> list[Output]:
-        """Ask that the next echo come with its profile; give the result to the port."""
+        """Return the request for a profile with the next echo, for the port to send."""
         self._profile_wanted = True
         streaming = self._running and self._knobs.continuous
         return [] if streaming else [Send(protocol.request(protocol.PROFILE))]
 
     def start(self, stamp: Stamp) -> list[Output]:
-        """Wake the sonar and ask who is there."""
+        """Wake the sonar and request its identity."""
         self._frames.clear()
-        self._vigil.restart(stamp)
+        self._silence.restart(stamp)
         self._last_stamp = Stamp(0)
-        return self._hello(stamp)
+        return self._wake(stamp)
 
-    def _hello(self, stamp: Stamp) -> list[Output]:
-        self._forget(stamp)
+    def _wake(self, stamp: Stamp) -> list[Output]:
+        self._reset(stamp)
         return self._ask(Send(HELLO, wake=True), stamp)
 
     def _ask(self, question: Send, stamp: Stamp) -> list[Output]:
@@ -115,25 +115,25 @@ class Ping1d:
             self._waiting = False
 
     def feed(self, data: bytes, stamp: Stamp) -> list[Output]:
-        """Decode what has arrived; what is refused comes back as Rejected, in the order of the bytes."""
-        self._vigil.heard = stamp
+        """Decode received bytes; invalid ones come back as Rejected, in the order of the bytes."""
+        self._silence.last_byte = stamp
         outputs: list[Output] = []
         for piece in self._frames.feed(data):
             if isinstance(piece, Refused):
                 outputs.append(Rejected(stamp, f"frame: {piece.reason}", piece.data))
             else:
-                outputs += self._take(piece, stamp)
+                outputs += self._on_frame(piece, stamp)
         return outputs
 
-    def _take(self, frame: Frame, stamp: Stamp) -> list[Output]:
-        self._vigil.understood = stamp
-        taker = self._takers.get(frame.id)
-        outputs = taker(frame, stamp) if taker is not None else []
+    def _on_frame(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        self._silence.last_valid = stamp
+        handler = self._handlers.get(frame.id)
+        outputs = handler(frame, stamp) if handler is not None else []
         if self._orders and frame.id == self._orders[0].proof:
-            outputs += self._prove(frame, stamp)
+            outputs += self._check_setting(frame, stamp)
         return outputs
 
-    def _take_identity(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_identity(self, frame: Frame, stamp: Stamp) -> list[Output]:
         kind, revision, major, minor, patch, _ = frame.payload
         self._answered(stamp)
         if self._known:
@@ -146,12 +146,12 @@ class Ping1d:
             return [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
         self._known = True
         self._told_stranger = False
-        self._orders = deque(orders(self._knobs))
+        self._orders = deque(device_settings(self._knobs))
         identity = Identity(f"Blue Robotics Ping sonar, revision {revision}, firmware {major}.{minor}.{patch}")
-        return [identity, *self._give_order(stamp)]
+        return [identity, *self._send_order(stamp)]
 
-    def _give_order(self, stamp: Stamp) -> list[Output]:
-        """Give the order in front for the first time; without one, measuring begins."""
+    def _send_order(self, stamp: Stamp) -> list[Output]:
+        """Send the first setting in the queue; when it is empty, start measuring."""
         self._tries = 1
         self._acked = False
         self._found: int | None = None
@@ -164,23 +164,23 @@ class Ping1d:
 
     def _next_order(self, stamp: Stamp) -> list[Output]:
         self._orders.popleft()
-        return self._give_order(stamp)
+        return self._send_order(stamp)
 
-    def _take_ack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_ack(self, frame: Frame, stamp: Stamp) -> list[Output]:
         if not self._orders or protocol.about(frame) != self._orders[0].message:
             return []
         self._acked = True
         return [] if self._orders[0].proof else self._next_order(stamp)
 
-    def _take_nack(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_nack(self, frame: Frame, stamp: Stamp) -> list[Output]:
         reason = frame.payload[2:].decode("ascii", "replace").strip("\0 ") or "no reason given"
         if self._orders and protocol.about(frame) == self._orders[0].message:
             name = self._orders[0].name
             return [Trouble(stamp, f"Ping: {name} refused ({reason})"), *self._next_order(stamp)]
         return [Trouble(stamp, f"Ping: message {protocol.about(frame)} refused ({reason})")]
 
-    def _prove(self, frame: Frame, stamp: Stamp) -> list[Output]:
-        """The device says what is set: as ordered, or the order is given again when the answer's time is over."""
+    def _check_setting(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        """Compare a reported setting with the wanted one; a mismatch is sent again after the timeout."""
         if not self._orders[0].holds(frame):
             self._acked = False
             self._found = int.from_bytes(frame.payload, "little")
@@ -188,11 +188,11 @@ class Ping1d:
         self._answered(stamp)
         return self._next_order(stamp)
 
-    def _take_text(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_text(self, frame: Frame, stamp: Stamp) -> list[Output]:
         text = frame.payload.decode("ascii", "replace").strip("\0\r\n ")
         return [Stamped(stamp, DeviceText(text))] if text else []
 
-    def _take_simple(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_simple(self, frame: Frame, stamp: Stamp) -> list[Output]:
         if not self._running:
             return []
         distance_mm, percent = protocol.simple(frame)
@@ -200,10 +200,10 @@ class Ping1d:
         if refused:
             return [Rejected(stamp, f"distance: {refused}", frame.payload)]
         self._fresh = stamp
-        at = self._moment(stamp, self._age_s(frame, distance_mm))
+        at = self._echo_stamp(stamp, self._age_s(frame, distance_mm))
         return [Stamped(at, Echo(distance_mm * 0.001, percent * 0.01))]
 
-    def _take_echo(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_echo(self, frame: Frame, stamp: Stamp) -> list[Output]:
         if not self._running:
             return []
         if not self._knobs.continuous:
@@ -211,17 +211,17 @@ class Ping1d:
         message = protocol.echo(frame)
         if message is None:
             return [Rejected(stamp, "profile: count", frame.payload)]
-        outputs = self._number(message, stamp)
+        outputs = self._check_number(message, stamp)
         if outputs is None:
             return []
         if not self._running:
-            # A sonar that has restarted reckons with settings of its own until it is set up again.
+            # A restarted sonar uses its own settings until it is set up again.
             return outputs
         refused = self._refusal(message.distance_mm, message.confidence, message)
         if refused:
             return [*outputs, Rejected(stamp, f"distance: {refused}", frame.payload)]
         reach_mm = message.start_mm + message.length_mm
-        at = self._moment(stamp, self._age_s(frame, 2 * reach_mm - message.distance_mm))
+        at = self._echo_stamp(stamp, self._age_s(frame, 2 * reach_mm - message.distance_mm))
         return [*outputs, *(Stamped(at, reading) for reading in self._readings(message))]
 
     def _readings(self, message: EchoMessage) -> list[Echo | EchoProfile]:
@@ -234,7 +234,7 @@ class Ping1d:
         return [echo, EchoProfile(range_m, confidence, message.ping_number, *scan, message.gain, message.strength)]
 
     def _refusal(self, distance_mm: int, percent: int, message: EchoMessage | None = None) -> str:
-        """Why a distance is not believed, or an empty text."""
+        """Reason why a distance is refused, or an empty text."""
         if percent > 100 or not 0 < distance_mm <= FARTHEST_mm:
             return "range"
         if message is not None and not distance_mm <= message.start_mm + message.length_mm <= FARTHEST_mm:
@@ -242,18 +242,18 @@ class Ping1d:
         return "confidence" if percent * 0.01 < self._knobs.min_confidence else ""
 
     def _age_s(self, frame: Frame, path_mm: int) -> float:
-        """Age of an echo when the last byte of its message is there; `path_mm`: sound's way after the echo."""
+        """Age of an echo when the last byte of its message arrives; `path_mm`: path of the sound after the echo."""
         on_wire_s = frame.size * 10.0 / self._knobs.baud
         return on_wire_s + path_mm * 0.001 / self._knobs.speed_of_sound_mps + self._knobs.latency_s
 
-    def _moment(self, arrival: Stamp, age_s: float) -> Stamp:
-        """Time of an echo, never before the one before, unless the host's clock was set back."""
+    def _echo_stamp(self, arrival: Stamp, age_s: float) -> Stamp:
+        """Time of an echo, never before the previous one, unless the host's clock was set back."""
         at = after(arrival, -age_s)
         self._last_stamp = at if self._last_stamp > arrival else max(at, self._last_stamp)
         return self._last_stamp
 
-    def _number(self, message: EchoMessage, stamp: Stamp) -> list[Output] | None:
-        """Look at the ping number: None for one seen before; a new start and a gap are told."""
+    def _check_number(self, message: EchoMessage, stamp: Stamp) -> list[Output] | None:
+        """Check the ping number: None for a repeated one; a restart and a gap are reported."""
         ahead = (message.ping_number - self._last_ping) & 0xFFFFFFFF if self._last_ping >= 0 else 1
         if ahead == 0:
             return None
@@ -261,28 +261,28 @@ class Ping1d:
         self._fresh = stamp
         if ahead >= HALF_COUNT:
             sentence = f"Ping: the sonar has restarted (ping {before}, then {message.ping_number}); setting it up again"
-            return [Trouble(stamp, sentence), *self._hello(stamp)]
+            return [Trouble(stamp, sentence), *self._wake(stamp)]
         if ahead == 1 or not self._knobs.continuous:
             return []
         self._lost += ahead - 1
-        if seconds_between(self._told_gap, stamp) < 10.0:
+        if seconds_between(self._gap_reported, stamp) < 10.0:
             return []
-        self._told_gap = stamp
+        self._gap_reported = stamp
         return [Trouble(stamp, f"Ping: {ahead - 1} pings lost before number {message.ping_number}")]
 
     def tick(self, stamp: Stamp) -> list[Output]:
-        """Notice silence and foreign talk (both are answered by a new start); repeat orders; poll."""
-        outputs: list[Output] = [*self._vigil.tick(stamp)]
+        """Detect silence and foreign data (both restart the set-up); repeat settings; poll."""
+        outputs: list[Output] = [*self._silence.tick(stamp)]
         waited_s = seconds_between(self._asked, stamp)
-        if (self._running or self._orders) and self._vigil.condition != "well":
-            return [*outputs, *self._hello(stamp)]
+        if (self._running or self._orders) and self._silence.condition != "well":
+            return [*outputs, *self._wake(stamp)]
         if self._running and seconds_between(self._fresh, stamp) > self._stall_s:
             sentence = f"Ping: no new ping for {self._stall_s:g} s although it answers; setting it up again"
-            return [*outputs, Trouble(stamp, sentence), *self._hello(stamp)]
+            return [*outputs, Trouble(stamp, sentence), *self._wake(stamp)]
         if self._orders:
             return [*outputs, *(self._repeat_order(stamp) if waited_s >= self._knobs.answer_s else [])]
         if not self._known:
-            return [*outputs, *(self._hello(stamp) if waited_s >= self._knobs.answer_s else [])]
+            return [*outputs, *(self._wake(stamp) if waited_s >= self._knobs.answer_s else [])]
         return [*outputs, *self._poll(stamp, waited_s)]
 
     def _repeat_order(self, stamp: Stamp) -> list[Output]:

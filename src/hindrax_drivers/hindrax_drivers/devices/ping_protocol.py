@@ -1,4 +1,4 @@
-"""The Ping protocol of Blue Robotics: frames out of a byte stream and back, and the messages of a Ping1D or Ping2.
+"""The Ping protocol of Blue Robotics: frames from a byte stream and back, and the messages of a Ping1D or Ping2.
 
 Source: github.com/bluerobotics/ping-protocol, docs/index.md (frame, checksum), src/definitions/common.json and
 ping1d.json (messages). A frame, little endian: `BR`, payload length u16, message id u16, source u8, destination u8,
@@ -106,7 +106,7 @@ def request(message: int) -> bytes:
 
 
 def about(frame: Frame) -> int:
-    """Message id that an ack or a nack speaks of."""
+    """Message id that an ack or a nack refers to."""
     return int.from_bytes(frame.payload[:2], "little")
 
 
@@ -139,7 +139,7 @@ class FrameSplitter:
         self._excused = 0
 
     def clear(self) -> None:
-        """Forget unfinished business, as after a reconnection."""
+        """Discard unfinished data, as after a reconnection."""
         self._bytes = self._junk = b""
         self._excused = 0
 
@@ -153,7 +153,7 @@ class FrameSplitter:
         return pieces
 
     def _find(self, pieces: list[Piece]) -> bool:
-        """Go to the next mark and judge what it begins; False when more bytes are needed."""
+        """Find the next start mark and check its frame; False when more bytes are needed."""
         start = self._bytes.find(MARK)
         if start < 0:
             # The last byte may be the first half of a mark.
@@ -162,7 +162,7 @@ class FrameSplitter:
         return len(self._bytes) >= HEADER.size and self._frame(pieces)
 
     def _frame(self, pieces: list[Piece]) -> bool:
-        """Judge what begins with a mark and a whole header; False when more bytes are needed."""
+        """Check the frame at a start mark with a whole header; False when more bytes are needed."""
         _, length, message, _, _ = HEADER.unpack_from(self._bytes)
         shortest, longest = _LENGTHS.get(message, (1, 0))
         if not shortest <= length <= longest:
@@ -181,7 +181,7 @@ class FrameSplitter:
         return True
 
     def _refuse(self, reason: str, size: int, pieces: list[Piece]) -> None:
-        """Tell a false frame as a whole, then go on behind its mark; what of it is junk is not told again."""
+        """Report an invalid frame once, then continue after its mark; its bytes are not reported again."""
         self._flush(pieces)
         pieces.append(Refused(reason, self._bytes[:size]))
         self._bytes = self._bytes[len(MARK) :]

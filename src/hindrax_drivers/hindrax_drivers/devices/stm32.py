@@ -1,8 +1,8 @@
 """STM32F407 thruster controller over MAVLink 2, as the output to the speed controllers (see `firmware/`).
 
 The controller keeps its own failsafe: it boots disarmed at neutral, arms only after seconds of neutral, and goes
-neutral when overrides stay away for 300 ms. This end says what it wants often enough, and listens to what is really
-put out. An autopilot that speaks the same messages does as well.
+neutral when overrides are missing for 300 ms. This end repeats the wanted pulses often enough, and reads those that are
+output. An autopilot with the same messages works too.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
@@ -30,7 +30,7 @@ from hindrax_drivers.devices.mavlink import (
     StatusText,
     encode,
 )
-from hindrax_drivers.devices.vigil import Vigil
+from hindrax_drivers.devices.silence_monitor import SilenceMonitor
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
 SEVERITY_WARNING = 4
@@ -51,7 +51,7 @@ class Stm32Knobs:
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
+class _PendingCommand:
     """A command that waits for its answer."""
 
     arm: bool
@@ -68,11 +68,11 @@ class Stm32:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to {CHANNELS - 1}")
         self._channels = tuple(channels)
         self._knobs = Stm32Knobs() if knobs is None else knobs
-        self._vigil = Vigil("stm32", f"MAVLink 2 at {self._knobs.baud} Bd", self._knobs.lost_s)
+        self._silence = SilenceMonitor("stm32", f"MAVLink 2 at {self._knobs.baud} Bd", self._knobs.lost_s)
         self._sequence = 0
-        self._asked: _Asked | None = None
+        self._pending: _PendingCommand | None = None
         self._wanted: tuple[int, ...] = ()
-        self._forget()
+        self._reset()
 
     @property
     def baud(self) -> int:
@@ -82,17 +82,17 @@ class Stm32:
     @property
     def ready(self) -> bool:
         """Whether the controller's heartbeat is there."""
-        return self._identity != "" and self._vigil.condition == "well"
+        return self._identity != "" and self._silence.condition == "well"
 
     @property
     def identity(self) -> str:
-        """Who answers; empty as long as nobody does."""
+        """Identity of the controller; empty before an answer."""
         return self._identity
 
     @property
     def asking(self) -> bool:
         """Whether a command waits for its answer."""
-        return self._asked is not None
+        return self._pending is not None
 
     @property
     def armed(self) -> bool:
@@ -101,121 +101,121 @@ class Stm32:
 
     @property
     def refusal(self) -> str:
-        """Why the controller did not obey the last command; empty when it did, or has not answered yet."""
+        """Why the controller refused the last command; empty when it accepted it or has not answered yet."""
         return self._refusal
 
     def start(self, stamp: Stamp) -> Iterable[Output]:
-        """Begin with a heartbeat; nothing is known of the other end."""
-        self._forget()
-        self._vigil.restart(stamp)
-        self._beat_at = stamp
+        """Start with a heartbeat, with all state reset."""
+        self._reset()
+        self._silence.restart(stamp)
+        self._heartbeat_at = stamp
         return [self._heartbeat()]
 
     def override(self, pulses_us: Sequence[float], stamp: Stamp) -> Send:
-        """Say what is wanted [us], now; `tick` repeats it for a short while."""
+        """Send the wanted pulses [us] now; `tick` repeats them for a short while."""
         channels = [UNKNOWN] * 8 + [0] * (CHANNELS - 8)
         for channel, pulse in zip(self._channels, pulses_us, strict=True):
             channels[channel] = round(pulse)
         self._wanted = tuple(channels)
-        self._wished_at = self._sent_at = stamp
+        self._wanted_at = self._sent_at = stamp
         return self._send(ChannelsOverride(self._wanted))
 
     def arm(self, stamp: Stamp) -> Send:
         """Ask the controller to arm; the answer shows in `armed` and `refusal`."""
-        return self._ask(_Asked(arm=True, at=stamp, attempt=1))
+        return self._ask(_PendingCommand(arm=True, at=stamp, attempt=1))
 
     def disarm(self, stamp: Stamp) -> Send:
         """Ask the controller to disarm."""
-        return self._ask(_Asked(arm=False, at=stamp, attempt=1))
+        return self._ask(_PendingCommand(arm=False, at=stamp, attempt=1))
 
     def feed(self, data: bytes, stamp: Stamp) -> Iterable[Output]:
-        """Bytes have arrived."""
-        self._vigil.heard = stamp
+        """Decode received bytes."""
+        self._silence.last_byte = stamp
         outputs: list[Output] = []
         for event in self._decoder.feed(data, stamp):
             if isinstance(event, Rejected):
                 outputs.append(event)
             else:
-                self._vigil.understood = stamp
-                outputs += self._take(event, stamp)
+                self._silence.last_valid = stamp
+                outputs += self._on_frame(event, stamp)
         return outputs
 
     def tick(self, stamp: Stamp) -> Iterable[Output]:
-        """Heartbeat, repetition, patience."""
-        outputs: list[Output] = list(self._vigil.tick(stamp))
-        if seconds_between(self._beat_at, stamp) >= self._knobs.heartbeat_s:
-            self._beat_at = stamp
+        """Send heartbeats, repeat overrides, retry unanswered commands."""
+        outputs: list[Output] = list(self._silence.tick(stamp))
+        if seconds_between(self._heartbeat_at, stamp) >= self._knobs.heartbeat_s:
+            self._heartbeat_at = stamp
             outputs.append(self._heartbeat())
         due = seconds_between(self._sent_at, stamp) >= self._knobs.override_s
-        if self._wanted and due and seconds_between(self._wished_at, stamp) < self._knobs.hold_s:
+        if self._wanted and due and seconds_between(self._wanted_at, stamp) < self._knobs.hold_s:
             self._sent_at = stamp
             outputs.append(self._send(ChannelsOverride(self._wanted)))
-        return outputs + self._chase(stamp)
+        return outputs + self._retry(stamp)
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._decoder = Decoder()
         self._identity, self._refusal, self._complaint, self._armed = "", "", "", False
-        self._asked, self._wanted = None, ()
-        self._wished_at = self._sent_at = self._beat_at = Stamp(0)
+        self._pending, self._wanted = None, ()
+        self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
 
-    def _take(self, frame: Frame, stamp: Stamp) -> list[Output]:
+    def _on_frame(self, frame: Frame, stamp: Stamp) -> list[Output]:
         message = frame.message
         if isinstance(message, Heartbeat):
-            return self._beat(frame, message, stamp)
+            return self._on_heartbeat(frame, message, stamp)
         if isinstance(message, ServoOutput):
             pulses = tuple(float(message.pulses_us[channel]) for channel in self._channels)
             return [Stamped(stamp, AppliedPulses(pulses))]
         if isinstance(message, CommandAck):
-            return self._answered(message, stamp)
+            return self._on_ack(message, stamp)
         if isinstance(message, BatteryStatus):
             current = float("nan") if message.current_A is None else message.current_A
             return [Stamped(stamp, Battery(message.voltage_V, current))]
         if isinstance(message, StatusText):
-            return [self._said(message, stamp)]
+            return [self._on_text(message, stamp)]
         return [Rejected(stamp, f"{type(message).__name__} from the controller")]
 
-    def _beat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
+    def _on_heartbeat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
         outputs: list[Output] = []
         identity = f"MAVLink system {frame.system} component {frame.component}, type {beat.type}"
         if identity != self._identity:
             self._identity = identity
             outputs.append(Identity(identity))
-        if self._armed and not beat.armed and self._asked is None:
+        if self._armed and not beat.armed and self._pending is None:
             outputs.append(Trouble(stamp, "stm32: has disarmed itself; see what it said before, then arm again"))
         self._armed = beat.armed
         return outputs
 
-    def _said(self, message: StatusText, stamp: Stamp) -> Output:
+    def _on_text(self, message: StatusText, stamp: Stamp) -> Output:
         if message.severity <= SEVERITY_WARNING:
             self._complaint = message.text
             return Trouble(stamp, f"stm32: {message.text}")
         return Stamped(stamp, DeviceText(message.text))
 
-    def _answered(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
-        if answer.command != ARM_DISARM or self._asked is None:
+    def _on_ack(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
+        if answer.command != ARM_DISARM or self._pending is None:
             return []
-        asked, self._asked = self._asked, None
+        pending, self._pending = self._pending, None
         if answer.result == 0:
-            self._armed, self._refusal = asked.arm, ""
+            self._armed, self._refusal = pending.arm, ""
             return []
         self._refusal = self._complaint or f"answered with result {answer.result}"
-        wish = "arm" if asked.arm else "disarm"
+        wish = "arm" if pending.arm else "disarm"
         return [Trouble(stamp, f"stm32: does not {wish}: {self._refusal}")]
 
-    def _chase(self, stamp: Stamp) -> list[Output]:
-        """Repeat a command that was not answered, and give up in the end."""
-        asked = self._asked
-        if asked is None or seconds_between(asked.at, stamp) < self._knobs.answer_s:
+    def _retry(self, stamp: Stamp) -> list[Output]:
+        """Repeat an unanswered command, and give up after the last attempt."""
+        pending = self._pending
+        if pending is None or seconds_between(pending.at, stamp) < self._knobs.answer_s:
             return []
-        if asked.attempt < self._knobs.attempts:
-            return [self._ask(_Asked(asked.arm, stamp, asked.attempt + 1))]
-        self._asked = None
-        self._refusal = f"no answer to {asked.attempt} requests"
+        if pending.attempt < self._knobs.attempts:
+            return [self._ask(_PendingCommand(pending.arm, stamp, pending.attempt + 1))]
+        self._pending = None
+        self._refusal = f"no answer to {pending.attempt} requests"
         return [Trouble(stamp, f"stm32: {self._refusal}; check line and firmware")]
 
-    def _ask(self, asked: _Asked) -> Send:
-        self._asked, self._refusal, self._complaint = asked, "", ""
-        return self._send(CommandLong(ARM_DISARM, 1.0 if asked.arm else 0.0, asked.attempt - 1))
+    def _ask(self, pending: _PendingCommand) -> Send:
+        self._pending, self._refusal, self._complaint = pending, "", ""
+        return self._send(CommandLong(ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
 
     def _heartbeat(self) -> Send:
         return self._send(Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))

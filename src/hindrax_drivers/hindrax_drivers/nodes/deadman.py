@@ -1,9 +1,10 @@
-"""The dead man of the thruster output: a PCA9685 goes on with its last pulses for ever, so somebody has to stop it.
+"""The dead man of the thruster output: a PCA9685 keeps its last pulses forever, so a second process must stop it.
 
 Starts the node `thrusters` as its child, without ROS and next to idle itself. When the child dies of whatever cause, or
 stops beating, neutral is written at once and then ten times a second, until a new child has the output in hand. When
-this process dies, the child sees its pipe close, goes neutral and ends. Both in a hurry: the two lie in different
-sessions, so that no signal to a group reaches both.
+this process dies, the child sees its pipe close, goes neutral and ends; when it is frozen, the child hears nothing and
+goes neutral until it does. The two lie in different sessions, so that no signal to a group reaches both. Where both are
+frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neutral on the wire.
 """
 
 from __future__ import annotations
@@ -20,13 +21,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import FrameType
 
-from hindrax_core.bus import DeviceError, run
+from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_drivers.buses.bus import RegisterBus, open_bus
+from hindrax_drivers.buses.ports import open_bus
+from hindrax_drivers.buses.register_bus import RegisterBus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
-from hindrax_drivers.nodes.thrusters import ARGUMENTS, NODE_WORD
+from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
+from hindrax_drivers.output.parent_silence import TOLD_S
+from hindrax_ros.heartbeat import VARIABLE, Heartbeat
 
 REPEAT_S = 0.09
 SILENT_S = 0.3
@@ -37,14 +41,15 @@ WELL_AFTER_S = 10.0
 """A child that lived this long was well: the next one is started at once."""
 
 
-class Neutral:
+class NeutralWriter:
     """Puts neutral on the wire by itself. An STM32 does that on its own: then there is nothing to do but wait."""
 
     def __init__(self, settings: Settings) -> None:
         self._port = settings.port
         self._chip: Pca9685 | None = None if settings.vehicle.output.device == "stm32" else pca9685_of(settings.vehicle)
         self._bus: RegisterBus | None = None
-        self._trouble = ""
+        self.trouble = ""
+        """Why neutral could not be written the last time; empty when it is on the wire."""
 
     def now(self) -> Stamp:
         """Time of the bus; without one, of the system."""
@@ -58,11 +63,11 @@ class Neutral:
             if self._bus is None:
                 self._bus = open_bus(self._port, "thrusters dead man")
             run(self._chip.hold(), self._bus.transfer, self._pause)
-            self._trouble = ""
+            self.trouble = ""
         except DeviceError as error:
-            if str(error) != self._trouble:
+            if str(error) != self.trouble:
                 say(f"cannot write neutral: {error}")
-            self._trouble = str(error)
+            self.trouble = str(error)
 
     def wait(self, until: Stamp, readable: int) -> None:
         """Sleep until then, until bytes have come, or until `wake`."""
@@ -89,7 +94,7 @@ class Neutral:
 
 
 @dataclass(slots=True)
-class Child:
+class WatchedProcess:
     """The node's process, the pipe it beats on, the pipe that tells it that we live, and when it was heard."""
 
     handle: subprocess.Popen[bytes]
@@ -98,19 +103,25 @@ class Child:
     born_s: float = field(default_factory=time.monotonic)
     beaten_at: Stamp | None = None
     heard_s: float = field(default_factory=time.monotonic)
+    told_s: float = 0.0
 
     @classmethod
-    def start(cls, arguments: Sequence[str]) -> Child:
+    def start(cls, arguments: Sequence[str]) -> WatchedProcess:
         """Start the node in a session of its own."""
         beats, beat = os.pipe()
         life_end, life = os.pipe()
         words = [sys.executable, "-m", "hindrax_drivers.nodes.thrusters", NODE_WORD, str(beat), str(life_end)]
         handle = subprocess.Popen(  # noqa: S603  # our own interpreter and our own module
-            [*words, *arguments], pass_fds=(beat, life_end), start_new_session=True, stdin=subprocess.DEVNULL
+            [*words, *arguments],
+            pass_fds=(beat, life_end),
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, VARIABLE: _of_the_node(os.environ.get(VARIABLE, ""))},
         )
         os.close(beat)
         os.close(life_end)
         os.set_blocking(beats, False)
+        os.set_blocking(life, False)
         return cls(handle, beats, life)
 
     def listen(self, now: Stamp) -> bool:
@@ -122,6 +133,13 @@ class Child:
         if data:
             self.beaten_at, self.heard_s = now, time.monotonic()
         return bool(data)
+
+    def reassure(self, now_s: float) -> None:
+        """Tell the child, every now and then, that somebody watches over it."""
+        if now_s - self.told_s >= TOLD_S:
+            self.told_s = now_s
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):  # it hangs or has died: `listen` tells
+                os.write(self.life, b"!")
 
     def silent_from(self, now: Stamp) -> Stamp:
         """Time from which it does not have the output in hand: now, if it has never beaten or the clock went back."""
@@ -143,17 +161,18 @@ class DeadMan:
     """Watches over one child after the other until asked to stop."""
 
     def __init__(self, settings: Settings, arguments: Sequence[str]) -> None:
-        self._neutral, self._arguments = Neutral(settings), arguments
+        self._neutral, self._arguments = NeutralWriter(settings), arguments
         self._asked_s: float | None = None
+        self._heartbeat = Heartbeat.of(os.environ)
         signal.signal(signal.SIGINT, self._ask)
         signal.signal(signal.SIGTERM, self._ask)
 
     def run(self) -> int:
-        """Neutral, child, neutral, until the end; returns the exit code of the process."""
+        """Neutral, child, neutral, until the end; returns the exit code: 0 only when neutral was written last."""
         failures = 0
         self._neutral.write()
         while True:
-            child = Child.start(self._arguments)
+            child = WatchedProcess.start(self._arguments)
             code = self._watch(child)
             self._neutral.write()
             if self._asked_s is not None or code in (0, UsageError.exit_code):
@@ -165,12 +184,14 @@ class DeadMan:
                 break
         self._neutral.write()
         self._neutral.close()
-        return 0 if self._asked_s is not None else code
+        return int(bool(self._neutral.trouble)) if self._asked_s is not None else code
 
-    def _watch(self, child: Child) -> int:
+    def _watch(self, child: WatchedProcess) -> int:
         """Return the exit code of the child when it has ended; neutral in its place whenever it is silent."""
         sent = False
         while child.listen(self._neutral.now()):
+            child.reassure(time.monotonic())
+            self._heartbeat.beat(time.monotonic())
             if self._asked_s is not None and not sent:
                 child.handle.send_signal(signal.SIGTERM)
                 sent = True
@@ -194,6 +215,7 @@ class DeadMan:
         never, closed = os.pipe()
         end_s = time.monotonic() + seconds
         while self._asked_s is None and time.monotonic() < end_s:
+            self._heartbeat.beat(time.monotonic())
             self._neutral.write()
             self._neutral.wait(after(self._neutral.now(), REPEAT_S), never)
         os.close(never)
@@ -204,6 +226,23 @@ class DeadMan:
         if self._asked_s is None:
             self._asked_s = time.monotonic()
         self._neutral.wake()
+
+
+def _of_the_node(heartbeat: str) -> str:
+    """Path of the node's heartbeat beside ours; empty without one."""
+    return f"{heartbeat}_node" if heartbeat else ""
+
+
+def write_neutral(settings: Settings) -> int:
+    """Put neutral on the wire, once; returns the exit code, 0 only when it is there."""
+    neutral = NeutralWriter(settings)
+    neutral.write()
+    neutral.close()
+    if neutral.trouble:
+        return 1
+    stm32 = settings.vehicle.output.device == "stm32"
+    print("the STM32 goes neutral by itself without commands" if stm32 else "neutral is on the wire")  # noqa: T201  # for the supervisor
+    return 0
 
 
 def say(text: str) -> None:
@@ -221,6 +260,8 @@ def main() -> int:
     except HindraxError as error:
         say(str(error))
         return error.exit_code
+    if arguments[:1] == [NEUTRAL_WORD]:
+        return write_neutral(settings)
     return DeadMan(settings, arguments).run()
 
 

@@ -1,59 +1,84 @@
-"""One lifecycle node per device, as the operator expects to see it in `ros2 node list`.
+"""One lifecycle node per device, as listed by `ros2 node list`.
 
 The wire is served by a thread from the start; the lifecycle shows what it found. A device that has not identified
 itself leaves its node unconfigured, with the reason in /diagnostics; once it answers, the node configures and activates
-itself; when it is lost, the node goes back. Only an active node publishes readings.
+itself, as far as an operator has not asked for another state; when it is lost, the node goes back (see `lifecycle`).
+Only an active node publishes readings; a finalized one publishes nothing but its diagnostics.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import cycle
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.service import Service
 
-from hindrax_core.device import Identity, Output, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
-from hindrax_core.readings import Inertial
+from hindrax_core.readings import DeviceText, Inertial
+from hindrax_core.topics import WATER_TEMPERATURE, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.nodes.outlets import Outlets, outlets
-from hindrax_ros.frames import FrameTap
-from hindrax_ros.health import Health, Reporter
-from hindrax_ros.outbox import Outbox
-from hindrax_ros.polled import PolledNode
+from hindrax_drivers.lifecycle import State, Transition, next_transition, requested, why_not_active
+from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
+from hindrax_ros.graph import publisher
+from hindrax_ros.raw_frames import RECEIVED, SENT, FrameTap
 
-LOOK_AFTER_S = 0.2
+LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
 STALE_S = 1.0
+TEMPERATURE_EVERY = 10
+"""Every pressure comes with a temperature; one in this many temperatures is published."""
 
 
-class DeviceNode(PolledNode, LifecycleNode):
-    """Publishes what one device says; `ready` tells whether the wire has found the device it expects.
+class DeviceNode(BatchedNode, LifecycleNode):
+    """Publishes the readings of one device; `ready` says whether the wire has found the device it expects.
 
-    Nodes of one process may share an outbox. The inertial samples, by which navigation ticks, take along what the other
-    sensors have said since the last ones; without an IMU the turns of the process do.
+    The nodes of a process may share a publish queue. The IMU node, which paces the navigation, flushes it with every
+    batch of samples; without an IMU the loop of the process flushes it.
     """
 
     def __init__(
-        self, name: str, vehicle: Vehicle, parameters: Iterable[Any] = (), outbox: Outbox | None = None
+        self, name: str, vehicle: Vehicle, parameters: Iterable[Any] = (), publish_queue: PublishQueue | None = None
     ) -> None:
         super().__init__(
-            name, outbox=outbox, ros_time=False, parameter_overrides=list(parameters), enable_logger_service=False
+            name,
+            publish_queue=publish_queue,
+            ros_time=False,
+            parameter_overrides=list(parameters),
+            enable_logger_service=False,
         )
-        self.health = Health(hardware=name)
+        self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
-        self._outlets: Outlets = outlets(self, vehicle)
-        self._reporter = Reporter(self)
+        self._messages = ReadingMessages(name, vehicle)
+        self._publish = {topic.name: self._publisher(topic) for topic in self._messages.topics}
+        self._reporter = DiagnosticsPublisher(self)
         self._active = False
+        self._wanted = State.ACTIVE
         self._turn = 0
         self.ready: Callable[[], bool] = lambda: False
         self.now: Callable[[], Stamp] = lambda: Stamp(0)
         self.stop: Callable[[], None] = lambda: None
-        self.every(LOOK_AFTER_S, self._look_after)
+        self.release: Callable[[], None] = lambda: None
+        _service(self, "change_state").callback = self._on_change_state  # that of rclpy raises at an invalid request
+        self.every(LIFECYCLE_PERIOD_S, self._update_lifecycle)
+
+    @property
+    def finalized(self) -> bool:
+        """Whether an operator has finalized the node."""
+        return self._wanted is State.FINALIZED
+
+    def _publisher(self, topic: Topic) -> Callable[[Any], None]:
+        publish = publisher(self, topic, held=topic.recorded).publish
+        return one_of_many(TEMPERATURE_EVERY, publish) if topic == WATER_TEMPERATURE else publish
 
     def deliver(self, outputs: Iterable[Output]) -> None:
-        """Take what the device said, on the thread of its wire."""
-        for output in outputs:
+        """Handle outputs of the device, on the thread of its wire."""
+        for output in () if self.finalized else outputs:
             if isinstance(output, Stamped):
                 self._reading(output)
             elif isinstance(output, Rejected):
@@ -65,14 +90,17 @@ class DeviceNode(PolledNode, LifecycleNode):
                 self.get_logger().info(f"{self.get_name()}: found {output.text}")
             else:
                 assert isinstance(output, Send)
-        if Inertial in self._outlets:
-            self.outbox.flush()
+        if self._messages.accepts(Inertial):
+            self.publish_queue.flush()
 
     def _reading(self, stamped: Stamped[Any]) -> None:
         self.health.reading(stamped.stamp)
-        outlet = self._outlets.get(type(stamped.reading))
-        if self._active and outlet is not None:
-            outlet(stamped)
+        if not self._active:
+            return
+        if isinstance(stamped.reading, DeviceText):
+            self.get_logger().info(stamped.reading.text)
+        for topic, message in self._messages.of(stamped):
+            self._publish[topic](message)
 
     def _trouble(self, text: str) -> None:
         if text != self.health.trouble:
@@ -80,38 +108,76 @@ class DeviceNode(PolledNode, LifecycleNode):
         self.health.troubled(text)
 
     def troubled(self, text: str) -> None:
-        """Let the wire say what is wrong with it."""
+        """Report a trouble of the wire."""
         self._trouble(text)
+
+    def frame(self, stamp: Stamp, sent: bool, data: bytes) -> None:
+        """Record one frame of the wire, on its thread."""
+        if not self.finalized:
+            self.tap.add(stamp, SENT if sent else RECEIVED, data)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Succeed once the device has identified itself."""
         del state
         return TransitionCallbackReturn.SUCCESS if self.ready() else TransitionCallbackReturn.FAILURE
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish from now on."""
-        self._active = True
-        return super().on_activate(state)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish no more."""
-        self._active = False
-        return super().on_deactivate(state)
+    def on_request(self, wanted: State) -> None:
+        """Act on a state that an operator requested, beyond publishing."""
+        if wanted is State.FINALIZED:
+            self.release()
 
     def close(self) -> None:
         """End the thread of the wire."""
         self.stop()
 
-    def _look_after(self) -> None:
-        """Let the lifecycle follow the device, and report once a second."""
-        found = self.ready()
-        if found and not self._active:
-            self.trigger_configure()
-            self.trigger_activate()
-        elif self._active and not found:
-            self.trigger_deactivate()
-            self.trigger_cleanup()
+    def _on_change_state(self, request: Any, response: Any) -> Any:
+        """Answer the service: a valid transition is performed, and its goal is kept as the wanted state."""
+        asked, state = request.transition, self.lifecycle_state
+        transition = requested(state, asked.id, asked.label)
+        response.success = transition is not None and self._trigger(transition)
+        if transition is None or not response.success:
+            why = "that does not start here" if transition is None else self.health.trouble or "no device has answered"
+            name = asked.label or f"transition {asked.id}"
+            self.get_logger().warning(f"{name!r} refused in the state {state.name.lower()}: {why}")
+            return response
+        self._wanted = transition.goal
+        self.health.withheld = why_not_active(transition.goal)
+        self.on_request(transition.goal)
+        return response
+
+    def _trigger(self, transition: Transition) -> bool:
+        """Perform a transition; False when it failed."""
+        trigger = getattr(self, f"trigger_{transition.label}")
+        made: bool = trigger() == TransitionCallbackReturn.SUCCESS
+        self._active = self.lifecycle_state is State.ACTIVE
+        return made
+
+    @property
+    def lifecycle_state(self) -> State:
+        """Current state."""
+        return State(self._state_machine.current_state[0])
+
+    def _update_lifecycle(self) -> None:
+        """Move the lifecycle towards the wanted state as far as the device allows, and report once a second."""
+        while (step := next_transition(self.lifecycle_state, self._wanted, found=self.ready())) is not None:
+            if not self._trigger(step):
+                break
         self._turn = (self._turn + 1) % REPORT_EVERY
         if self._turn == 0:
             now = self.now()
             self._reporter.publish(now, self.health.report(f"hindrax: {self.get_name()}", now, STALE_S))
+
+
+def _service(node: LifecycleNode, name: str) -> Service:
+    return next(one for one in node.services if one.srv_name.endswith(f"/{name}"))
+
+
+def one_of_many(many: int, publish: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Publish only the last of every `many` messages."""
+    turns = cycle((*[False] * (many - 1), True))
+
+    def sometimes(message: Any) -> None:
+        if next(turns):
+            publish(message)
+
+    return sometimes

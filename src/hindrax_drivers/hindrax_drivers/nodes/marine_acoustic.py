@@ -1,18 +1,14 @@
-"""The DVL's detail as marine_acoustic_msgs/Dvl as well, where that package is installed: field for field.
+"""The DVL's detail also as marine_acoustic_msgs/Dvl, where that package is installed: field for field.
 
 Definition of the message: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from rclpy.node import Node
-
 from hindrax_core.topics import SENSOR, Topic
-from hindrax_ros.graph import publisher
-from hindrax_ros.optional import optional_class
+from hindrax_ros.optional_messages import optional_class
 
 TYPE = "marine_acoustic_msgs/msg/Dvl"
 ALIKE = (
@@ -39,11 +35,11 @@ def fill(theirs: Any, ours: Any) -> Any:
     return theirs
 
 
-def outlet(node: Node) -> Callable[[Any], None] | None:
-    """Return what takes every hindrax_msgs/Dvl and publishes it as `NODE/dvl`; None without the package."""
-    kind = optional_class(TYPE)
-    if kind is None:
-        return None
-    copy = Topic(f"{node.get_name()}/dvl", TYPE, SENSOR, 0.0, recorded=False, meaning="detail as marine_acoustic_msgs")
-    out = publisher(node, copy, held=False)
-    return lambda ours: out.publish(fill(kind(), ours))
+def dvl_class() -> Any:
+    """Class of marine_acoustic_msgs/Dvl; None without the package."""
+    return optional_class(TYPE)
+
+
+def topic_of(device: str) -> Topic:
+    """Topic of the copy: `DEVICE/dvl`, not recorded."""
+    return Topic(f"{device}/dvl", TYPE, SENSOR, 0.0, recorded=False, meaning="detail as marine_acoustic_msgs")

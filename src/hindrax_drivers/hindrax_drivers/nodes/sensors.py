@@ -14,48 +14,46 @@ from typing import Any, Generic, Protocol, TypeVar
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from hindrax_core.bus import DeviceError, Transaction
-from hindrax_core.device import Output, RegisterDevice, SerialDevice
+from hindrax_core.bus_operations import DeviceError, Transaction
+from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
-from hindrax_core.wire import pack_transaction
-from hindrax_drivers.buses.bus import open_bus
-from hindrax_drivers.buses.clock import open_clock
-from hindrax_drivers.buses.schedule import BusSchedule
+from hindrax_core.wire_frames import pack_transaction
+from hindrax_drivers.buses.bus_schedule import BusSchedule
+from hindrax_drivers.buses.bus_thread import BusThread
+from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.buses.serial_thread import SerialThread
-from hindrax_drivers.buses.thread import BusThread
+from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_drivers.registry import DEVICES
-from hindrax_ros.frames import RECEIVED, SENT
-from hindrax_ros.outbox import Outbox
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.deferred_publisher import PublishQueue
 from hindrax_ros.parameters import knobs, text
-from hindrax_ros.polled import PolledNode
 from hindrax_ros.process import spin
 
 RETRY_S = 1.0
 
 
-class Served(Protocol):
+class WireThread(Protocol):
     """The thread of a wire."""
 
     def stop(self) -> None:
-        """End it."""
+        """Stop the thread."""
 
 
-ThreadT = TypeVar("ThreadT", bound=Served)
+ThreadT = TypeVar("ThreadT", bound=WireThread)
 
 
-class Wires:
-    """Every wire of the process, and the nodes that listen to them."""
+class WireHosts:
+    """Every wire of the process and the nodes on it."""
 
     def __init__(self) -> None:
         self.nodes: list[DeviceNode] = []
-        self._outbox = Outbox()
+        self._publish_queue = PublishQueue()
         self._buses: dict[str, list[tuple[DeviceNode, RegisterDevice]]] = defaultdict(list)
 
     def add(self, name: str, mount: Mount, vehicle: Vehicle) -> None:
         """Make the node of one sensor; its port may be overridden by the parameter `port`."""
-        node = DeviceNode(name, vehicle, outbox=self._outbox)
+        node = DeviceNode(name, vehicle, publish_queue=self._publish_queue)
         port = text(node, "port", mount.port, "port of the device, or mock:SOCKET [-]")
         clock = text(node, "clock", "system", "clock of a serial port: system, or mock:SOCKET [-]")
         row = DEVICES[mount.device]
@@ -69,19 +67,13 @@ class Wires:
     def _serial(self, node: DeviceNode, port: str, clock_port: str, device: SerialDevice) -> None:
         def serve() -> SerialThread:
             clock = open_clock(clock_port, node.get_name())
-            thread = SerialThread(
-                port,
-                device,
-                clock,
-                node.deliver,
-                lambda stamp, sent, data: node.tap.add(stamp, SENT if sent else RECEIVED, data),
-            )
+            thread = SerialThread(port, device, clock, node.deliver, node.frame)
             node.ready = lambda: thread.ready
             node.now = clock.now
             thread.start()
             return thread
 
-        wire = Wire(port, [node], serve)
+        wire = WireHost(port, [node], serve)
         if hasattr(device, "request_profile"):
             _offer_profile(node, wire, device.request_profile)
         wire.start()
@@ -89,30 +81,37 @@ class Wires:
     def open_buses(self) -> None:
         """Start a thread per bus; its nodes share it."""
         for port, listeners in self._buses.items():
-            Wire(port, [node for node, _ in listeners], partial(serve_bus, port, listeners)).start()
+            WireHost(port, [node for node, _ in listeners], partial(serve_bus, port, listeners)).start()
 
 
-class Wire(Generic[ThreadT]):
-    """Serves one wire as soon as it is there: tries again and again, and meanwhile its nodes say why it is not."""
+class WireHost(Generic[ThreadT]):
+    """Serves one wire once it can be opened; retries until then, while its nodes report the reason."""
 
     def __init__(self, port: str, nodes: Sequence[DeviceNode], serve: Callable[[], ThreadT]) -> None:
         self._port, self._nodes, self._serve = port, nodes, serve
         self._stopping = threading.Event()
         self.thread: ThreadT | None = None
+        self._listening = len(nodes)
         for node in nodes:
-            node.stop = self.stop
+            node.stop, node.release = self.stop, self.release
 
     def start(self) -> None:
-        """Serve now, or keep trying in the background."""
+        """Serve now, or retry in the background."""
         if not self._open():
             threading.Thread(target=self._retry, name=f"open {self._port}", daemon=True).start()
 
     def stop(self) -> None:
-        """End the thread of the wire; the second of two nodes finds it ended."""
+        """Stop the thread of the wire; a second call does nothing."""
         self._stopping.set()
         thread, self.thread = self.thread, None
         if thread is not None:
             thread.stop()
+
+    def release(self) -> None:
+        """Release the wire for one of its nodes; the last one stops the thread and frees the port."""
+        self._listening -= 1
+        if self._listening == 0:
+            self.stop()
 
     def _retry(self) -> None:
         while not self._stopping.wait(RETRY_S) and not self._open():
@@ -131,12 +130,12 @@ class Wire(Generic[ThreadT]):
 
 
 def serve_bus(port: str, listeners: Sequence[tuple[DeviceNode, RegisterDevice]]) -> BusThread:
-    """Open a register bus and begin to serve it. DeviceError when it is not there."""
+    """Open a register bus and start its thread. DeviceError when it is missing."""
     by_name = {node.get_name(): node for node, _ in listeners}
 
     def tap(name: str, stamp: Stamp, transaction: Transaction, answer: bytes) -> None:
-        by_name[name].tap.add(stamp, SENT, pack_transaction(transaction))
-        by_name[name].tap.add(stamp, RECEIVED, answer)
+        by_name[name].frame(stamp, sent=True, data=pack_transaction(transaction))
+        by_name[name].frame(stamp, sent=False, data=answer)
 
     bus, schedule = open_bus(port, "sensors"), BusSchedule(tap)
     for node, device in listeners:
@@ -148,7 +147,7 @@ def serve_bus(port: str, listeners: Sequence[tuple[DeviceNode, RegisterDevice]])
     return thread
 
 
-def _offer_profile(node: DeviceNode, wire: Wire[SerialThread], request: Callable[[], Iterable[Output]]) -> None:
+def _offer_profile(node: DeviceNode, wire: WireHost[SerialThread], request: Callable[[], Iterable[Output]]) -> None:
     """Serve `DEVICE/request_profile`: the next echo comes with its profile."""
 
     def answer(_request: Any, response: Any) -> Any:
@@ -156,7 +155,7 @@ def _offer_profile(node: DeviceNode, wire: Wire[SerialThread], request: Callable
         if thread is None:
             response.message = "the port is not open yet; /diagnostics says why"
         else:
-            thread.ask(request)
+            thread.call(request)
             response.success = True
         return response
 
@@ -165,9 +164,9 @@ def _offer_profile(node: DeviceNode, wire: Wire[SerialThread], request: Callable
 
 def make_nodes() -> Sequence[Node]:
     """Read the vehicle file named by the parameter of the first node and make a node per sensor."""
-    with_vehicle = PolledNode("sensors", ros_time=False)
+    with_vehicle = BatchedNode("sensors", ros_time=False)
     vehicle = load_vehicle(text(with_vehicle, "vehicle", "", "vehicle file [-]"))
-    wires = Wires()
+    wires = WireHosts()
     for name, mount in vehicle.sensors.items():
         wires.add(name, mount, vehicle)
     wires.open_buses()

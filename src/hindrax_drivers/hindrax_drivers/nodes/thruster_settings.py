@@ -1,4 +1,4 @@
-"""Where the output is, read from the arguments of the process without ROS: the dead man must know it at once.
+"""Vehicle and port of the output, read from the process arguments without ROS: the dead man needs them at once.
 
 Follows ROS 2: `--params-file FILE` with blocks per node (wildcards `*` and `**`), and `-p NAME:=VALUE`; what comes
 later wins.
@@ -31,7 +31,7 @@ class Settings:
 
 
 def read_settings(arguments: Sequence[str]) -> Settings:
-    """Read the vehicle file and where its output is; UsageError says what is missing."""
+    """Read vehicle file and output port; UsageError names what is missing."""
     found: dict[str, Any] = {}
     for values in _parameters(arguments):
         found |= values

@@ -1,6 +1,7 @@
 """The thrusters process: `python -m hindrax_drivers.nodes.thrusters --ros-args ...`.
 
-It turns into the dead man at once, which starts the node as its child by the same words and `--node BEAT LIFE`.
+It turns into the dead man at once, which starts the node as its child by the same words and `--node BEAT LIFE`. With
+`--neutral` before the words the dead man only puts neutral on the wire: for a supervisor that killed another.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 ARGUMENTS = "HINDRAX_THRUSTERS_ARGUMENTS"
-NODE_WORD = "--node"
+NODE_WORD, NEUTRAL_WORD = "--node", "--neutral"
 
 
 def main() -> int:
-    """Become the dead man, or run the node for it."""
+    """Run the dead man, or the node under it."""
     words = sys.argv[1:]
     if words[:1] != [NODE_WORD]:
         become_dead_man(words)
@@ -26,9 +27,9 @@ def main() -> int:
 
 
 def become_dead_man(words: Sequence[str]) -> NoReturn:
-    """Go on as the dead man, in this very process.
+    """Replace this process by the dead man.
 
-    Under a new name and without arguments: whoever kills "thrusters" by name must not take the dead man along.
+    Under a new name and without arguments: killing "thrusters" by name must not kill the dead man.
     """
     os.environ[ARGUMENTS] = json.dumps(words)
     os.execv(sys.executable, [sys.executable, "-m", "hindrax_drivers.nodes.deadman"])  # noqa: S606  # ourselves

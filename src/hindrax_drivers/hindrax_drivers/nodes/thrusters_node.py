@@ -1,7 +1,9 @@
 """The lifecycle node `thrusters`: commands and arm requests in, applied pulses out. It runs under `deadman`.
 
 The output is served by a thread from the start, with neutral first. Commands are judged on that thread, on the clock of
-the output, whatever the lifecycle says; the lifecycle shows whether the output is there.
+the output. The lifecycle shows whether the output is there; once an operator has asked for any state but active, the
+output stays neutral and disarmed until `activate`. A finalized node goes on repeating neutral and says so: an output
+that nobody serves keeps its last pulses.
 """
 
 from __future__ import annotations
@@ -9,33 +11,36 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import select
 import signal
 import threading
+import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import TimeoutError as NoAnswerError
 from typing import Any
 
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 
-from hindrax_core.device import Output
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
-from hindrax_drivers.arming import Command, Guard, GuardKnobs, Phase, Refusal, Request
-from hindrax_drivers.buses.output_host import Applied
-from hindrax_drivers.buses.output_thread import OutputThread
-from hindrax_drivers.buses.outputs import ThrusterOutput, open_output
+from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_host import AppliedOutput
+from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
+from hindrax_drivers.output.output_thread import OutputThread
+from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
-from hindrax_ros.frames import RECEIVED, SENT
+from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
-from hindrax_ros.swift import AppliedState, applied_writer, command_from_bytes
+from hindrax_ros.raw_frames import RECEIVED, SENT
 
 NAME = "thrusters"
 ANSWER_S = 2.0
@@ -43,7 +48,7 @@ PR_SET_PDEATHSIG = 1
 
 
 class ThrustersNode(DeviceNode):
-    """One output behind one guard. `beat` tells the dead man that this process lives and has the output in hand."""
+    """One output behind one guard. `beat` tells the dead man that this process is alive and controls the output."""
 
     def __init__(self, settings: Settings, beat: int) -> None:
         super().__init__(NAME, settings.vehicle)
@@ -54,10 +59,11 @@ class ThrustersNode(DeviceNode):
             ("clock", settings.clock, "clock of a serial port: system, or mock:SOCKET [-]"),
         ):
             text(self, name, value, meaning)
-        guard = Guard(
-            len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, GuardKnobs)
+        guard = OutputGuard(
+            len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, OutputGuardKnobs)
         )
         self._phase: Phase | None = None
+        self._inhibited_by = {"dead man": "", "lifecycle": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
         self._battery = publisher(self, BATTERY) if settings.vehicle.output.device == "stm32" else None
@@ -71,51 +77,58 @@ class ThrustersNode(DeviceNode):
         self._thread.start()
 
     def abandon(self, reason: str) -> None:
-        """Leave neutral behind now, because nobody watches over this process any more."""
+        """Write neutral now, because the dead man is gone."""
         self._thread.drop(reason)
         self._thread.stop()
 
-    def applied(self, applied: Applied) -> None:
-        """Publish what is on the wire."""
+    def on_dead_man(self, *, answers: bool) -> None:
+        """Hold neutral and disarmed while the dead man does not answer."""
+        self._inhibit("dead man", "" if answers else "the dead man does not answer")
+
+    def _inhibit(self, who: str, reason: str) -> None:
+        self._inhibited_by[who] = reason
+        self._thread.inhibit("; ".join(filter(None, self._inhibited_by.values())))
+
+    def applied(self, applied: AppliedOutput) -> None:
+        """Publish the applied pulses."""
         if applied.phase is not self._phase:
             self._announce(applied)
         if applied.phase is Phase.FAULTED:
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
-        said = AppliedState(applied.stamp, applied.phase is Phase.ARMED, applied.pulses_us, applied.sequence)
+        said = ThrusterStateFields(applied.stamp, applied.phase is Phase.ARMED, applied.pulses_us, applied.sequence)
         self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
 
     def rest(self) -> None:
-        """Send what was said."""
-        self.outbox.flush()
+        """Send the queued messages."""
+        self.publish_queue.flush()
 
     def refused(self, refusal: Refusal, stamp: Stamp) -> None:
-        """Count a command that was not obeyed."""
+        """Count a refused command."""
         if not self.health.rejects[refusal.reason]:
             self.get_logger().warning(f"command refused: {refusal.text}")
         self.health.reject(Rejected(stamp, refusal.reason))
 
     def found(self, identity: str) -> None:
-        """Show who makes the pulses."""
+        """Report the identity of the output."""
         self.health.identity = f"{identity} on {self._settings.port}"
         self.get_logger().info(f"found {self.health.identity}")
 
     def deliver(self, outputs: Iterable[Output]) -> None:
-        """Publish what the output says beside its pulses, which `applied` tells."""
-        for output in outputs:
+        """Publish other outputs of the device; its pulses come with `applied`."""
+        for output in () if self.finalized else outputs:
             reading = output.reading if isinstance(output, Stamped) else None
             if isinstance(reading, Battery) and isinstance(output, Stamped) and self._battery is not None:
                 self._battery.publish(_battery(output.stamp, reading))
             elif not isinstance(reading, AppliedPulses):
                 super().deliver([output])
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Disarm."""
-        self._thread.drop("the node was deactivated")
-        return super().on_deactivate(state)
+    def on_request(self, wanted: State) -> None:
+        """Go neutral and disarm in every state but active."""
+        self._inhibit("lifecycle", why_not_active(wanted))
 
-    def _announce(self, applied: Applied) -> None:
+    def _announce(self, applied: AppliedOutput) -> None:
         self._phase = applied.phase
         words = f"{applied.phase}: {applied.reason}" if applied.reason else str(applied.phase)
         self.health.note = words
@@ -130,7 +143,7 @@ class ThrustersNode(DeviceNode):
         self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
 
     def _on_arm(self, request: Any, response: Any) -> Any:
-        asked = Request(stamp_from_msg(request.stamp), request.sequence)
+        asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)
         future = self._thread.arm(asked) if request.arm else self._thread.disarm(asked)
         try:
             answer = future.result(ANSWER_S)
@@ -138,7 +151,7 @@ class ThrustersNode(DeviceNode):
             response.accepted, response.reason = False, "the output does not answer; see /diagnostics"
             return response
         response.accepted, response.reason = answer.accepted, answer.reason
-        self.get_logger().info(f"{'arm' if request.arm else 'disarm'}: {answer.reason or 'accepted'}")
+        self.get_logger().info(f"{'arm' if request.arm else 'disarm'}: {answer.reason or request.reason or 'accepted'}")
         return response
 
     def _open(self) -> ThrusterOutput:
@@ -149,7 +162,7 @@ class ThrustersNode(DeviceNode):
         self.tap.add(stamp, SENT if sent else RECEIVED, data)
 
     def _beat(self) -> None:
-        with contextlib.suppress(BlockingIOError, BrokenPipeError):  # nobody reads; `watch_parent` knows more
+        with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, b"!")
 
 
@@ -160,10 +173,20 @@ def _battery(stamp: Stamp, battery: Battery) -> BatteryState:
 
 
 def watch_parent(life: int, node: ThrustersNode) -> None:
-    """Go neutral and end when the dead man dies: its end of the pipe closes whatever it died of."""
+    """Go neutral when the dead man falls silent; exit when it dies: its end of the pipe then closes."""
 
     def wait() -> None:
-        os.read(life, 1)
+        silence, silent = ParentSilence(node.now(), time.monotonic()), False
+        while True:
+            ready, _, _ = select.select([life], (), (), TOLD_S)
+            if ready and not os.read(life, 4096):
+                break
+            now, now_s = node.now(), time.monotonic()
+            if ready:
+                silence.heard(now, now_s)
+            if silence.silent(now, now_s) is not silent:
+                silent = not silent
+                node.on_dead_man(answers=not silent)
         node.abandon("the dead man has died")
         os.kill(os.getpid(), signal.SIGTERM)
 

@@ -1,1 +1,1 @@
-"""Virtual buses: register emulators behind addresses, served in process, over a socket, or as a file with ioctls."""
+"""Virtual buses: register emulators at addresses, served in process, over a socket, or as a file with ioctls."""

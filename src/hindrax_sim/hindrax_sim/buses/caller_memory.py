@@ -1,4 +1,4 @@
-"""Memory of another process, as a kernel reaches it for an ioctl: process_vm_readv(2) and process_vm_writev(2)."""
+"""Memory of another process, as a kernel accesses it for an ioctl: process_vm_readv(2), process_vm_writev(2)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _CALL = (ctypes.c_int, ctypes.POINTER(_Span), ctypes.c_ulong, ctypes.POINTER(_Sp
 
 
 def fetch(pid: int, address: int, count: int) -> bytes:
-    """Bytes at an address of a process; OSError EFAULT where there are none."""
+    """Read bytes at an address of a process; OSError EFAULT for an invalid address."""
     buffer = ctypes.create_string_buffer(count)
     _move("process_vm_readv", pid, buffer, address, count)
     return buffer.raw
 
 
 def store(pid: int, address: int, data: bytes) -> None:
-    """Put bytes to an address of a process; OSError EFAULT where that cannot be."""
+    """Write bytes at an address of a process; OSError EFAULT for an invalid address."""
     _move("process_vm_writev", pid, ctypes.create_string_buffer(data, len(data)), address, len(data))
 
 

@@ -1,4 +1,4 @@
-"""A virtual I2C bus as a file that answers real ioctls, so that programs of others run against it unchanged.
+"""A virtual I2C bus as a file that answers real ioctls, so that third-party programs run on it unchanged.
 
 The file is the root of a FUSE file system without any other file, mounted over an existing path. The kernel hands
 every open, ioctl, read and write on it to this server through /dev/fuse; what ioctl arguments point at is fetched from
@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
-from hindrax_core.bus import Read, Transaction, Write
+from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_sim.buses import i2cdev_abi as abi
@@ -78,11 +78,11 @@ class FuseI2c:
             raise
 
     def fileno(self) -> int:
-        """Descriptor that is readable when a program wants something."""
+        """Descriptor that is readable when a request waits."""
         return self._fd
 
     def serve(self, timeout_s: float = 0.0) -> int:
-        """Answer everything that programs want, waiting at most `timeout_s` for the first; returns how much it was."""
+        """Answer all requests, waiting at most `timeout_s` for the first; returns their number."""
         served = 0
         while select.select([self._fd], (), (), 0.0 if served else timeout_s)[0]:
             try:
@@ -98,7 +98,7 @@ class FuseI2c:
         return served
 
     def close(self) -> None:
-        """Unmount, and remove the file where it was made for this; twice is no error."""
+        """Unmount, and remove the file if it was created for this; closing twice is no error."""
         if self._fd >= 0:
             _unmount(self._path)
             os.close(self._fd)
@@ -128,7 +128,7 @@ class FuseI2c:
             os.write(self._fd, reply)
 
     def _do(self, opcode: int, body: bytes, pid: int) -> bytes:
-        """One request to one answer; OSError goes to the caller as its errno."""
+        """Answer one request; the caller gets an OSError as its errno."""
         if opcode == INIT:
             return _INIT_OUT.pack(7, MINOR, 0, 0, 1, 1, LONGEST_WRITE, 1, 0, 0, 0)
         if opcode in (GETATTR, SETATTR):
@@ -146,7 +146,7 @@ class FuseI2c:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
 
     def _use(self, opcode: int, body: bytes, pid: int) -> bytes:
-        """Plain read and write (after I2C_SLAVE) are one transaction each."""
+        """Handle read, write and ioctl; a plain read or write (after I2C_SLAVE) is one transaction."""
         if opcode == READ:
             handle, _, size = _READ_IN.unpack_from(body)
             return self._transfer(Read(self._address(handle), size), self._now())
@@ -165,7 +165,7 @@ class FuseI2c:
         return address
 
     def _ioctl(self, handle: int, command: int, argument: int, pid: int) -> int:
-        """Return value of an ioctl as <linux/i2c-dev.h> tells it."""
+        """Handle an ioctl of <linux/i2c-dev.h>; returns its return value."""
         if command in (abi.I2C_SLAVE, abi.I2C_SLAVE_FORCE):
             if argument > 0x7F:
                 raise OSError(errno.EINVAL, "7-bit addresses only")
@@ -209,13 +209,13 @@ class FuseI2c:
 
 
 def _attributes() -> bytes:
-    """Attributes of the only file: empty, for everybody to read and write."""
+    """Attributes of the only file: empty, readable and writable for everyone."""
     mode = stat.S_IFREG | 0o666
     return _ATTR_OUT.pack(3600, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, mode, 1, 0, 0, 0, 4096, 0)
 
 
 def _prepare(path: Path) -> bool:
-    """Have an ordinary file to mount over; returns whether it was made here."""
+    """Ensure an ordinary file to mount over; returns whether it was created here."""
     if is_mounted(path):
         _unmount(path)
     if not path.exists():
@@ -230,8 +230,8 @@ def _prepare(path: Path) -> bool:
 
 
 def is_mounted(path: Path) -> bool:
-    """Whether such a file is there, perhaps without its server: a process that was killed leaves its mount behind."""
-    with contextlib.suppress(OSError):  # where there are no mounts of that kind
+    """Whether such a file is mounted, perhaps without a server: a killed process leaves its mount behind."""
+    with contextlib.suppress(OSError):  # no such mounts
         mounts = Path("/proc/self/mounts").read_text(encoding="utf-8").splitlines()
         return any(line.split()[:2] == [SOURCE, str(path)] for line in mounts)
     return False

@@ -1,6 +1,6 @@
-"""The kernel's side of <linux/i2c-dev.h> and <linux/i2c.h>: requests, structures, and what they mean on a bus.
+"""The kernel's side of <linux/i2c-dev.h> and <linux/i2c.h>: requests, structures, and their bus transactions.
 
-Shared by everything that plays kernel. Sources: Linux uapi headers i2c.h and i2c-dev.h; the SMBus emulation follows
+Shared by all kernel stand-ins. Sources: Linux uapi headers i2c.h and i2c-dev.h; the SMBus emulation follows
 the kernel's documentation of the SMBus protocol (Documentation/i2c/smbus-protocol.rst).
 """
 
@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from hindrax_core.bus import Read, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
 
 I2C_RETRIES = 0x0701
@@ -56,14 +56,14 @@ class Message:
 
     @property
     def reads(self) -> bool:
-        """Whether bytes come from the device."""
+        """Whether the message is a read."""
         return bool(self.flags & I2C_M_RD)
 
 
 def transact(
     transfer: Callable[[Transaction, Stamp], bytes], messages: Sequence[Message], now: Stamp
 ) -> list[bytes | None]:
-    """Do the messages of one I2C_RDWR; per message the bytes read, or None for a write.
+    """Run the messages of one I2C_RDWR; returns per message the bytes read, or None for a write.
 
     A write that is followed by a read of the same address is one transaction with a repeated START.
     """
@@ -90,7 +90,7 @@ def _join(messages: Sequence[Message]) -> tuple[Transaction, int]:
 
 
 def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Transaction:
-    """Turn an SMBus request into what goes over the wire. `data` is the caller's union (34 bytes).
+    """Return the transaction of an SMBus request. `data` is the caller's union (34 bytes).
 
     OSError EOPNOTSUPP for block reads whose length the device tells: a plain I2C adapter cannot do them.
     """
@@ -111,7 +111,7 @@ def smbus(address: int, reads: bool, command: int, size: int, data: bytes) -> Tr
 
 
 def smbus_answer(size: int, answer: bytes) -> bytes:
-    """Lay the bytes read out as the caller's union wants them (words are little endian, blocks begin with a length)."""
+    """Pack the bytes read into the caller's union (words are little endian, blocks begin with a length)."""
     return bytes([len(answer)]) + answer if size in (I2C_BLOCK, I2C_BLOCK_BROKEN) else answer
 
 

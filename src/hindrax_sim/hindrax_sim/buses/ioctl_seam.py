@@ -1,4 +1,4 @@
-"""A kernel in the same process: `smbus2` believes that it has an adapter, and a virtual bus sees its ioctls.
+"""A kernel in the same process: `smbus2` opens an adapter, and a virtual bus receives its ioctls.
 
 Covers the binary interface of <linux/i2c-dev.h> without hardware, root or files: the messages are taken from and put
 into the memory of the ctypes structures that smbus2 passes, as the kernel would.
@@ -16,14 +16,14 @@ from typing import Any
 from unittest import mock
 
 from hindrax_core.events import Stamp
-from hindrax_sim.buses.bus import VirtualI2c
 from hindrax_sim.buses.i2cdev_abi import FUNCTIONS, I2C_FUNCS, I2C_RDWR, Message, transact
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 DESCRIPTOR = 4242
 
 
 class IoctlSeam:
-    """Stands in for open, close and ioctl of an adapter at one path; time stands where it is set."""
+    """Replaces open, close and ioctl of an adapter at one path; the time is set by the test."""
 
     def __init__(self, path: str, bus: VirtualI2c) -> None:
         self._path, self._bus = path, bus
@@ -42,7 +42,7 @@ class IoctlSeam:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
 
     def ioctl(self, descriptor: int, request: int, argument: Any) -> int:
-        """Serve I2C_FUNCS and I2C_RDWR out of the caller's own structures."""
+        """Serve I2C_FUNCS and I2C_RDWR on the caller's structures."""
         if descriptor != DESCRIPTOR:
             raise OSError(errno.EBADF, os.strerror(errno.EBADF))
         if request == I2C_FUNCS:
@@ -63,7 +63,7 @@ class IoctlSeam:
 
 @contextlib.contextmanager
 def seam(path: str, bus: VirtualI2c) -> Iterator[IoctlSeam]:
-    """Put a virtual bus behind a path for as long as the block lasts; only `smbus2` is deceived."""
+    """Put a virtual bus at a path within the block; only `smbus2` sees it."""
     kernel = IoctlSeam(path, bus)
     files = SimpleNamespace(open=kernel.open, close=kernel.close, O_RDWR=os.O_RDWR)
     with mock.patch.multiple("smbus2.smbus2", ioctl=kernel.ioctl, os=files):

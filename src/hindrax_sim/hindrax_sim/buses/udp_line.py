@@ -19,7 +19,7 @@ LONGEST_LINE = 4096
 
 
 class UdpLine:
-    """Takes the serial port at `path` for itself and speaks for it on the network; call `turn` often."""
+    """Opens the serial port at `path` and forwards it to the network; call `turn` often."""
 
     def __init__(self, path: str, to_port: int = TO_HOST, own_port: int = OF_DEVICE) -> None:
         self._path, self._to = path, (HERE, to_port)
@@ -34,16 +34,16 @@ class UdpLine:
             raise HindraxError(f"udp {own_port} for {path}: {error.strerror}; another mock may have it") from error
 
     def turn(self) -> None:
-        """Pass on what has come from either side."""
+        """Forward received data in both directions."""
         for line in self._lines():
-            with contextlib.suppress(OSError):  # nobody listens there
+            with contextlib.suppress(OSError):  # no listener
                 self._socket.sendto(line, self._to)
-        with contextlib.suppress(OSError):  # nothing more there, or unplugged by a fault
+        with contextlib.suppress(OSError):  # no more data, or unplugged by a fault
             while True:
                 os.write(self._port, self._socket.recv(LONGEST_LINE))
 
     def close(self) -> None:
-        """Give port and socket back."""
+        """Close port and socket."""
         with contextlib.suppress(OSError):
             os.close(self._port)
         self._socket.close()
@@ -67,7 +67,7 @@ class UdpLine:
             return b""
         except OSError:
             data = b""
-        if not data:  # unplugged by a fault: it comes back as another one at the same place
+        if not data:  # unplugged by a fault: a new pty appears at the same path
             with contextlib.suppress(OSError):
                 fresh = _opened(self._path)
                 os.close(self._port)

@@ -1,1 +1,1 @@
-"""Emulators of the devices: byte for byte what their data sheets say, with a truth that can be set."""
+"""Emulators of the devices: byte for byte as in their data sheets, with a settable truth."""

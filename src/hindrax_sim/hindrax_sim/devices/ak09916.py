@@ -63,7 +63,7 @@ class Ak09916:
 
     def _set(self, register: int, value: int, now_s: float) -> None:
         if register == CNTL2:
-            # Drivers in the field read single measurements without ST2: ordering the next one lifts the lock too.
+            # Drivers in the field read single measurements without ST2: starting the next one releases the lock too.
             self._mode, self._since_s, self._taken, self._locked = value & 0x1F, now_s, 0, False
         elif register == CNTL3 and value & 0x01:
             self.power_cycle()
@@ -118,19 +118,19 @@ class Ak09916:
 
 
 class Bypass:
-    """The magnetometer as it is seen on the host's bus: only while the bypass connects it."""
+    """The magnetometer on the host's bus: only while the bypass connects it."""
 
     def __init__(self, magnetometer: Ak09916, connected: Callable[[], bool], refuse: Callable[[], Exception]) -> None:
         self._magnetometer, self._connected, self._refuse = magnetometer, connected, refuse
 
     def write(self, data: bytes, now_s: float) -> None:
-        """Pass a write on, or refuse it."""
+        """Forward a write, or refuse it."""
         if not self._connected():
             raise self._refuse()
         self._magnetometer.write(data, now_s)
 
     def read(self, count: int, now_s: float) -> bytes:
-        """Pass a read on, or refuse it."""
+        """Forward a read, or refuse it."""
         if not self._connected():
             raise self._refuse()
         return self._magnetometer.read(count, now_s)

@@ -1,6 +1,6 @@
 """A Cerulean DVL-75 as its pages describe it: docs.ceruleansonar.com, DVL-75, Communicating with the DVL.
 
-Where the pages are silent it is assumed, and said here: deltas are rounded one by one when printed, without a carried
+Assumptions where the pages have gaps: deltas are rounded one by one when printed, without a carried
 remainder (captured lines print -0.000, which a remainder would never give); $DVPDL goes out before $DVEXT; x, y, z
 are forward, starboard, down; the interval is one of the three that the $DVKFA page calls standard, chosen by
 altitude; a lock takes half a second to find and no time to lose.
@@ -16,7 +16,7 @@ import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Vec3
 from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval, configuration, delta, extended
-from hindrax_sim.devices.serial_emulator import Wire
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.emulator import Emulator
 from hindrax_sim.world import Mounting, World
 
@@ -69,7 +69,7 @@ class Dvl75:
         self._noise_mps = noise_mps
         self._us_per_s = 1e6 * (1.0 + drift_ppm * 1e-6)
         self._baud = baud
-        self._wire = Wire(baud)
+        self._wire = BaudRateLine(baud)
         self._truth = DvlTruth()
         self._disguised = self._saturated = False
         self._stepped = False
@@ -103,31 +103,31 @@ class Dvl75:
     # ---- truth and time
 
     def set_truth(self, truth: DvlTruth) -> None:
-        """Tell what is really there, as of the next `step`."""
+        """Set the truth for the next `step`."""
         self._truth = truth
 
     def step(self, now_s: float) -> bytes:
         """Sentences that are complete on the wire by now."""
         if not self._stepped:
-            self._arrive(now_s)
+            self._start_at(now_s)
         if self._truth.travel_m is None or now_s >= self._next_s:
             before_s, before_m = self._seen_s, self._travel_m
-            self._follow(now_s)
+            self._integrate_travel(now_s)
             while self._next_s <= now_s:
                 past = (self._next_s - before_s) / (now_s - before_s) if now_s > before_s else 1.0
                 self._measure(_between(before_m, self._travel_m, past))
-        return self._wire.take(now_s) if self._wire.next_s <= now_s else b""
+        return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
 
-    def _arrive(self, now_s: float) -> None:
-        """The world begins with the first step: what the device said before that was heard by nobody."""
+    def _start_at(self, now_s: float) -> None:
+        """Set the start time with the first step: earlier output is lost."""
         self._stepped = True
         self._booted_s += now_s
         self._next_s += now_s
         self._seen_s = now_s
         self._travel_m = self._reported_m = self._truth.travel_m or NOWHERE
 
-    def _follow(self, now_s: float) -> None:
-        """Bring the ground covered up to now: as told, or by the trapezoid between the last velocity and this one."""
+    def _integrate_travel(self, now_s: float) -> None:
+        """Integrate the travel up to now: as given, or by the trapezoid between the last velocity and this one."""
         truth, half_s = self._truth, 0.5 * (now_s - self._seen_s)
         if truth.travel_m is not None:
             self._travel_m = truth.travel_m
@@ -139,20 +139,20 @@ class Dvl75:
         self._seen_s = now_s
 
     def _measure(self, travel_m: Vec3) -> None:
-        """End an interval, speak of it, begin the next."""
-        locked = self._look()
+        """End an interval, send its sentences, start the next."""
+        locked = self._update_lock()
         turned_rad = self._truth.turned_rad
-        moved_m, confidence = self._moved(_minus(travel_m, self._reported_m), locked)
+        moved_m, confidence = self._measured_delta(_minus(travel_m, self._reported_m), locked)
         end_us = self._end_us + self._jumped_us
         turn = _minus(turned_rad, self._reported_rad)
-        self._say(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
+        self._emit(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
         self._reported_m, self._reported_rad = travel_m, turned_rad
         self._span_us = self._next_span_us(locked)
         self._end_us += self._span_us
         self._next_s = self._booted_s + self._end_us / self._us_per_s
 
-    def _look(self) -> bool:
-        """Whether the bottom is followed: in reach for half a second."""
+    def _update_lock(self) -> bool:
+        """Update the lock: whether the bottom has been in range for half a second."""
         altitude = self._truth.altitude_m
         if altitude is None or not ALTITUDES_m[0] <= altitude <= ALTITUDES_m[1]:
             self._heard_since_s = None
@@ -162,8 +162,8 @@ class Dvl75:
         self._skips = 0 if locked else self._skips - 1
         return locked
 
-    def _moved(self, way_m: Vec3, locked: bool) -> tuple[Vec3, int]:
-        """Delta and confidence. Doppler is turned into velocity with the speed of sound set, not with the true one."""
+    def _measured_delta(self, way_m: Vec3, locked: bool) -> tuple[Vec3, int]:
+        """Delta and confidence. Velocity from Doppler uses the configured speed of sound, not the true one."""
         if self._saturated:
             return SATURATED_m, 100
         if not locked:
@@ -179,26 +179,26 @@ class Dvl75:
             return SEARCH_INTERVAL_us
         return next(span for reach, span in INTERVALS_us if altitude <= reach)
 
-    def _say(self, interval: Interval, locked: bool) -> None:
+    def _emit(self, interval: Interval, locked: bool) -> None:
         if self._disguised:
-            self._wire.put(FOREIGN, self._next_s)
+            self._wire.send(FOREIGN, self._next_s)
         elif not self._paused:
             if self.settings.deltas:
-                self._wire.put(delta(interval), self._next_s)
+                self._wire.send(delta(interval), self._next_s)
             if self.settings.extended:
                 noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
                 line = extended(self._truth, interval.span_us, self._skips, locked, noise)
-                self._wire.put(line, self._next_s)
+                self._wire.send(line, self._next_s)
 
-    # ---- what it is told
+    # ---- commands
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Commands end with LF, CR before it is ignored. Page "Commands Accepted by the DVL"."""
         *lines, rest = (self._line + data).split(b"\n")
         self._line = rest[-LONGEST_COMMAND:]
-        return b"".join(self._obey(line.rstrip(b"\r").decode("ascii", "replace"), now_s) for line in lines)
+        return b"".join(self._handle_command(line.rstrip(b"\r").decode("ascii", "replace"), now_s) for line in lines)
 
-    def _obey(self, line: str, now_s: float) -> bytes:
+    def _handle_command(self, line: str, now_s: float) -> bytes:
         word, _, argument = line.strip().partition(" ")
         if self._disguised or not word:
             return b""
@@ -210,13 +210,13 @@ class Dvl75:
         if word in ("PAUSE", "RESUME"):
             self._paused = word == "PAUSE"
             return b""
-        taken = word in WITHOUT_EFFECT or line.startswith("$GPRMC,") or self._change(word, argument.strip())
+        taken = word in WITHOUT_EFFECT or line.startswith("$GPRMC,") or self._change_setting(word, argument.strip())
         if taken or not self.settings.freeform:
             return b""
         return b"Unrecognized command\r\n"
 
-    def _change(self, word: str, argument: str) -> bool:
-        """Change one setting, if that is what the command does and its argument is good."""
+    def _change_setting(self, word: str, argument: str) -> bool:
+        """Change one setting if the command does so and its argument is valid."""
         name, low, high = SCALARS.get(word, (SWITCHES.get(word, ""), math.nan, math.nan))
         value: bool | float = argument == "ON"
         if word in SCALARS:
@@ -230,22 +230,22 @@ class Dvl75:
     # ---- faults
 
     def power_cycle(self, now_s: float) -> None:
-        """Start anew: the clock at zero, settings as in flash, nothing on the wire but the boot text."""
+        """Restart: clock at zero, settings from flash, only the boot text on the wire."""
         self._wire.clear()
         self._boot(now_s, BOOT_S)
         if not self._disguised and self.settings.freeform:
-            self._wire.put(BOOT_TEXT, now_s)
+            self._wire.send(BOOT_TEXT, now_s)
 
     def jump_clock(self, seconds: float) -> None:
-        """Let the device's clock leap."""
+        """Fault: the device's clock jumps."""
         self._jumped_us += round(seconds * 1e6)
 
     def disguise(self, on: bool) -> None:
-        """A GPS receiver in its place."""
+        """Fault: a GPS receiver in its place."""
         self._disguised = on
 
     def saturate(self, on: bool) -> None:
-        """Deltas at the end of their scale, with full confidence."""
+        """Fault: deltas at the end of their scale, with full confidence."""
         self._saturated = on
 
 

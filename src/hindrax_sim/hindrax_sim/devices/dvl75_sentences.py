@@ -1,4 +1,4 @@
-"""The sentences of an emulated DVL-75, by the pages of its formats and the look of captured lines."""
+"""Sentences of an emulated DVL-75, after its format pages and captured lines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_BEAMS = "25,25,25,25,F,F,F,F,0.0000,0.0000,0.0000,0.0000,-1.000,-1.000,-1.000
 
 @dataclass(frozen=True, slots=True)
 class DvlTruth:
-    """What is there. Velocity, travel and turn are over ground, in the sensor's axes (forward, starboard, down).
+    """Truth of a DVL. Velocity, travel and turn are over ground, in the sensor's axes (forward, starboard, down).
 
     `travel_m` and `turned_rad`, where given, are sums since some start; the deltas are then their differences.
     Otherwise the velocity is integrated from one `step` to the next. `altitude_m` is the distance along the sensor's
@@ -33,7 +33,7 @@ class DvlTruth:
 
 @dataclass(frozen=True, slots=True)
 class DvlSettings:
-    """What the device keeps in flash; the defaults are those of the factory."""
+    """Flash settings of the device; the defaults are those of the factory."""
 
     deltas: bool = False
     extended: bool = True
@@ -44,7 +44,7 @@ class DvlSettings:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """One interval as the device knows it: its clock at the end and the length [us], deltas, whether locked."""
+    """One interval of the device: its clock at the end and the length [us], deltas, whether locked."""
 
     end_us: int
     span_us: int
@@ -88,7 +88,7 @@ def configuration(settings: DvlSettings) -> bytes:
 
 
 def sentence(body: str) -> bytes:
-    """Put `$`, checksum and line end around a body."""
+    """Add `$`, checksum and line end to a body."""
     total = 0
     for byte in body.encode("ascii"):
         total ^= byte

@@ -1,6 +1,6 @@
 """ICM-20948 as a register model: banks, reset and sleep, FIFO, status, bypass and inner I2C master.
 
-Samples are made when somebody looks, from the history of truths. Source: TDK DS-000189 r1.3, and nothing of the driver.
+Samples are computed on access, from the history of truths. Source: TDK DS-000189 r1.3, independent of the driver.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hindrax_sim.devices.ak09916 import Ak09916, Bypass
 from hindrax_sim.devices.icm20948_converters import SELF_TEST_CODES, Converters
 from hindrax_sim.devices.icm20948_fifo import Fifo
 from hindrax_sim.devices.icm20948_master import InnerMaster
-from hindrax_sim.devices.imu_signal import Imperfections, ImuSignal, ImuTruth, typical
+from hindrax_sim.devices.imu_signal import ImuSignal, ImuTruth, SensorErrors, typical
 from hindrax_sim.devices.register_emulator import NackError
 from hindrax_sim.emulator import Emulator
 from hindrax_sim.world import Mounting, World
@@ -42,7 +42,7 @@ WAKE_S = 0.02
 class Icm20948:
     """One part. Attach it at 0x68 or 0x69, and its `magnetometer` at 0x0C."""
 
-    def __init__(self, seed: int = 0, imperfections: Imperfections | None = None) -> None:
+    def __init__(self, seed: int = 0, imperfections: SensorErrors | None = None) -> None:
         self._identity = IDENTITY
         self.signal = ImuSignal(typical(seed) if imperfections is None else imperfections, seed)
         self.compass = Ak09916(self.signal)
@@ -53,7 +53,7 @@ class Icm20948:
         self.power_cycle(0.0)
 
     def set_truth(self, truth: ImuTruth, now_s: float) -> None:
-        """Tell what is true at a time, not earlier than the time told last."""
+        """Set the truth at a time, not earlier than the last one."""
         self.signal.set_truth(truth, now_s)
 
     def disguise(self, on: bool) -> None:
@@ -66,12 +66,12 @@ class Icm20948:
         self.compass.saturated = on
 
     def hang(self, on: bool) -> None:
-        """Fault: the converters give the last sample again and again."""
+        """Fault: the converters repeat the last sample."""
         self._converters.hung = on
         self.compass.hung = on
 
     def power_cycle(self, now_s: float) -> None:
-        """All dies to their state at power-on: asleep. Also what a brown-out in mid-stream does."""
+        """Reset all dies to their power-on state: asleep. A brown-out in mid-stream does the same."""
         self.compass.power_cycle()
         self._reset(now_s)
 
@@ -103,7 +103,7 @@ class Icm20948:
             self._pointer = (self._pointer + 1) & 0x7F
 
     def read(self, count: int, now_s: float) -> bytes:
-        """Bytes from the register address on; the address stays at FIFO_R_W, where the FIFO pours out."""
+        """Bytes from the register address on; at FIFO_R_W the address stays and the FIFO is read."""
         self._advance(now_s)
         found = bytearray()
         while len(found) < count:
@@ -116,7 +116,7 @@ class Icm20948:
     # ---- time
 
     def _advance(self, now_s: float) -> None:
-        """Let the converters catch up, and the inner master after them."""
+        """Advance the converters, then the inner master."""
         bank = self._banks[0]
         filling = bank[USER_CTRL] & FIFO_EN and not bank[FIFO_RST] & FIFO_HOLD
         for sample in self._converters.advance(now_s):
@@ -127,7 +127,7 @@ class Icm20948:
             self._serve(now_s)
 
     def _switched(self, sample: bytes) -> bytes:
-        """Sample with what PWR_MGMT_2 has switched off as it was."""
+        """Sample in which axes switched off by PWR_MGMT_2 keep their last value."""
         off = self._banks[0][PWR_MGMT_2]
         if off & ACCEL_OFF == ACCEL_OFF:
             sample = self._sample[:6] + sample[6:]
@@ -159,7 +159,7 @@ class Icm20948:
         return self._status(register, now_s)
 
     def _status(self, register: int, now_s: float) -> int:
-        """Registers of bank 0 that say what is going on; all others are what was written."""
+        """Status registers of bank 0; all others return what was written."""
         value = self._banks[0][register]
         if register == WHO_AM_I:
             value = self._identity
@@ -229,7 +229,7 @@ def _example(seconds: float) -> ImuTruth:
 def _agrees(truth: ImuTruth, reading: Any) -> bool:
     """Offsets (25 mg an axis) and noise are small; the rest is damage that looks like motion, which no check tells.
 
-    One flipped bit of half a g is such damage: a vehicle that touches something feels as much.
+    One flipped bit of half a g is such damage: a contact of the vehicle gives as much.
     """
     if isinstance(reading, Inertial):
         force = math.dist(reading.specific_force_mps2, truth.specific_force_mps2)

@@ -37,7 +37,7 @@ class Converters:
         self.stop()
 
     def configure(self, bank2: bytes | bytearray) -> None:
-        """Take over rates, scales, filters and self-test switches from the registers of bank 2."""
+        """Set rates, scales, filters and self-test switches from the registers of bank 2."""
         gyro, accel = bank2[GYRO_CONFIG_1], bank2[ACCEL_CONFIG]
         error = 1.0 + self._signal.imperfections.clock_error
         gyro_divider = 1 + bank2[GYRO_SMPLRT_DIV] if gyro & 1 else 1
@@ -51,7 +51,7 @@ class Converters:
         self._self_test = _self_test(bank2[ACCEL_CONFIG_2] >> 2, bank2[GYRO_CONFIG_2] >> 3)
 
     def start(self, at_s: float) -> None:
-        """Wake up: the first sample comes one period after this time."""
+        """Wake up: the first sample follows one period after this time."""
         self._next_s, self._count = at_s + self.period_s, 0
         self._signal.forget()
 
@@ -90,7 +90,7 @@ class Converters:
 
 
 def _cut(counts: float) -> int:
-    """Nearest count that 16 bits hold; a converter that is driven too far stays at its end."""
+    """Nearest 16-bit count; saturates at the ends."""
     return round(counts) if -32768.0 < counts < 32767.0 else (32767 if counts > 0.0 else -32768)
 
 

@@ -9,7 +9,7 @@ NOTHING = 0xFF
 
 
 class Fifo:
-    """What the converters put in comes out in order; when it is full, a stream loses its oldest bytes."""
+    """First in, first out; when full, stream mode loses its oldest bytes."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
@@ -19,12 +19,12 @@ class Fifo:
         return len(self._bytes)
 
     def empty(self) -> None:
-        """Forget everything, the overflow too."""
+        """Clear content and overflow."""
         self._bytes.clear()
         self.overflowed = False
 
     def push(self, sample: bytes, temperature: bytes, chosen: int, mode: int) -> None:
-        """Put in the chosen parts (FIFO_EN_2) of a sample: accel x, y, z, gyro x, y, z, temperature."""
+        """Append the chosen parts (FIFO_EN_2) of a sample: accel x, y, z, gyro x, y, z, temperature."""
         parts = sample[0:6] if chosen & ACCEL else b""
         for axis in range(3):
             parts += sample[6 + 2 * axis : 8 + 2 * axis] if chosen & 0x02 << axis else b""
@@ -38,7 +38,7 @@ class Fifo:
         self._bytes += parts
 
     def pop(self, count: int) -> bytes:
-        """Take bytes out; an empty FIFO gives ones."""
+        """Remove and return bytes; an empty FIFO gives ones."""
         found = bytes(self._bytes[:count])
         del self._bytes[:count]
         return found + bytes([NOTHING]) * (count - len(found))

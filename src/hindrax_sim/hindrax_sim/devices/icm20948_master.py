@@ -23,12 +23,12 @@ class InnerMaster:
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """Nothing fetched, nothing reported."""
+        """Clear data and status."""
         self.external = bytearray(EXTERNAL_BYTES)
         self.status = 0
 
     def serve(self, bank: bytearray, now_s: float) -> None:
-        """Let slaves 0 to 3 have their turn."""
+        """Run the transfers of slaves 0 to 3."""
         place = 0
         for number, control_at in enumerate(SLV_CTRL):
             address, register, control, out = bank[control_at - 2 : control_at + 2]
@@ -46,7 +46,7 @@ class InnerMaster:
             place += length if address & READ else 0
 
     def serve_once(self, bank: bytearray, now_s: float) -> None:
-        """Let slave 4 have the turn it has asked for."""
+        """Run the requested transfer of slave 4."""
         if not bank[SLV4_CTRL] & ENABLE:
             return
         bank[SLV4_CTRL] &= ~ENABLE & 0xFF

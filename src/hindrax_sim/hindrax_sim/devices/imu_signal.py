@@ -1,4 +1,4 @@
-"""From the truth at an inertial sensor to what its converters see: interpolation, filter, offset, noise, clock error.
+"""From the truth at an inertial sensor to its converters: interpolation, filter, offset, noise, clock error.
 
 Figures of noise and offset: TDK DS-000189 r1.3, tables 1 (gyroscope), 2 (accelerometer) and section 13 (magnetometer).
 """
@@ -31,7 +31,7 @@ Six = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class ImuTruth:
-    """What an ideal sensor at this place would say, in the axes of the inertial sensor (the magnetic field too)."""
+    """Output of an ideal sensor at this place, in the axes of the inertial sensor (the magnetic field too)."""
 
     specific_force_mps2: Vec3 = (0.0, 0.0, GRAVITY_mps2)
     rate_radps: Vec3 = (0.0, 0.0, 0.0)
@@ -40,8 +40,8 @@ class ImuTruth:
 
 
 @dataclass(frozen=True, slots=True)
-class Imperfections:
-    """What makes one part differ from the next. `noise` scales the noise of the datasheet; 0 makes a silent sensor."""
+class SensorErrors:
+    """Errors of one part. `noise` scales the noise of the datasheet; 0 gives a noiseless sensor."""
 
     gyro_offset_radps: Vec3 = (0.0, 0.0, 0.0)
     accel_offset_mps2: Vec3 = (0.0, 0.0, 0.0)
@@ -51,17 +51,17 @@ class Imperfections:
     noise: float = 1.0
 
 
-def typical(seed: int) -> Imperfections:
-    """Draw a part: the datasheet's typical tolerances are taken for two standard deviations.
+def typical(seed: int) -> SensorErrors:
+    """Draw the errors of a part: typical tolerances of the datasheet count as two standard deviations.
 
-    The magnetometer comes as calibrated in its vehicle, with half a microtesla left over.
+    The magnetometer is calibrated in its vehicle, with a residual of half a microtesla.
     """
     draw = random.Random(f"imu {seed}")  # noqa: S311  # noise, not secrets
 
     def three(sigma: float) -> Vec3:
         return (draw.gauss(0.0, sigma), draw.gauss(0.0, sigma), draw.gauss(0.0, sigma))
 
-    return Imperfections(
+    return SensorErrors(
         three(GYRO_OFFSET_radps / 2.0), three(ACCEL_OFFSET_mps2 / 2.0), three(0.5e-6), draw.gauss(0.0, CLOCK_ERROR / 2)
     )
 
@@ -85,7 +85,7 @@ class LowPass:
 class ImuSignal:
     """The analog side: a history of truths, and six filtered and noisy values at any time that moves forward."""
 
-    def __init__(self, imperfections: Imperfections, seed: int) -> None:
+    def __init__(self, imperfections: SensorErrors, seed: int) -> None:
         self.imperfections = imperfections
         self.truth = ImuTruth()
         self._history: deque[tuple[float, Six]] = deque(maxlen=HISTORY)
@@ -95,12 +95,12 @@ class ImuSignal:
         self._filtered: Six | None = None
 
     def set_truth(self, truth: ImuTruth, now_s: float) -> None:
-        """Add the truth of a time; between two of them it runs straight."""
+        """Add the truth at a time; it is interpolated linearly."""
         self.truth = truth
         self._history.append((now_s, (*truth.specific_force_mps2, *truth.rate_radps)))
 
     def forget(self) -> None:
-        """Let the filter start anew, as after a reset."""
+        """Restart the filter, as after a reset."""
         self._before = self._filtered = None
 
     def sample(self, t_s: float, accel: LowPass, gyro: LowPass) -> Six:
@@ -124,7 +124,7 @@ class ImuSignal:
         )
 
     def at(self, t_s: float) -> Six:
-        """Truth at a time: straight between two truths, held before the first and after the last."""
+        """Truth at a time: linear between two truths, constant before the first and after the last."""
         history = self._history
         if not history:
             return (*self.truth.specific_force_mps2, *self.truth.rate_radps)

@@ -37,7 +37,7 @@ STRANGER = (0x1234, 0x5678, 0x9ABC, 0xDEF0, 0x1357, 0x9BDF, 0x2468, 0xACE0)
 
 @dataclass(frozen=True, slots=True)
 class WaterTruth:
-    """What is true at the sensor."""
+    """Truth at the sensor."""
 
     pressure_Pa: float = 101325.0
     temperature_C: float = 20.0
@@ -64,7 +64,7 @@ class Ms5837:
         self.power_cycle(0.0)
 
     def set_truth(self, truth: WaterTruth, now_s: float) -> None:
-        """Tell what is true from now on."""
+        """Set the truth from now on."""
         del now_s
         self._truth = truth
 
@@ -73,21 +73,21 @@ class Ms5837:
         self._disguised = on
 
     def saturate(self, on: bool) -> None:
-        """Fault: the pressure is beyond what the converter can say."""
+        """Fault: the pressure exceeds the range of the converter."""
         self._saturated = on
 
     def hang(self, on: bool) -> None:
-        """Fault: the converter gives the last values again and again."""
+        """Fault: the converter repeats the last values."""
         self._hung = on
 
     def power_cycle(self, now_s: float) -> None:
-        """Forget command and conversion; the PROM is loaded anew."""
+        """Clear command and conversion; reload the PROM."""
         self._command = -1
         self._conversion: _Conversion | None = None
         self._loaded_s = now_s + RELOAD_S
 
     def write(self, data: bytes, now_s: float) -> None:
-        """One command byte. A command in the middle of a conversion spoils it, and is not obeyed itself."""
+        """One command byte. A command during a conversion spoils it, and is itself ignored."""
         if not data:
             return
         command = data[0]

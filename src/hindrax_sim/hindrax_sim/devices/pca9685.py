@@ -1,4 +1,4 @@
-"""PCA9685 as a register model, with its own idea of 25 MHz. Data sheet: NXP PCA9685 rev. 4, section 7.
+"""PCA9685 as a register model, with an inexact 25 MHz oscillator. Data sheet: NXP PCA9685 rev. 4, section 7.
 
 What a speed controller would see is `pulse_us(channel)`; `changes` remembers when that changed. What the data sheet
 forbids or leaves undefined is not played through but written down in `violations`.
@@ -57,17 +57,17 @@ class Pca9685:
 
     @property
     def rate_Hz(self) -> float:
-        """Pulses per second, by the oscillator as it is and not as it is printed."""
+        """Pulses per second, with the actual frequency of the oscillator."""
         return self._clock_Hz / (STEPS * (self._registers[PRE_SCALE] + 1))
 
     @property
     def all_call(self) -> AllCall:
-        """What listens at 0x70, the address on which a write goes to every chip of the bus."""
+        """Device at 0x70, where a write goes to every chip of the bus."""
         return AllCall(self)
 
     @property
     def general_call(self) -> GeneralCall:
-        """What listens at 0x00 for the software reset."""
+        """Device at 0x00, for the software reset."""
         return GeneralCall(self)
 
     def answers_all_call(self) -> bool:
@@ -138,7 +138,7 @@ class Pca9685:
 
     def _set_mode1(self, value: int, now_s: float) -> None:
         before = self._registers[MODE1]
-        # EXTCLK is taken only while asleep, and stays until the supply goes or a software reset comes.
+        # EXTCLK is accepted only while asleep, and stays until power-off or a software reset.
         external = before & EXTCLK or (value & EXTCLK if before & SLEEP and value & SLEEP else 0)
         restart = before & RESTART
         if value & SLEEP and not before & SLEEP and self._resumed:
@@ -160,7 +160,7 @@ class Pca9685:
         self._registers[register] = value & (0x1F if register % 2 else 0xFF)
 
     def _is_burst(self, data: bytes) -> bool:
-        """Whether whole channels are written one after the other: what a driver does all day."""
+        """Whether the write covers whole consecutive channels, the usual case."""
         whole = (data[0] - LED0) % 4 == 0 and (len(data) - 1) % 4 == 0
         inside = data[0] >= LED0 and data[0] + len(data) - 2 <= LED15_LAST
         return bool(whole and inside and self._registers[MODE1] & AUTO_INCREMENT)
@@ -183,7 +183,7 @@ class Pca9685:
             self._registers[MODE1] = mode1 & ~RESTART
 
     def _note(self, now_s: float) -> None:
-        """Work out the pulses anew when anything that makes them has changed."""
+        """Recompute the pulses after a change of their registers."""
         state = (bytes(self._registers[: LED15_LAST + 1]), self._registers[PRE_SCALE], self._resumed)
         if state == self._noted:
             return
@@ -211,7 +211,7 @@ class AllCall:
         self.chip.write(data, now_s)
 
     def read(self, count: int, now_s: float) -> bytes:
-        """Nobody answers."""
+        """Refuse the read: no device answers."""
         del count, now_s
         raise NackError
 
@@ -229,6 +229,6 @@ class GeneralCall:
         self.chip.power_cycle(now_s)
 
     def read(self, count: int, now_s: float) -> bytes:
-        """Nobody answers."""
+        """Refuse the read: no device answers."""
         del count, now_s
         raise NackError

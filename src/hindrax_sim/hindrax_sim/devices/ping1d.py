@@ -1,6 +1,6 @@
 """A Blue Robotics Ping1D as ping-protocol describes it (docs/index.md, definitions common.json and ping1d.json).
 
-Assumed, where the definitions are silent: the sonar speaks when the whole scan has been listened to and 2 ms have gone
+Assumptions where the definitions have gaps: the sonar sends when the whole scan has been received and 2 ms have gone
 into it; settings are lost with the power; in automatic mode the scan reaches to about twice the distance found,
 the gain grows with it; an answer is about the last ping that is complete.
 """
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_core.readings import DeviceText, Echo
-from hindrax_sim.devices.serial_emulator import Wire
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.emulator import Emulator
 
 PROCESSING_S = 0.002
@@ -30,7 +30,7 @@ ACK, NACK, GENERAL_REQUEST, SET_DEVICE_ID = 1, 2, 6, 100
 
 @dataclass(frozen=True, slots=True)
 class PingTruth:
-    """What is there: distance to the first thing that sends an echo along the beam (None: nothing), and the water."""
+    """Truth of a sonar: distance to the first echo along the beam (None: no echo), and the water."""
 
     distance_m: float | None = 2.0
     confidence: float = 1.0
@@ -39,7 +39,7 @@ class PingTruth:
 
 @dataclass(slots=True)
 class _Settings:
-    """What the host can set, in the units of the protocol, as after power-up."""
+    """Settings in the units of the protocol, with the defaults of power-up."""
 
     start_mm: int = 0
     length_mm: int = 5000
@@ -54,7 +54,7 @@ class _Settings:
 
 @dataclass(frozen=True, slots=True)
 class _Ping:
-    """A complete ping: what messages 1211, 1212 and 1300 tell of it."""
+    """A complete ping: content of messages 1211, 1212 and 1300."""
 
     number: int = 0
     distance_mm: int = 0
@@ -78,7 +78,7 @@ class Ping1d:
         self._random = np.random.default_rng(seed)
         self._noise = noise
         self._baud = baud
-        self._wire = Wire(baud)
+        self._wire = BaudRateLine(baud)
         self._truth = PingTruth()
         self._disguised = self._saturated = self._stepped = False
         self._boot(0.0)
@@ -90,7 +90,7 @@ class Ping1d:
         self._begin(now_s)
 
     def _begin(self, now_s: float) -> None:
-        """Send a ping: the scan is over when the echo of its end would be there."""
+        """Send a ping: the scan ends when the echo of its end would arrive."""
         settings = self._settings
         self._begun_s = now_s
         scan_s = 2.0 * (settings.start_mm + settings.length_mm) / settings.speed_mmps
@@ -107,26 +107,26 @@ class Ping1d:
         return min(self._done_s, self._wire.next_s)
 
     def set_truth(self, truth: PingTruth) -> None:
-        """Tell what is really there, as of the next `step`."""
+        """Set the truth for the next `step`."""
         self._truth = truth
 
     def step(self, now_s: float) -> bytes:
         """Frames of the stream, if there is one, that are complete on the wire by now."""
         if not self._stepped:
-            # The world begins with the first step: earlier pings were heard by nobody.
+            # Time starts with the first step: earlier pings are lost.
             self._stepped = True
             self._begin(now_s)
         while self._done_s <= now_s:
             done_s = self._done_s
-            self._last = self._listen()
+            self._last = self._finish_ping()
             if self._settings.stream:
-                self._wire.put(self._message(self._settings.stream), done_s)
-            self._adapt()
+                self._wire.send(self._message(self._settings.stream), done_s)
+            self._adapt_range()
             self._begin(max(self._begun_s + self._settings.interval_ms * 0.001, done_s))
-        return self._wire.take(now_s) if self._wire.next_s <= now_s else b""
+        return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
 
-    def _listen(self) -> _Ping:
-        """What this ping hears: time of flight turned into distance with the speed of sound that was set."""
+    def _finish_ping(self) -> _Ping:
+        """Result of the ping: distance from the time of flight with the configured speed of sound."""
         settings, truth = self._settings, self._truth
         span = (settings.start_mm, settings.length_mm, settings.gain)
         number = (self._last.number + 1) & 0xFFFFFFFF
@@ -151,8 +151,8 @@ class Ping1d:
                 strength[place] = max(strength[place], round(2.55 * confidence * share))
         return bytes(strength)
 
-    def _adapt(self) -> None:
-        """Automatic mode: scan twice as far as the echo, at least 2 m; further and further while there is none."""
+    def _adapt_range(self) -> None:
+        """Automatic mode: scan twice the echo distance, at least 2 m; increase while there is no echo."""
         if not self._settings.auto:
             return
         found = self._last.confidence > 0
@@ -194,7 +194,7 @@ class Ping1d:
         }
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take frames of the host. A message can be asked for by a general_request or by its own id, empty."""
+        """Handle frames of the host. A message is requested by a general_request or by its own id, empty."""
         self._bytes += data
         answers = b""
         while (found := self._next_frame()) is not None:
@@ -204,7 +204,7 @@ class Ping1d:
             elif not payload:
                 answers += self._message(message)
             else:
-                answers += self._obey(message, payload, now_s)
+                answers += self._handle_message(message, payload, now_s)
         return answers
 
     def _next_frame(self) -> tuple[int, bytes] | None:
@@ -223,7 +223,7 @@ class Ping1d:
         self._bytes = self._bytes[-9:] if start < 0 else self._bytes
         return None
 
-    def _obey(self, message: int, payload: bytes, now_s: float) -> bytes:
+    def _handle_message(self, message: int, payload: bytes, now_s: float) -> bytes:
         reason = "not a Ping1D" if self._disguised else self._set(message, payload)
         if not reason and message == 1006:
             self._begin(now_s)
@@ -260,20 +260,20 @@ class Ping1d:
     # ---- faults
 
     def power_cycle(self, now_s: float) -> None:
-        """Start anew: settings and ping number as after power-up, no stream."""
+        """Restart: settings and ping number of power-up, no stream."""
         self._wire.clear()
         self._boot(now_s)
 
     def jump_clock(self, seconds: float) -> None:
-        """Nothing: a Ping1D tells no time."""
+        """Do nothing: a Ping1D has no clock."""
 
     def disguise(self, on: bool) -> None:
-        """A Ping360 in its place, which speaks the same protocol."""
+        """Fault: a Ping360 in its place, which uses the same protocol."""
         self._disguised = on
         self._settings.stream = 0
 
     def saturate(self, on: bool) -> None:
-        """Distances at the end of their scale, with full confidence."""
+        """Fault: distances at the end of their scale, with full confidence."""
         self._saturated = on
 
 

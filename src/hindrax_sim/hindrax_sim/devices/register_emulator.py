@@ -1,4 +1,4 @@
-"""What a device on a register bus looks like to the bus, and the two ways in which it fails to answer."""
+"""Interface of an emulator on a register bus, and the two bus errors."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class RegisterEmulator(Protocol):
 
 
 class NackError(OSError):
-    """Nobody acknowledges: what a kernel reports as EREMOTEIO."""
+    """No acknowledge, which a kernel reports as EREMOTEIO."""
 
     def __init__(self) -> None:
         super().__init__(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
 
 
 class BusStuckError(OSError):
-    """A line is held low: what a kernel reports as ETIMEDOUT."""
+    """A line is held low, which a kernel reports as ETIMEDOUT."""
 
     def __init__(self) -> None:
         super().__init__(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))

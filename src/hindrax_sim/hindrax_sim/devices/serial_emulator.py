@@ -1,4 +1,4 @@
-"""What every emulator of a serial device offers, and the wire that its bytes take their time on."""
+"""Interface of an emulator of a serial device, and the line that delays its bytes."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ class SerialEmulator(Protocol[TruthT_contra]):
 
     @property
     def next_due_s(self) -> float:
-        """Time at which the device will have something to say by itself; before it, `step` returns nothing."""
+        """Time of the next output of the device by itself; before it, `step` returns nothing."""
 
     def set_truth(self, truth: TruthT_contra) -> None:
-        """Tell what is really there, as of the next `step`."""
+        """Set the truth for the next `step`."""
 
     def step(self, now_s: float) -> bytes:
-        """Return what the device has put on the wire since the last call; cheap when that is nothing."""
+        """Return the output of the device since the last call; cheap when there is none."""
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes of the host; return the answers."""
+        """Handle bytes of the host; return the answers."""
 
     def power_cycle(self, now_s: float) -> None:
         """Fault: power is lost and comes back at once."""
 
     def jump_clock(self, seconds: float) -> None:
-        """Fault: the device's own clock leaps; nothing happens to a device without one."""
+        """Fault: the device's clock jumps; no effect on a device without one."""
 
     def disguise(self, on: bool) -> None:
         """Fault: another device answers in its place."""
@@ -42,8 +42,8 @@ class SerialEmulator(Protocol[TruthT_contra]):
         """Fault: measurements are at the end of their scale, well framed and confident."""
 
 
-class Wire:
-    """A line with a speed: a message is there when its last bit is, and messages wait for each other."""
+class BaudRateLine:
+    """A line with a baud rate: a message arrives with its last bit, and messages queue."""
 
     def __init__(self, baud: int) -> None:
         self._s_per_byte = 10.0 / baud
@@ -55,19 +55,19 @@ class Wire:
         """Time at which the next message is complete; infinity when there is none."""
         return self._queue[0][0] if self._queue else math.inf
 
-    def put(self, message: bytes, now_s: float) -> None:
-        """Begin to send a message at this time, or when the line is free."""
+    def send(self, message: bytes, now_s: float) -> None:
+        """Send a message at this time, or when the line is free."""
         self._free_s = max(now_s, self._free_s) + len(message) * self._s_per_byte
         self._queue.append((self._free_s, message))
 
-    def take(self, now_s: float) -> bytes:
-        """Messages that are complete by now."""
+    def receive_complete(self, now_s: float) -> bytes:
+        """Return the messages that are complete by now."""
         taken = []
         while self._queue and self._queue[0][0] <= now_s:
             taken.append(self._queue.popleft()[1])
         return b"".join(taken)
 
     def clear(self) -> None:
-        """Power is gone: what was not yet sent is never sent."""
+        """Discard unsent messages after a power loss."""
         self._queue.clear()
         self._free_s = -math.inf

@@ -1,7 +1,7 @@
 """The STM32F407 thruster controller on its serial line: the firmware itself, behind a wire with a speed.
 
-What runs here are the very files that go onto the board (`firmware/hindrax_mcu`); only pins, timers and the line are
-made up. `pulses_us` is what a speed controller would see.
+Runs the same files as the board (`firmware/hindrax_mcu`); only pins, timers and the line are
+simulated. `pulses_us` is the input of the speed controllers.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hindrax_sim.devices.serial_emulator import Wire
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.firmware.controller import Controller
 
 BAUD = 115200
 PINS = 16
-TELLS_EVERY_s = 0.05  # servo outputs at 20 Hz are the most frequent thing it says by itself
+TELLS_EVERY_s = 0.05  # servo outputs at 20 Hz are its most frequent message
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Stm32:
 
     def __init__(self, thrusters: int = 8, lights: int = 2, now_s: float = 0.0) -> None:
         self._outputs = (thrusters, lights)
-        self._wire = Wire(BAUD)
+        self._wire = BaudRateLine(BAUD)
         self._truth = SupplyTruth()
         self._garble: Callable[[bytes], bytes] = bytes
         self._saturated = False
@@ -62,25 +62,25 @@ class Stm32:
         return tuple(self.pulse_us(channel) for channel in range(PINS))
 
     def set_truth(self, truth: SupplyTruth) -> None:
-        """Tell the supply voltage."""
+        """Set the supply voltage."""
         self._truth = truth
 
     def step(self, now_s: float) -> bytes:
-        """Let the firmware run; returns what has come out of the wire."""
+        """Run the firmware; return its output on the wire."""
         full_scale_mV = 65534
         self._controller.millivolts = full_scale_mV if self._saturated else round(self._truth.voltage_V * 1e3)
         told = self._controller.step(self._ms(now_s))
         self._next_tell_s = now_s + TELLS_EVERY_s
         if told:
-            self._wire.put(self._garble(told), now_s)
-        return self._wire.take(now_s)
+            self._wire.send(self._garble(told), now_s)
+        return self._wire.receive_complete(now_s)
 
     def receive(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes of the host; answers follow by the wire."""
+        """Handle bytes of the host; answers follow on the wire."""
         answer = self._controller.receive(data, self._ms(now_s))
         if answer:
-            self._wire.put(self._garble(answer), now_s)
-        return self._wire.take(now_s)
+            self._wire.send(self._garble(answer), now_s)
+        return self._wire.receive_complete(now_s)
 
     def power_cycle(self, now_s: float) -> None:
         """Boot: disarmed, neutral, with nothing on the wire."""
@@ -90,11 +90,11 @@ class Stm32:
         self._controller = Controller(*self._outputs, 0)
 
     def jump_clock(self, seconds: float) -> None:
-        """Let the board's millisecond counter leap; it only ever grows."""
+        """Fault: the board's millisecond counter jumps; it never decreases."""
         self._boot_s -= max(0.0, seconds)
 
     def disguise(self, on: bool) -> None:
-        """Fault: something else talks on this line."""
+        """Fault: another device on this line."""
         self._garble = (lambda told: b"$GPTXT," + told.hex().encode() + b"\r\n") if on else bytes
 
     def saturate(self, on: bool) -> None:

@@ -1,4 +1,4 @@
-"""The mock process: devices at ports, /clock on the graph, and at the end one line about what really happened."""
+"""The mock process: devices at ports, /clock on the graph, and at the end one line of ground truth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import argparse
 import contextlib
 import gc
 import json
+import math
+import os
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,17 +20,19 @@ from rosgraph_msgs.msg import Clock
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.convert import stamp_to_msg
-from hindrax_ros.process import Stop
-from hindrax_sim.faults import parse_fault
+from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.process import StopSignal
+from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.hardware import STEP_ns
-from hindrax_sim.mock import Mock
-from hindrax_sim.nodes.stand_in import main_of
+from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.nodes.hardware_process import main_of
+from hindrax_sim.world import World
 
 CLOCK_EVERY = 8
 
 
 def parser() -> argparse.ArgumentParser:
-    """Words of the process."""
+    """Arguments of the process."""
     made = argparse.ArgumentParser(prog="mock", description="the mock vehicle")
     made.add_argument("--vehicle", required=True)
     made.add_argument("--seed", type=int, default=1)
@@ -39,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 @contextlib.contextmanager
-def clock_publisher(mock: Mock) -> Iterator[None]:
+def clock_publisher(mock: MockVehicle) -> Iterator[None]:
     """Publish /clock at 25 Hz of the mock's time."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("mock", namespace="/hindrax", enable_rosout=False, start_parameter_services=False)
@@ -49,7 +54,7 @@ def clock_publisher(mock: Mock) -> Iterator[None]:
         if (now // STEP_ns) % CLOCK_EVERY == 0:
             out.publish(Clock(clock=stamp_to_msg(now)))
 
-    mock.faces.append(show)
+    mock.after_step.append(show)
     try:
         yield
     finally:
@@ -59,23 +64,44 @@ def clock_publisher(mock: Mock) -> Iterator[None]:
 
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Serve until a signal."""
-    stop = Stop()
+    stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
     faults = [parse_fault(fault) for fault in words.fault]
-    with Mock(load_vehicle(words.vehicle), folder, seed=words.seed, rate=words.rate, faults=faults) as mock:
+    with MockVehicle(load_vehicle(words.vehicle), folder, seed=words.seed, rate=words.rate, faults=faults) as mock:
+        worst = WorstTilt(mock.hardware.world)
+        mock.after_step.append(worst.update)
         with contextlib.nullcontext() if words.no_ros else clock_publisher(mock):
             print(json.dumps({"ports": mock.ports, "clock": mock.clock}), flush=True)  # noqa: T201  # for the parent
             gc.freeze()
             while not stop.asked:
                 mock.step()
-        print(json.dumps(facts(mock)), flush=True)  # noqa: T201  # for the parent
+                heartbeat.beat(time.monotonic())
+        print(json.dumps(ground_truth(mock, worst)), flush=True)  # noqa: T201  # for the parent
     return 0
 
 
-def facts(mock: Mock) -> dict[str, object]:
-    """What really happened, as only the world knows."""
+class WorstTilt:
+    """The largest angle between the vehicle's true vertical and the world's, so far."""
+
+    def __init__(self, world: World) -> None:
+        self._world, self._cosine = world, 1.0
+
+    def update(self, _now: Stamp) -> None:
+        """Update with the current attitude."""
+        roll, pitch, _ = self._world.attitude_rad
+        self._cosine = min(self._cosine, math.cos(roll) * math.cos(pitch))
+
+    @property
+    def deg(self) -> float:
+        """The angle [deg]."""
+        return math.degrees(math.acos(max(-1.0, self._cosine)))
+
+
+def ground_truth(mock: MockVehicle, worst: WorstTilt) -> dict[str, object]:
+    """Ground truth of the run."""
     world = mock.hardware.world
     return {
         "wall_hits": world.box.wall_hits,
+        "worst_tilt_deg": worst.deg,
         "worst_control_gap_s": mock.governor.worst_lag_s,
         "vehicle_s": to_s(mock.hardware.stamp),
     }

@@ -1,7 +1,7 @@
-"""The replay process: a bag's wire frames at ports, its time on /clock, and what the vehicle's other end said.
+"""The replay process: a bag's wire frames at ports, its time on /clock, and the recorded commands to the vehicle.
 
 Sensors, navigator, allocator and identifier run on it as they do on the vehicle. The pilot's side of the record
-(pulses applied, maneuver) is played as messages: nobody flies here.
+(pulses applied, maneuver) is played as messages: no pilot runs.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ import yaml
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
-from hindrax_bag.reader import BagMessage, attachments, messages
+from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp, to_s
 from hindrax_core.topics import BATTERY, ESTIMATE, MANEUVER, NAVIGATION, THRUSTER_HEALTH, THRUSTER_STATE, resolved
 from hindrax_core.vehicle import Vehicle, load_vehicle, parse_vehicle
+from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.polled import PolledNode
-from hindrax_ros.process import Stop
+from hindrax_ros.process import StopSignal
 from hindrax_sim.hardware import STEP_ns
-from hindrax_sim.mock import Ports
-from hindrax_sim.nodes.stand_in import main_of
-from hindrax_sim.recorded import RecordedHardware, frames_of
+from hindrax_sim.mock_vehicle import Ports
+from hindrax_sim.nodes.hardware_process import main_of
+from hindrax_sim.recorded_hardware import RecordedHardware, frames_of
 
 PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
 CLOCK_NS = 4 * STEP_ns
@@ -43,7 +43,7 @@ AFTER_NS = NS_PER_S
 
 
 def parser() -> argparse.ArgumentParser:
-    """Words of the process."""
+    """Arguments of the process."""
     made = argparse.ArgumentParser(prog="replay", description="recorded wires as hardware")
     made.add_argument("--bag", required=True, type=Path)
     made.add_argument("--vehicle", help="vehicle file; default: the one inside the bag")
@@ -57,18 +57,18 @@ class RecordedPorts(Ports):
 
     hardware: RecordedHardware
 
-    def _next(self) -> Stamp:
-        return self.hardware.next_stamp(super()._next())
+    def _next_stamp(self) -> Stamp:
+        return self.hardware.next_stamp(super()._next_stamp())
 
     @property
-    def attended(self) -> bool:
-        """Whether somebody waits at every port."""
-        there = set(self.hold(0.02))
+    def all_open(self) -> bool:
+        """Whether a client waits at every port."""
+        there = set(self.serve_clients(0.02))
         return set(self.hardware.serial) <= there and (not self.hardware.registers or "sensors" in there)
 
 
-class Player(PolledNode):
-    """Publishes /clock and the played topics, and hears how far the navigator is."""
+class Player(BatchedNode):
+    """Publishes /clock and the played topics, and follows the progress of the navigator."""
 
     def __init__(self, bag: Path, ports: RecordedPorts) -> None:
         super().__init__("replay", enable_rosout=False, start_parameter_services=False)
@@ -76,29 +76,31 @@ class Player(PolledNode):
         self._clock = self.create_publisher(Clock, "/clock", 1)
         self._out = {resolved(topic): publisher(self, topic) for topic in PLAYED}
         self._messages: Iterator[BagMessage] = messages(bag, self._out)
-        self._next = next(self._messages, None)
+        self._next_message = next(self._messages, None)
         subscription(self, NAVIGATION, self._on_navigation, raw=True)
-        ports.faces.append(self.play)
+        ports.after_step.append(self.play)
 
     @property
     def complete(self) -> bool:
-        """Whether navigator, identifier and whoever hears the thrusters are on the graph."""
+        """Whether navigator, identifier and subscribers of the thruster topics are on the graph."""
         wanted = (resolved(NAVIGATION), resolved(ESTIMATE))
         return all(self.count_publishers(name) for name in wanted) and bool(
             self.count_subscribers(resolved(THRUSTER_STATE))
         )
 
     def play(self, now: Stamp) -> None:
-        """Publish what is due."""
+        """Publish the messages that are due."""
         if now - self._clock_at >= CLOCK_NS:
             self._clock_at = now
             self._clock.publish(Clock(clock=stamp_to_msg(now)))
-        while self._next is not None and self._next.received <= now:
-            if self._next.form.old:
-                raise UsageError(f"{self._next.topic}: recorded in an earlier form of its type; use replay --pure")
-            self._out[self._next.topic].publish(self._next.data)
-            self._next = next(self._messages, None)
-        self.outbox.flush()
+        while self._next_message is not None and self._next_message.received <= now:
+            if self._next_message.form.old:
+                raise UsageError(
+                    f"{self._next_message.topic}: recorded in an earlier form of its type; use replay --pure"
+                )
+            self._out[self._next_message.topic].publish(self._next_message.data)
+            self._next_message = next(self._messages, None)
+        self.publish_queue.flush()
         self.drain()
 
     def _on_navigation(self, _data: bytes) -> None:
@@ -106,7 +108,7 @@ class Player(PolledNode):
 
 
 def vehicle_of(words: argparse.Namespace) -> Vehicle:
-    """Vehicle of the words, or of the bag; UsageError when neither has one."""
+    """Vehicle from the arguments or the bag; UsageError when neither has one."""
     if words.vehicle:
         return load_vehicle(words.vehicle)
     text = attachments(words.bag).get("vehicle.yaml")
@@ -117,7 +119,7 @@ def vehicle_of(words: argparse.Namespace) -> Vehicle:
 
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Replay once, or until a signal."""
-    stop = Stop()
+    stop = StopSignal()
     hardware = RecordedHardware(vehicle_of(words), frames_of(words.bag))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     with RecordedPorts(hardware, folder, rate=words.rate) as ports:
@@ -135,14 +137,14 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     return 0
 
 
-def wait_for_all(ports: RecordedPorts, player: Player, stop: Stop) -> None:
-    """Let time stand still until every port is attended and the nodes are on the graph, for a while at most."""
+def wait_for_all(ports: RecordedPorts, player: Player, stop: StopSignal) -> None:
+    """Let time stand still until every port is all_open and the nodes are on the graph, for a while at most."""
     deadline = time.monotonic() + PATIENCE_S
-    while not stop.asked and time.monotonic() < deadline and not (ports.attended and player.complete):
+    while not stop.asked and time.monotonic() < deadline and not (ports.all_open and player.complete):
         player.play(ports.hardware.stamp)
     settled = time.monotonic() + SETTLING_S
     while not stop.asked and time.monotonic() < settled:
-        ports.hold(0.02)
+        ports.serve_clients(0.02)
 
 
 def main() -> int:

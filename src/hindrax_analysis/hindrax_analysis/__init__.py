@@ -1,0 +1,1 @@
+"""Offline analysis of records: identification, reports, exports, bench experiments, papers."""

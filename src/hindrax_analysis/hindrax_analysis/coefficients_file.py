@@ -1,0 +1,211 @@
+"""`coefficients.yaml`: results of a run and their conditions, for people and programs.
+
+The keys under `motions` are those of the JSON of `pool-test` and `identify`. Comments repeat the results in words;
+readers ignore them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import MotionResult, Number, Results
+
+KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
+"""Names of coefficients, in display order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Conditions of a result: vehicle, water, record and software.
+
+    `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
+    is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known.
+    """
+
+    vehicle: str
+    mass_kg: float
+    volume_m3: float
+    length_m: float
+    density_kgpm3: float
+    kinematic_viscosity_m2ps: float
+    mock: bool
+    motions: tuple[str, ...] = ()
+    date: str = ""
+    bag: str = ""
+    bag_sha256: str = ""
+    software: str = ""
+    assumptions: tuple[str, ...] = ()
+    aborted: str = ""
+    flown_s: Mapping[str, float] = field(default_factory=dict)
+
+
+def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> Conditions:
+    """Conditions from the vehicle file; use `dataclasses.replace` for the rest."""
+    water = vehicle.water
+    return Conditions(
+        vehicle=vehicle.name,
+        mass_kg=vehicle.mass_kg,
+        volume_m3=vehicle.volume_m3,
+        length_m=vehicle.envelope_m[0],
+        density_kgpm3=water.density_kgpm3,
+        kinematic_viscosity_m2ps=water.kinematic_viscosity_m2ps,
+        mock=mock,
+        motions=motions,
+    )
+
+
+# ---- writing
+
+
+def document(results: Results, conditions: Conditions) -> dict[str, Any]:
+    """Plain data of the file: the abort where there was one, conditions, then motions."""
+    block = asdict(conditions)
+    block |= {"motions": list(conditions.motions), "assumptions": list(conditions.assumptions)}
+    block["flown_s"] = {motion: round(seconds, 1) for motion, seconds in conditions.flown_s.items()}
+    ended = {"aborted": block.pop("aborted")} if conditions.aborted else {}
+    return {**ended, "conditions": block, **results.to_json()}
+
+
+def as_yaml(results: Results, conditions: Conditions) -> str:
+    """Text of the file, with comments."""
+    data = document(results, conditions)
+    parts = [_head(conditions), _dump({key: data[key] for key in data if key != "motions"}), "\nmotions:\n"]
+    for name, result in results.motions.items():
+        body = _dump({name: data["motions"][name]})
+        parts += ["\n", *(f"  # {line}\n" for line in _in_words(result)), _indented(body)]
+    if not results.motions:
+        parts[-1] = "\n# Nothing was flown: there is no data, so there are no coefficients.\nmotions: {}\n"
+    return "".join(parts)
+
+
+def _head(conditions: Conditions) -> str:
+    flown = "of the mock vehicle (simulated)" if conditions.mock else "of a real record"
+    lines = (
+        f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
+        "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
+        "std: from the noise of this run; std_calibrated: with the uncertainty of the thrusters' calibration as well.",
+        "covariance: rows and columns in the order of names (noise of this run only).",
+    )
+    return "".join(f"# {line}\n" for line in lines) + "\n"
+
+
+def _dump(data: Mapping[str, Any]) -> str:
+    return str(yaml.safe_dump(dict(data), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True))
+
+
+def _indented(text: str) -> str:
+    return "".join(f"  {line}\n" for line in text.splitlines())
+
+
+def _in_words(result: MotionResult) -> list[str]:
+    verdict = "identified" if result.identifiable else "NOT identifiable: " + "; ".join(result.reasons)
+    lines = [f"{result.motion}: {verdict}"]
+    for name, number in result.coefficients.items():
+        wide = f" (+- {number.std_calibrated:.3g} with calibration)" if math.isfinite(number.std_calibrated) else ""
+        lines.append(f"  {name} = {number.value:.5g} +- {number.std:.3g}{wide} {number.unit}")
+    return lines
+
+
+# ---- reading
+
+
+@dataclass(frozen=True, slots=True)
+class SavedMotion:
+    """One motion of a file: coefficients, verdict, tested speeds."""
+
+    numbers: Mapping[str, Number]
+    identifiable: bool
+    reasons: tuple[str, ...]
+    speeds: tuple[float, float]
+    samples: int
+    method: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedCoefficients:
+    """A file read back; `label` is its name in a comparison."""
+
+    label: str
+    conditions: Conditions
+    motions: Mapping[str, SavedMotion] = field(default_factory=dict)
+
+
+def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
+    """Read a file. HindraxError names the file, the key, what was found and what was wanted."""
+    try:
+        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise HindraxError(f"{file}: cannot be read ({error}); name a run folder or a coefficients.yaml") from error
+    except yaml.YAMLError as error:
+        raise HindraxError(f"{file}: is not YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
+        raise HindraxError(f"{file}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
+    motions = {str(name): _motion(body, f"{file}: motions.{name}") for name, body in data["motions"].items()}
+    return SavedCoefficients(label or file.parent.name, _conditions(data), motions)
+
+
+def _conditions(data: Mapping[str, Any]) -> Conditions:
+    """Conditions of a file; older files have gaps."""
+    block = data.get("conditions")
+    block = block if isinstance(block, Mapping) else {}
+    empty = Conditions("", math.nan, math.nan, math.nan, math.nan, math.nan, mock=False)
+    known = {name: block[name] for name in asdict(empty) if block.get(name) is not None}
+    for name in ("motions", "assumptions"):
+        known[name] = tuple(str(one) for one in known.get(name, ()))
+    known["aborted"] = str(data.get("aborted") or "")
+    return Conditions(**{**asdict(empty), **known})
+
+
+def _motion(body: object, path: str) -> SavedMotion:
+    if not isinstance(body, Mapping):
+        raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
+    numbers = {name: _number(body[name], f"{path}.{name}") for name in KNOWN if body.get(name) is not None}
+    low, high = _pair(body.get("speeds", (0.0, 0.0)), f"{path}.speeds")
+    return SavedMotion(
+        numbers=numbers,
+        identifiable=bool(body.get("identifiable", True)),
+        reasons=tuple(str(one) for one in body.get("reasons", ())),
+        speeds=(low, high),
+        samples=int(body.get("samples", 0)),
+        method=str(body.get("method", "")),
+    )
+
+
+def _number(body: object, path: str) -> Number:
+    if not isinstance(body, Mapping):
+        raise HindraxError(f"{path}: found {body!r}, wanted a mapping with value and std")
+    truth = body.get("truth")
+    return Number(
+        value=_finite(body.get("value"), f"{path}.value"),
+        std=_float(body.get("std", math.nan), f"{path}.std"),
+        std_calibrated=_float(body.get("std_calibrated", math.nan), f"{path}.std_calibrated"),
+        truth=None if truth is None else _finite(truth, f"{path}.truth"),
+        unit=str(body.get("unit", "")),
+    )
+
+
+def _pair(found: object, path: str) -> tuple[float, float]:
+    if not isinstance(found, list | tuple) or len(found) != 2:
+        raise HindraxError(f"{path}: found {found!r}, wanted the lowest and the highest speed")
+    return _finite(found[0], path), _finite(found[1], path)
+
+
+def _float(value: object, path: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise HindraxError(f"{path}: found {value!r}, wanted a number")
+    return float(value)
+
+
+def _finite(value: object, path: str) -> float:
+    number = _float(value, path)
+    if not math.isfinite(number):
+        raise HindraxError(f"{path}: found {value!r}, wanted a finite number")
+    return number

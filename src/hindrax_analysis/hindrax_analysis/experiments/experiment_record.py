@@ -1,0 +1,121 @@
+"""Bench records in CSV: named columns, and errors that name line and column."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_analysis.experiments.least_squares import Array
+from hindrax_analysis.records.csv_columns import check_width
+from hindrax_core.errors import HindraxError
+
+MOST_JITTER = 0.01
+"""Deviation of a time step from the median, relative, up to which a record counts as evenly sampled."""
+
+LONGEST_GAP = 10.0
+"""Time step, in median steps, above which samples are missing and interpolation is not valid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of a record: its name in the header line ends with the unit."""
+
+    name: str
+    meaning: str
+    required: bool = True
+
+
+def describe(columns: Sequence[Column]) -> str:
+    """One line per column, for the help of a command."""
+    return "\n".join(f"  {c.name:<20} {c.meaning}{'' if c.required else ' (optional)'}" for c in columns)
+
+
+def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str, Array]:
+    """Numbers of the named columns, (n,) each, in the units of their names; missing optional columns are omitted.
+
+    Separators are comma, semicolon or tab; lines that begin with # and empty lines are skipped; other columns are
+    ignored. HindraxError names the source, the line, the column, what was found and what was wanted.
+    """
+    rows = _rows(text)
+    try:
+        _, header = next(rows)
+    except StopIteration:
+        wanted = ", ".join(column.name for column in columns)
+        raise HindraxError(f"{source}: the file is empty, wanted a header line with {wanted}") from None
+    present = [column for column in columns if _has(header, column, source)]
+    values: dict[str, list[float]] = {column.name: [] for column in present}
+    for line, cells in rows:
+        check_width(cells, header, f"{source}, line {line}")
+        for column in present:
+            where = f"{source}, line {line}, column {column.name}"
+            values[column.name].append(_number(cells, header.index(column.name), where))
+    arrays = {name: np.array(numbers, dtype=np.float64) for name, numbers in values.items()}
+    if any(array.size == 0 for array in arrays.values()):
+        raise HindraxError(f"{source}: found a header line and no data below it, wanted at least one line of numbers")
+    return arrays
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _carries_data(line)]
+    if not lines:
+        return
+    first = lines[0][1]
+    separator = max(",;\t", key=first.count)
+    for number, line in lines:
+        cells = next(csv.reader([line], delimiter=separator))
+        yield number, [cell.strip() for cell in cells]
+
+
+def _carries_data(line: str) -> bool:
+    bare = line.strip().lstrip("\ufeff")
+    return bool(bare) and not bare.startswith("#")
+
+
+def _has(header: list[str], column: Column, source: str) -> bool:
+    header[0] = header[0].lstrip("\ufeff")
+    if header.count(column.name) > 1:
+        raise HindraxError(f"{source}: column {column.name} occurs {header.count(column.name)} times, wanted once")
+    if column.name in header:
+        return True
+    if column.required:
+        raise HindraxError(
+            f"{source}: no column {column.name} ({column.meaning}); found {', '.join(header)}; "
+            "rename it in the header line"
+        )
+    return False
+
+
+def _number(cells: list[str], index: int, where: str) -> float:
+    if index >= len(cells):
+        raise HindraxError(f"{where}: the line has only {len(cells)} cells, wanted a number in cell {index + 1}")
+    try:
+        number = float(cells[index])
+    except ValueError:
+        raise HindraxError(f"{where}: found {cells[index]!r}, wanted a number with a decimal point") from None
+    if not np.isfinite(number):
+        raise HindraxError(f"{where}: found {cells[index]!r}, wanted a finite number; remove the line")
+    return number
+
+
+def evenly(time_s: Array, signals: Sequence[Array], source: str) -> tuple[float, list[Array]]:
+    """Sampling rate [Hz] and the signals, (n,) each, on an even time base from the start of the record.
+
+    Jitter is removed by interpolation. HindraxError for time that does not increase, or a gap of more than ten steps.
+    """
+    steps = np.diff(time_s)
+    if time_s.size < 16:
+        raise HindraxError(f"{source}: found {time_s.size} samples, wanted at least 16; record longer")
+    if not np.all(steps > 0.0):
+        sample = int(np.argmin(steps > 0.0)) + 2
+        raise HindraxError(f"{source}: time_s does not increase at sample {sample}; sort the record or remove doubles")
+    median = float(np.median(steps))
+    if float(steps.max()) > LONGEST_GAP * median:
+        sample = int(np.argmax(steps)) + 1
+        raise HindraxError(f"{source}: {steps.max():.3g} s are missing after sample {sample}; cut the record there")
+    if float(np.max(np.abs(steps / median - 1.0))) <= MOST_JITTER:
+        return 1.0 / float(np.mean(steps)), list(signals)
+    even = np.arange(time_s[0], time_s[-1] + 0.5 * median, median)
+    return 1.0 / median, [np.interp(even, time_s, signal) for signal in signals]

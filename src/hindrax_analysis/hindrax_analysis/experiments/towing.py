@@ -1,0 +1,70 @@
+"""Drag coefficients from towing points: force against speed. Eidsvik 2015 (towing tank), Badawy 2012 (CFD table 5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_analysis.experiments.experiment_record import Column
+from hindrax_analysis.experiments.least_squares import Array, Value, least_squares
+from hindrax_core.errors import HindraxError
+
+COLUMNS = (
+    Column("speed_mps", "towing speed, signed [m/s] (or rad/s for a turn)"),
+    Column("drag_N", "force that holds that speed, same sign [N] (or Nm)"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Towing:
+    """F = k_q |v| v + k_l v + b. COB-2023-1394 eq. 2, with b only where an offset was asked for."""
+
+    k_q: Value
+    k_l: Value
+    b: Value | None
+    residual_std_N: float
+    samples: int
+    drag_coefficient: Value | None
+    """C_D of the quadratic part on the given area."""
+
+
+def fit(
+    speed_mps: Array, drag_N: Array, offset: bool = False, area_m2: float | None = None, density_kgpm3: float = 1000.0
+) -> Towing:
+    """Least squares on [|v| v, v] or [|v| v, v, 1]. The sign-preserving square serves both directions.
+
+    HindraxError when every point has the same speed: one speed cannot tell linear from quadratic drag.
+    """
+    if np.unique(np.abs(np.round(speed_mps, 9))).size < 2:
+        raise HindraxError(
+            "towing: all points have the same speed, wanted at least two; one speed cannot tell k_l from k_q"
+        )
+    columns = [np.abs(speed_mps) * speed_mps, speed_mps]
+    names = ["k_q", "k_l"]
+    if offset:
+        columns.append(np.ones(speed_mps.size))
+        names.append("b")
+    found = least_squares(np.column_stack(columns), drag_N, names)
+    pressure = 0.5 * density_kgpm3 * area_m2 if area_m2 else math.nan
+    k_q, fastest = found["k_q"], float(np.max(np.abs(speed_mps)))
+    force = k_q.value * fastest**2 + found["k_l"].value * fastest
+    if not force > 0.0:
+        raise HindraxError(
+            f"towing: the drag at {fastest:g} m/s is {force:.3g} N, wanted more than 0: the force that holds "
+            "a speed has its sign; change the sign of drag_N"
+        )
+    return Towing(
+        k_q=k_q,
+        k_l=found["k_l"],
+        b=found["b"] if offset else None,
+        residual_std_N=found.residual_std,
+        samples=found.samples,
+        drag_coefficient=Value(k_q.value / pressure, k_q.std / pressure) if area_m2 else None,
+    )
+
+
+def drag_N(speed_mps: Array, k_q: float, k_l: float, b: float = 0.0) -> Array:
+    """Drag at each speed: (n,) [N]. COB-2023-1394 eq. 2."""
+    return np.asarray(k_q * np.abs(speed_mps) * speed_mps + k_l * speed_mps + b)

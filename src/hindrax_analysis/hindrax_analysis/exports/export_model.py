@@ -1,0 +1,279 @@
+"""Export model: a results file (coefficients.yaml), completed and made passive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hindrax_analysis.experiments.least_squares import Array, Value
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+
+COEFFICIENTS = ("k_q", "k_l", "b", "added_mass")
+
+
+@dataclass(frozen=True, slots=True)
+class MotionResult:
+    """One motion of a results file; unidentified coefficients are missing."""
+
+    values: Mapping[str, Value]
+    top_speed: float | None = None
+    calibrated: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations including thruster calibration, where the results have them."""
+
+    def get(self, name: str) -> float:
+        """Value of a coefficient; NaN where missing."""
+        return self.values[name].value if name in self.values else math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class ExportModel:
+    """Complete vehicle, drag and added mass, and notes on how they were completed."""
+
+    vehicle: Vehicle
+    hydrodynamics: Hydrodynamics
+    top_speed: tuple[float, float, float, float, float, float]
+    """Largest tested speed per axis [m/s, rad/s]; formats with another drag law are fitted up to it."""
+    source: str = ""
+    notes: tuple[str, ...] = ()
+    motions: Mapping[str, MotionResult] = field(default_factory=dict)
+
+    @property
+    def added_mass(self) -> Array:
+        """Added mass (6, 6) [kg, kg m, kg m^2], positive on the diagonal, rows: force, columns: acceleration."""
+        matrix = np.diag(np.array(self.hydrodynamics.added_mass))
+        if self.hydrodynamics.added_mass_cross:
+            cross = np.array(self.hydrodynamics.added_mass_cross)
+            matrix += cross - np.diag(np.diag(cross))
+        return matrix
+
+    def resisting_force(self, velocity: Array) -> Array:
+        """Drag force on the vehicle (6) [N, Nm] at a velocity (6) [m/s, rad/s], SNAME: against every component."""
+        pairs = zip(AXES, velocity, strict=True)
+        return np.array([-drag_at(self.hydrodynamics.drag(axis), float(speed)) for axis, speed in pairs])
+
+
+def drag_at(drag: Drag, speed: float) -> float:
+    """k_q |x| x + k_l x, with the coefficients of the direction of motion."""
+    k_q, k_l = direction(drag, backward=speed < 0.0)
+    return (k_q * abs(speed) + k_l) * speed
+
+
+def direction(drag: Drag, *, backward: bool) -> tuple[float, float]:
+    """Quadratic and linear coefficient for motion forward or backward along the axis."""
+    if not backward:
+        return drag.k_q, drag.k_l
+    k_q = drag.k_q if drag.k_q_negative is None else drag.k_q_negative
+    k_l = drag.k_l if drag.k_l_negative is None else drag.k_l_negative
+    return k_q, k_l
+
+
+def mean_of_directions(drag: Drag) -> tuple[float, float]:
+    """Quadratic and linear coefficient halfway between both directions, for formats that have one for both."""
+    forward, backward = direction(drag, backward=False), direction(drag, backward=True)
+    return 0.5 * (forward[0] + backward[0]), 0.5 * (forward[1] + backward[1])
+
+
+def read_motions(document: object, source: str) -> dict[str, MotionResult]:
+    """Motions of a results file, by name. HindraxError names the key path, what was found and what was wanted."""
+    if not isinstance(document, Mapping) or not isinstance(document.get("motions"), Mapping):
+        raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
+    motions = {str(name): _motion(body, f"{source}: motions.{name}") for name, body in document["motions"].items()}
+    return {name: motion for name, motion in motions.items() if motion is not None}
+
+
+def unidentified_motions(document: object) -> dict[str, str]:
+    """Unidentifiable motions of the results, by name, and the first reason."""
+    motions = document.get("motions") if isinstance(document, Mapping) else None
+    rows = motions.items() if isinstance(motions, Mapping) else ()
+    found = {name: body for name, body in rows if isinstance(body, Mapping) and body.get("identifiable") is False}
+    return {name: str(next(iter(body.get("reasons") or ()), "no reason given")) for name, body in found.items()}
+
+
+def _assumption_notes(document: object) -> list[str]:
+    """Assumptions of the identification."""
+    conditions = document.get("conditions") if isinstance(document, Mapping) else None
+    return (
+        [f"assumed: {one}" for one in (conditions.get("assumptions") or ())] if isinstance(conditions, Mapping) else []
+    )
+
+
+def _abort_notes(document: object) -> list[str]:
+    """The guard that aborted the flight, where the results name one."""
+    aborted = document.get("aborted") if isinstance(document, Mapping) else None
+    return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
+
+
+def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> list[str]:
+    """Uncertainty of each motion including calibration; the formats have no field for it."""
+    texts = {
+        name: ", ".join(f"{key} {one.get(key):.4g} +- {std:.2g}" for key, std in one.calibrated.items() if key != "b")
+        for name, one in motions.items()
+    }
+    return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]
+
+
+def _motion(body: object, path: str) -> MotionResult | None:
+    if not isinstance(body, Mapping):
+        raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
+    if body.get("identifiable") is False:
+        return None
+    values = {name: _value(body[name], f"{path}.{name}") for name in COEFFICIENTS if body.get(name) is not None}
+    wide = {name: std for name in values if (std := _deviation(body[name], "std_calibrated", f"{path}.{name}")) > 0.0}
+    return MotionResult(values, _top(body.get("speeds"), f"{path}.speeds"), wide)
+
+
+def _top(speeds: object, path: str) -> float | None:
+    """Largest speed of the range that was excited; None where unknown, or without motion."""
+    if speeds is None:
+        return None
+    if not isinstance(speeds, Sequence) or isinstance(speeds, str):
+        raise HindraxError(f"{path}: found {speeds!r}, wanted the lowest and the highest speed")
+    return max((abs(_number(speed, path)) for speed in speeds), default=0.0) or None
+
+
+def _value(body: object, path: str) -> Value:
+    if not isinstance(body, Mapping) or "value" not in body:
+        raise HindraxError(f"{path}: found {body!r}, wanted a mapping with value and std")
+    return Value(_number(body["value"], f"{path}.value"), _deviation(body, "std", path))
+
+
+def _deviation(body: Mapping[str, object], name: str, path: str) -> float:
+    """Standard deviation; NaN where missing or unknown."""
+    std = body.get(name)
+    if std is None or (isinstance(std, float) and math.isnan(std)):
+        return math.nan
+    return _number(std, f"{path}.{name}")
+
+
+def _number(value: object, path: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise HindraxError(f"{path}: found {value!r}, wanted a finite number")
+    return float(value)
+
+
+def export_model(document: object, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
+    """Read a results file into an export model.
+
+    Missing results are an error, or with `complete` come from the vehicle file, with a note. A negative drag
+    coefficient, which would drive a simulated vehicle, is folded into the other one at the same force at the largest
+    tested speed.
+    """
+    motions, unidentified = read_motions(document, source), unidentified_motions(document)
+    notes = _abort_notes(document)
+    if notes and not motions and not complete:
+        raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
+    prior = vehicle.hydrodynamics if complete else None
+    top = tuple(_top_speed(motions, axis, vehicle) for axis in AXES)
+    drags = {
+        axis: _axis_drag(axis, motions, prior, top[i], notes, unidentified=unidentified) for i, axis in enumerate(AXES)
+    }
+    masses = [_axis_added_mass(axis, motions, prior, i, notes) for i, axis in enumerate(AXES)]
+    cross = prior.added_mass_cross if prior else ()
+    hydrodynamics = Hydrodynamics(
+        added_mass=(masses[0], masses[1], masses[2], masses[3], masses[4], masses[5]), added_mass_cross=cross, **drags
+    )
+    speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
+    notes = [*notes, *_uncertainty_notes(motions), *_assumption_notes(document)]
+    return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes), motions)
+
+
+def _sides(axis: str, motions: Mapping[str, MotionResult]) -> tuple[MotionResult | None, MotionResult | None]:
+    """Results for motion in the positive and in the negative direction of an axis; heave is positive down."""
+    if axis == "heave" and ("heave_down" in motions or "heave_up" in motions):
+        return motions.get("heave_down"), motions.get("heave_up")
+    return motions.get(axis), motions.get(axis)
+
+
+def _top_speed(motions: Mapping[str, MotionResult], axis: str, vehicle: Vehicle) -> float:
+    tested = [side.top_speed for side in _sides(axis, motions) if side is not None and side.top_speed is not None]
+    # Pool tests reach one radian per second.
+    return max(tested) if tested else (vehicle.limits.speed_mps if AXES.index(axis) < 3 else 1.0)
+
+
+def _axis_drag(
+    axis: str,
+    motions: Mapping[str, MotionResult],
+    prior: Hydrodynamics | None,
+    top: float,
+    notes: list[str],
+    *,
+    unidentified: Mapping[str, str],
+) -> Drag:
+    forward, backward = _sides(axis, motions)
+    reason = next((why for name, why in unidentified.items() if name.startswith(axis)), "")
+    if forward is None and backward is None:
+        if prior is None:
+            lacking = f"motion {axis} is not identifiable ({reason})" if reason else f"no motion {axis} in the results"
+            raise HindraxError(
+                f"{lacking}; name a --vehicle FILE that has hydrodynamics for it (`hindrax estimate` gives some)"
+            )
+        why = f"not identifiable in the results ({reason})" if reason else "not in the results"
+        notes.append(f"{axis}: {why}; drag and added mass are from the vehicle file")
+        return prior.drag(axis)
+    if forward is None or backward is None:
+        one_way = f"only one direction is identifiable ({reason})" if reason else "only one direction was tested"
+        notes.append(f"{axis}: {one_way}, the other is taken to be the same")
+    k_q, k_l = _passive(forward or backward, axis, top, notes)
+    if forward is backward or forward is None or backward is None:
+        return Drag(k_q=k_q, k_l=k_l)
+    k_q_negative, k_l_negative = _passive(backward, axis, top, notes)
+    return Drag(k_q=k_q, k_l=k_l, k_q_negative=k_q_negative, k_l_negative=k_l_negative)
+
+
+def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
+    k_q, k_l = (motion.get("k_q"), motion.get("k_l")) if motion else (math.nan, math.nan)
+    if math.isnan(k_q) or math.isnan(k_l):
+        raise HindraxError(f"motion {axis}: k_q or k_l is missing; identify it again, or leave the motion out")
+    if k_q < 0.0 and k_l < 0.0:
+        raise HindraxError(
+            f"motion {axis}: k_q = {k_q:.3g} and k_l = {k_l:.3g} both drive the vehicle; identify it again"
+        )
+    at = f"{top:.3g} {'m/s' if AXES.index(axis) < 3 else 'rad/s'}"
+    if k_l < 0.0:
+        notes.append(f"{axis}: k_l = {k_l:.3g} would drive the vehicle at rest; folded into k_q at {at}")
+        return max(0.0, k_q + k_l / top), 0.0
+    if k_q < 0.0:
+        notes.append(f"{axis}: k_q = {k_q:.3g} would drive a fast vehicle; folded into k_l at {at}")
+        return 0.0, max(0.0, k_l + k_q * top)
+    return k_q, k_l
+
+
+def _axis_added_mass(
+    axis: str, motions: Mapping[str, MotionResult], prior: Hydrodynamics | None, index: int, notes: list[str]
+) -> float:
+    found = [
+        side.values["added_mass"] for side in _sides(axis, motions) if side is not None and "added_mass" in side.values
+    ]
+    if not found:
+        if prior is None:
+            raise HindraxError(f"motion {axis}: no added mass in the results; add --vehicle FILE to take it from there")
+        if any(_sides(axis, motions)):
+            notes.append(f"{axis}: added mass is not in the results but from the vehicle file")
+        return prior.added_mass[index]
+    mass = _weighted_mean(found)
+    if mass < 0.0:
+        notes.append(f"{axis}: added mass {mass:.3g} is below zero, taken as zero")
+    return max(0.0, mass)
+
+
+def _weighted_mean(values: list[Value]) -> float:
+    known = all(value.std > 0.0 for value in values)
+    weights = [1.0 / value.std**2 if known else 1.0 for value in values]
+    return sum(w * value.value for w, value in zip(weights, values, strict=True)) / sum(weights)
+
+
+def header(model: ExportModel, conventions: tuple[str, ...]) -> list[str]:
+    """Header lines of every format: source, sign conventions, assumptions."""
+    lines = [f"Hydrodynamics of {model.vehicle.name}, exported by hindrax from {model.source}."]
+    return [*lines, *conventions, *(f"Note: {note}." for note in model.notes)]
+
+
+def buoyancy_box_m(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Edges of a box with the envelope's shape and the vehicle's volume [m]."""
+    L, W, H = vehicle.envelope_m
+    scale = math.cbrt(vehicle.volume_m3 / (L * W * H))
+    return scale * L, scale * W, scale * H

@@ -1,0 +1,75 @@
+"""The result as a table for a spreadsheet (CSV) or for a paper (LaTeX)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+
+from hindrax_analysis.experiments.least_squares import Value
+from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, MotionResult
+
+SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
+ROTATIONS = ("roll", "pitch", "yaw")
+UNITS = {
+    "k_q": ("N s^2/m^2", "Nm s^2"),
+    "k_l": ("N s/m", "Nm s"),
+    "b": ("N", "Nm"),
+    "added_mass": ("kg", "kg m^2"),
+}
+
+
+def write_csv(model: ExportModel) -> str:
+    """One line per motion: value, standard deviation and unit of each coefficient; empty where missing."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(
+        ["motion", *(f"{name}{part}" for name in COEFFICIENTS for part in ("", "_std", "_std_calibrated", "_unit"))]
+    )
+    for motion, result in model.motions.items():
+        cells = [cell for name in COEFFICIENTS for cell in _csv_cells(motion, name, result)]
+        writer.writerow([motion, *cells])
+    return text.getvalue()
+
+
+def _csv_cells(motion: str, name: str, result: MotionResult) -> tuple[str, str, str, str]:
+    unit = UNITS[name][motion in ROTATIONS]
+    if name not in result.values:
+        return "", "", "", unit
+    value, wide = result.values[name], result.calibrated.get(name)
+    return f"{value.value:.9g}", _known(value.std), _known(wide if wide is not None else math.nan), unit
+
+
+def _known(std: float) -> str:
+    return "" if math.isnan(std) else f"{std:.9g}"
+
+
+def write_latex(model: ExportModel) -> str:
+    """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
+    head = " & ".join(["motion", *SYMBOLS.values()])
+    rows = [
+        " & ".join([motion.replace("_", " "), *(_latex_cell(result.values.get(name)) for name in COEFFICIENTS)])
+        + r" \\"
+        for motion, result in model.motions.items()
+    ]
+    caption = f"% {model.vehicle.name}, from {model.source}; N, Nm, kg, SI; one standard deviation"
+    lines = [
+        caption,
+        r"\begin{tabular}{lrrrr}",
+        r"\hline",
+        head + r" \\",
+        r"\hline",
+        *rows,
+        r"\hline",
+        r"\end{tabular}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _latex_cell(value: Value | None) -> str:
+    if value is None:
+        return "--"
+    if not value.std > 0.0:
+        return f"${value.value:.4g}$"
+    digits = max(0, 1 - math.floor(math.log10(value.std)))
+    return rf"${value.value:.{digits}f} \pm {value.std:.{digits}f}$"

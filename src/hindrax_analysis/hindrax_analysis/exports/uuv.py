@@ -1,0 +1,51 @@
+"""uuv_simulator and its ROS 2 successor Plankton: the underwater object plugin with a Fossen model.
+
+Signs. Its added mass is the matrix M_A itself, positive (force = -M_A a); its damping are derivatives, negative
+(D = -linear - quadratic |v|, force = -D v). The plugin turns the velocity into x forward, y right, z down before it
+uses either, so matrices are written in SNAME axes; positions are in Gazebo's axes.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+from hindrax_analysis.exports.export_model import ExportModel, header, mean_of_directions
+from hindrax_analysis.exports.xml import add, commented, number
+from hindrax_core.vehicle import AXES
+
+CONVENTIONS = (
+    "For uuv_simulator and Plankton: put it inside the model (in a URDF, inside a gazebo element).",
+    "added_mass: rows of the 6 x 6 matrix, positive. linear_damping, quadratic_damping: diagonals, negative.",
+    "Matrices are in x forward, y right, z down, as the plugin uses them; center_of_buoyancy in Gazebo's axes.",
+)
+
+ONE_SIDED = "has one coefficient for both directions here: the mean"
+
+
+def write(model: ExportModel, link: str = "base_link") -> str:
+    """XML text of the plugin element."""
+    vehicle = model.vehicle
+    plugin = ET.Element("plugin", name="uuv_plugin", filename="libuuv_underwater_object_ros_plugin.so")
+    add(plugin, "fluid_density", number(vehicle.water.density_kgpm3))
+    add(plugin, "flow_velocity_topic", "hydrodynamics/current_velocity")
+    body = ET.SubElement(plugin, "link", name=link)
+    add(body, "neutrally_buoyant", "0")
+    add(body, "volume", number(vehicle.volume_m3))
+    box = ET.SubElement(body, "box")
+    for name, edge in zip(("length", "width", "height"), vehicle.envelope_m, strict=True):
+        add(box, name, number(edge))
+    x, y, z = vehicle.center_of_buoyancy_m
+    add(body, "center_of_buoyancy", " ".join(number(value) for value in (x, -y, -z)))
+    hydrodynamics = ET.SubElement(body, "hydrodynamic_model")
+    add(hydrodynamics, "type", "fossen")
+    add(hydrodynamics, "added_mass", " ".join(number(float(value)) for value in model.added_mass.ravel()))
+    pairs = [mean_of_directions(model.hydrodynamics.drag(axis)) for axis in AXES]
+    add(hydrodynamics, "linear_damping", " ".join(number(-k_l) for _, k_l in pairs))
+    add(hydrodynamics, "quadratic_damping", " ".join(number(-k_q) for k_q, _ in pairs))
+    return commented(plugin, header(model, CONVENTIONS + one_sided_notes(model)))
+
+
+def one_sided_notes(model: ExportModel) -> tuple[str, ...]:
+    """Lines for the axes whose two directions differ."""
+    drags = {axis: model.hydrodynamics.drag(axis) for axis in AXES}
+    return tuple(f"{axis} {ONE_SIDED}." for axis, drag in drags.items() if drag.k_q_negative is not None)

@@ -1,0 +1,32 @@
+"""Our own vehicle file: the `hydrodynamics` block, as `hindrax_core.vehicle` reads it."""
+
+from __future__ import annotations
+
+import yaml
+
+from hindrax_analysis.exports.export_model import ExportModel, header
+from hindrax_core.vehicle import AXES, Drag
+
+CONVENTIONS = (
+    "Block for the vehicle file. All numbers are positive: they resist. SNAME axes, heave positive down.",
+    "k_q_negative and k_l_negative hold for motion in the negative direction (heave: up).",
+)
+
+
+def write(model: ExportModel) -> str:
+    """YAML text: one key, hydrodynamics."""
+    block: dict[str, object] = {"added_mass": [_rounded(value) for value in model.hydrodynamics.added_mass]}
+    block |= {axis: _drag(model.hydrodynamics.drag(axis)) for axis in AXES}
+    if model.hydrodynamics.added_mass_cross:
+        block["added_mass_cross"] = [[_rounded(value) for value in row] for row in model.hydrodynamics.added_mass_cross]
+    text: str = yaml.safe_dump({"hydrodynamics": block}, sort_keys=False, width=120, default_flow_style=None)
+    return "".join(f"# {line}\n" for line in header(model, CONVENTIONS)) + text
+
+
+def _drag(drag: Drag) -> dict[str, float]:
+    values = {"k_q": drag.k_q, "k_l": drag.k_l, "k_q_negative": drag.k_q_negative, "k_l_negative": drag.k_l_negative}
+    return {name: _rounded(value) for name, value in values.items() if value is not None}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.9g}")

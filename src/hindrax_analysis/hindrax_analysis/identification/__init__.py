@@ -1,0 +1,1 @@
+"""Identification over finished records, its result files, and many runs."""

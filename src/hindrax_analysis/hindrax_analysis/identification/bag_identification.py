@@ -1,0 +1,104 @@
+"""Identification over a finished bag of this stack; its results in files and on the terminal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write_coefficients, write_report
+from hindrax_analysis.records.bag_events import bag_events
+from hindrax_analysis.report import RunReport, published_of
+from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bag.run_folder import RunFolder
+from hindrax_core.events import Stamp
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import DragBand, Results, with_truth
+from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.online.session import Outcome, Session
+from hindrax_ident.tuning import Tuning
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifiedBag:
+    """Identification results of one bag."""
+
+    outcome: Outcome
+    results: Results
+    mock: bool
+    origin: Stamp | None = None
+    """Stamp at time zero of the outcome."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether at least one motion was flown and every one is identifiable."""
+        motions = self.results.motions
+        return bool(motions) and all(one.identifiable for one in motions.values())
+
+    def document(self, folder: RunFolder, factor: float, aborted: str | None) -> dict[str, Any]:
+        """The JSON document of `pool-test`."""
+        ends = {"bag": str(folder.bag), "report": str(folder.report), "real_time_factor": factor, "aborted": aborted}
+        return {**self.results.to_json(), **ends}
+
+
+def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tuning | None = None) -> IdentifiedBag:
+    """Run the session over a bag of this stack; in mock with the true value of each coefficient."""
+    session = Session(vehicle, tuning)
+    origin: Stamp | None = None
+    for event in bag_events(bag, vehicle, tuning):
+        origin = event.stamp if origin is None else min(origin, event.stamp)
+        session.step(event)
+    outcome = session.finalize()
+    results = with_truth(outcome.results, vehicle) if mock else outcome.results
+    return IdentifiedBag(outcome, results, mock, origin)
+
+
+def show(identified: IdentifiedBag) -> None:
+    """Print coefficients with the true values of the mock and the paper's; then unidentifiable motions with reasons."""
+    motions = identified.results.motions
+    truths = ("truth",) if identified.mock else ()
+    name = identified.results.vehicle.name
+    papers = ("COB-2023-1394",) if any(published_of(name, motion) for motion in motions) else ()
+    numbers = ("value", "+-", "calibrated", *truths, *papers)
+    table = make_table("Identified coefficients (SI, SNAME axes)", ("motion", "coefficient"), numbers)
+    for motion, result in motions.items():
+        published = published_of(name, motion)
+        paper = published.in_our_axes if published else {}
+        for key, number in result.coefficients.items():
+            truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.2f}",)
+            printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
+            row = (motion, key, f"{number.value:.3f}", f"{number.std:.3f}", f"{number.std_calibrated:.3f}")
+            table.add_row(*row, *truth, *((printed,) if papers else ()))
+    print_table(table)
+    for motion, result in motions.items():
+        if not result.identifiable:
+            print(f"{motion}: not identifiable")
+            print("".join(f"  {reason}\n" for reason in result.reasons), end="")
+            if result.drag is not None:
+                print(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
+
+
+def _band(drag: DragBand, *, turns: bool) -> str:
+    """Drag force and its uncertainty at the lowest and highest speed."""
+    speed_unit, unit = ("rad/s", "N m") if turns else ("m/s", "N")
+    ends = [
+        f"{drag.force[at]:.3g} +- {drag.std_calibrated[at]:.2g} {unit} at {drag.speed[at]:.2g} {speed_unit}"
+        for at in (0, -1)
+    ]
+    return f"drag: {', '.join(ends)}"
+
+
+def identify_run(folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: str = "") -> IdentifiedBag:
+    """Identify over the bag of a run and write its coefficients and its report, which say by what it was `aborted`."""
+    identified = identify_bag(folder.bag, vehicle, mock=mock)
+    write_results(identified, folder, vehicle, aborted)
+    return identified
+
+
+def write_results(identified: IdentifiedBag, folder: RunFolder, vehicle: Vehicle, aborted: str = "") -> None:
+    """Write `coefficients.yaml` and `report.html`."""
+    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=aborted)
+    write_coefficients(folder.coefficients, identified.results, conditions)
+    traces = traces_of(folder.bag, identified.origin)
+    outcome = identified.outcome
+    write_report(folder.report, RunReport(vehicle, identified.results, outcome.assessments, conditions, traces))

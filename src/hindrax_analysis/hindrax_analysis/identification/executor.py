@@ -1,0 +1,94 @@
+"""Executors for many runs: processes of this machine, or a running Dask cluster.
+
+Results are in the order of the items with every executor.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from typing import Any, Protocol, TypeVar
+
+from hindrax_core.errors import HindraxError
+
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
+
+
+class Executor(Protocol):
+    """Applies a function to items. Function and items must be picklable: defined at the top of a module."""
+
+    def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
+        """Results in the order of the items; the exception of an item is raised in its place."""
+
+
+class InThisProcess:
+    """Sequential execution."""
+
+    def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
+        """Compute each item when its result is requested."""
+        return map(work, items)
+
+
+class LocalProcesses:
+    """Processes of this machine, each with single-threaded linear algebra."""
+
+    def __init__(self, workers: int = 0) -> None:
+        """`workers`: 0 for one per core."""
+        self.workers = workers or os.cpu_count() or 1
+
+    def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
+        """Compute all items in a pool of workers."""
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(self.workers, max(1, len(items))), context, _one_thread) as pool:
+            yield from _in_order([pool.submit(work, item) for item in items])
+
+
+def _in_order(futures: Sequence[Future[ResultT]]) -> Iterator[ResultT]:
+    try:
+        for future in futures:
+            yield future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _one_thread() -> None:
+    # Workers use all cores already; threads of a linear algebra library would only compete for them.
+    os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+
+
+class DaskCluster:
+    """A running Dask cluster, by the address of its scheduler; its workers need this software."""
+
+    def __init__(self, address: str, timeout_s: float = 10.0) -> None:
+        """HindraxError when there is no scheduler at the address or Dask is not installed."""
+        try:
+            from distributed import Client  # noqa: PLC0415  # heavy, and only wanted with --cluster
+        except ImportError as error:
+            raise HindraxError("--cluster needs the package `distributed`, which is not installed here") from error
+        try:
+            self._client: Any = Client(address, timeout=timeout_s)  # type: ignore[no-untyped-call]  # Dask has no annotations
+        except (OSError, TimeoutError, ValueError) as error:
+            raise HindraxError(
+                f"no Dask scheduler answers at {address} ({error}); start one or leave --cluster out"
+            ) from error
+
+    def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
+        """Compute all on the cluster."""
+        futures = self._client.map(work, list(items), pure=False)
+        try:
+            for future in futures:
+                yield future.result()
+        finally:
+            self._client.cancel(futures)
+            self._client.close()
+
+
+def executor_for(cluster: str = "", workers: int = 0) -> Executor:
+    """Cluster for an address, this process for one worker, otherwise processes."""
+    if cluster:
+        return DaskCluster(cluster)
+    return InThisProcess() if workers == 1 else LocalProcesses(workers)

@@ -1,0 +1,203 @@
+"""Accuracy of the identification: many runs with known truth, each compared with the bound of its record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.assessment import METHOD, Assessment
+from hindrax_ident.assess.results import MotionResult, truth_of
+from hindrax_ident.assess.thrust_calibration import tilt_covariance, tilt_sigma_rad
+from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
+from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.model.sign_dependent import reported_parameters
+from hindrax_ident.online.session import Outcome
+from hindrax_ident.tuning import Tuning
+
+SHARES = (0.25, 0.5, 1.0)
+Z95 = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class CoefficientError:
+    """One coefficient of one run by one method: error, reported standard deviation, bound of the record."""
+
+    motion: str
+    coefficient: str
+    method: str
+    error: float
+    std: float
+    bound: float
+    truth: float
+
+
+@dataclass(frozen=True, slots=True)
+class DragError:
+    """Drag force of one run at a share of its highest speed: relative error [-]."""
+
+    motion: str
+    share: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run: errors of its coefficients, and the reason for missing ones (empty: none)."""
+
+    seed: int
+    found: tuple[CoefficientError, ...]
+    drag: tuple[DragError, ...]
+    trouble: str = ""
+
+
+def trial_of(seed: int, vehicle: Vehicle, outcome: Outcome, trouble: str = "", thrust_s: float | None = None) -> Trial:
+    """Compare the outcome of a run with the truth of the vehicle file; `thrust_s` as in `bound_of`."""
+    truth = truth_of(vehicle)
+    found: list[CoefficientError] = []
+    drag: list[DragError] = []
+    for result in outcome.results.motions.values():
+        assessment = outcome.assessments.get(MOTIONS[result.motion].axis)
+        if assessment is not None and result.coefficients:
+            found += _found(result, vehicle, assessment, truth, thrust_s)
+            drag += _drag(result, truth[result.motion])
+    return Trial(seed, tuple(found), tuple(drag), trouble)
+
+
+def _found(
+    result: MotionResult,
+    vehicle: Vehicle,
+    assessment: Assessment,
+    truth: dict[str, dict[str, float]],
+    thrust_s: float | None,
+) -> list[CoefficientError]:
+    fit, motion = assessment.fit, MOTIONS[result.motion]
+    face = reported_parameters(fit.model, motion)
+    bound = bound_of(fit, true_parameters(fit.model, truth), thrust_s)
+    # A constant error of the measured angle cannot be separated from an offset of the moment.
+    bound = bound + tilt_covariance(vehicle, fit, tilt_sigma_rad(vehicle, Tuning()))
+    limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
+    methods = {METHOD: result.coefficients, **result.methods}
+    return [
+        CoefficientError(
+            motion=result.motion,
+            coefficient=name,
+            method=method,
+            error=number.value - truth[result.motion][name],
+            std=number.std,
+            bound=limits[name],
+            truth=truth[result.motion][name],
+        )
+        for method, numbers in methods.items()
+        for name, number in numbers.items()
+    ]
+
+
+def _drag(result: MotionResult, truth: Mapping[str, float]) -> list[DragError]:
+    side = -1.0 if MOTIONS[result.motion].side < 0 else 1.0
+    out = []
+    for share in SHARES:
+        v = side * share * result.speeds[1]
+        true = truth["k_q"] * abs(v) * v + truth["k_l"] * v
+        out.append(DragError(result.motion, share, result.drag_force(v)[0] / true - 1.0))
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class AccuracyCell:
+    """One coefficient over all runs. `ratio` is the root mean square of error over bound: 1 is the limit."""
+
+    motion: str
+    coefficient: str
+    method: str
+    runs: int
+    truth: float
+    bias: float
+    rmse: float
+    crlb: float
+    ratio: float
+    coverage95: float
+
+
+def tabulate(trials: Sequence[Trial]) -> list[AccuracyCell]:
+    """One cell per motion, coefficient and method, in the order of their first appearance."""
+    groups: dict[tuple[str, str, str], list[CoefficientError]] = {}
+    for trial in trials:
+        for one in trial.found:
+            groups.setdefault((one.motion, one.coefficient, one.method), []).append(one)
+    return [_cell(group) for group in groups.values()]
+
+
+def _cell(group: list[CoefficientError]) -> AccuracyCell:
+    errors = np.array([one.error for one in group])
+    bounds = np.array([one.bound for one in group])
+    stds = np.array([one.std for one in group])
+    first = group[0]
+    return AccuracyCell(
+        motion=first.motion,
+        coefficient=first.coefficient,
+        method=first.method,
+        runs=len(group),
+        truth=first.truth,
+        bias=float(errors.mean()),
+        rmse=float(np.sqrt(np.mean(errors**2))),
+        crlb=float(np.sqrt(np.mean(bounds**2))),
+        ratio=float(np.sqrt(np.mean((errors / bounds) ** 2))),
+        coverage95=float(np.mean(np.abs(errors) <= Z95 * stds)),
+    )
+
+
+def by_chance(runs: int) -> tuple[float, float]:
+    """95 % interval of the ratio over this many runs, for an estimator exactly at its bound."""
+    low, high = np.sqrt(chi2.ppf([0.025, 0.975], runs) / runs)
+    return float(low), float(high)
+
+
+def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Mean relative error of the drag force at shares of the tested speed, and its scatter, per motion."""
+    groups: dict[tuple[str, float], list[float]] = {}
+    for trial in trials:
+        for one in trial.drag:
+            groups.setdefault((one.motion, one.share), []).append(one.error)
+    return [
+        {
+            "motion": motion,
+            "share_of_speed": share,
+            "bias": float(np.mean(errors)),
+            "rmse": float(np.sqrt(np.mean(np.square(errors)))),
+            "runs": len(errors),
+        }
+        for (motion, share), errors in groups.items()
+    ]
+
+
+def summary(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Document of `montecarlo`: cells of the refined result, the other methods, and the drag force.
+
+    `ratio_by_chance` as `by_chance`.
+    """
+    cells = tabulate(trials)
+    others: dict[str, list[dict[str, Any]]] = {}
+    for cell in cells:
+        if cell.method != METHOD:
+            others.setdefault(cell.method, []).append(_plain(cell))
+    return {
+        "runs": len(trials),
+        "ratio_by_chance": list(by_chance(len(trials))),
+        "cells": [_plain(cell) for cell in cells if cell.method == METHOD],
+        "methods": others,
+        "drag": drag_bias(trials),
+        "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
+    }
+
+
+def _plain(cell: AccuracyCell) -> dict[str, Any]:
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in asdict(cell).items()
+    }

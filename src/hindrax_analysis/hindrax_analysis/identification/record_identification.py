@@ -1,0 +1,334 @@
+"""Identification over records of any origin: bags of this stack, third-party bags, CSV; one, or several pooled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
+from hindrax_analysis.records.bag_events import bag_events
+from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.plausibility import with_plausibility_check, with_reason, wrong_thrust_sign
+from hindrax_analysis.records.provenance import is_mock
+from hindrax_analysis.records.recording import Recording, events, has_samples, has_signal, reason_to_skip, tuned
+from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
+from hindrax_analysis.report import Trace
+from hindrax_analysis.report.comparison import RunScatter, pool_runs
+from hindrax_bag.read.bag_reader import attachments
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.signals import IdentEvent, Phase, Thrust
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, vehicle_from_text
+from hindrax_ident.arrays import array
+from hindrax_ident.assess.assessment import Assessment, unidentified
+from hindrax_ident.assess.results import MotionResult, Results, with_truth
+from hindrax_ident.model.motion_model import MOTIONS, motions_of
+from hindrax_ident.online.session import Outcome, Session
+from hindrax_ident.records.feed import Feed
+from hindrax_ident.tuning import Tuning
+
+APART_S = 1000.0
+"""Time between concatenated records: no stretch spans it."""
+CSV_ENDINGS = (".csv", ".tsv", ".txt")
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Part of a record to use, in seconds from its beginning."""
+
+    from_s: float = 0.0
+    to_s: float = math.inf
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is the whole record."""
+        return self.from_s <= 0.0 and math.isinf(self.to_s)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSource:
+    """One record: a bag of this stack, or a recording (from a third-party bag or CSV)."""
+
+    path: Path
+    recording: Recording | None = None
+    mock: bool = False
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """Assumptions made to read it."""
+        return self.recording.assumptions if self.recording else ()
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifiedRecords:
+    """Results of all records together, and of each one where there are several."""
+
+    identified: IdentifiedBag
+    traces: dict[str, Trace] = field(default_factory=dict)
+    runs: tuple[Results, ...] = ()
+    spreads: dict[str, dict[str, RunScatter]] = field(default_factory=dict)
+
+
+# ---- reading
+
+
+def open_source(path: Path, wanted: TopicSelection, vehicle: Vehicle | None = None) -> RecordSource:
+    """Read a record; UsageError names what is missing or ambiguous. A run folder stands for its bag.
+
+    `vehicle`: converts pulses to newtons.
+    """
+    bag = path / "bag" if (path / "bag").is_dir() else path
+    if not bag.exists():
+        raise UsageError(f"{path}: does not exist; name a bag, a run folder or a CSV file")
+    if bag.suffix.lower() in CSV_ENDINGS:
+        return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame))
+    topics = topics_of(bag)
+    if is_ours(topics) and wanted == TopicSelection():
+        return RecordSource(bag, mock=is_mock(bag))
+    return RecordSource(bag, read_bag(bag, wanted, topics, vehicle))
+
+
+def _text(file: Path) -> str:
+    """Text in UTF-8, or as saved by spreadsheets: UTF-16 with its mark, or Latin-1."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be read ({error})") from error
+    codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "latin-1")
+    for code in codes:
+        try:
+            return data.decode(code)
+        except UnicodeDecodeError:
+            continue
+    raise UsageError(f"{file}: cannot be read as text, wanted UTF-8")
+
+
+# ---- identification
+
+
+@dataclass(frozen=True, slots=True)
+class IdentificationTask:
+    """Options: axes (none: all available), part of each record, and knobs for third-party records.
+
+    Without `mass_known`, the added mass cannot be separated from the total.
+    """
+
+    axes: tuple[int, ...] = ()
+    span: Span = Span()
+    mass_known: bool = True
+    tuning: Tuning = field(default_factory=Tuning)
+
+
+def identify_sources(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> IdentifiedRecords:
+    """Identify over one record, or over several pooled."""
+    whole = _identify(sources, vehicle, task)
+    if len(sources) == 1:
+        return whole
+    runs = tuple(_identify([one], vehicle, task).identified.results for one in sources)
+    results, spreads = _with_spread(whole.identified.results, runs)
+    return replace(whole, identified=replace(whole.identified, results=results), runs=runs, spreads=spreads)
+
+
+def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> IdentifiedRecords:
+    axes, span = task.axes or tuple(range(6)), task.span
+    if len(sources) == 1 and sources[0].recording is None and span.whole:
+        found = IdentifiedRecords(identify_bag(sources[0].path, vehicle, mock=sources[0].mock))
+        return replace(found, identified=_with_axes_only(found.identified, axes))
+    ours = [source for source in sources if source.recording is None]
+    if ours and len(ours) < len(sources):
+        raise UsageError(
+            f"{ours[0].path} is a bag of this stack, and others are not: pool records of one kind, "
+            "or name topics with --odometry and --wrench for all of them"
+        )
+    if ours:
+        session = Session(vehicle)
+        _run_session(session, _own_events(ours, vehicle, span))
+        outcome = session.finalize()
+        mock = all(source.mock for source in ours)
+        results = with_truth(outcome.results, vehicle) if mock else outcome.results
+        return IdentifiedRecords(_with_axes_only(IdentifiedBag(outcome, results, mock), axes))
+    recordings = [source.recording.between(span.from_s, span.to_s) for source in sources if source.recording]
+    if not any(len(one.velocity_t) or len(one.attitude_t) for one in recordings):
+        lasts = max(source.recording.end_s for source in sources if source.recording)
+        raise UsageError(
+            f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"
+        )
+    return _identify_recordings(recordings, vehicle, task)
+
+
+def _with_axes_only(identified: IdentifiedBag, axes: Sequence[int]) -> IdentifiedBag:
+    kept = {name: one for name, one in identified.results.motions.items() if MOTIONS[name].axis in axes}
+    return replace(identified, results=replace(identified.results, motions=kept))
+
+
+def _own_events(sources: Sequence[RecordSource], vehicle: Vehicle, span: Span) -> Iterator[Stamped[IdentEvent]]:
+    """Events of bags of this stack, concatenated."""
+    begin = Stamp(0)
+    for source in sources:
+        last = begin
+        for event in _cut(bag_events(source.path, vehicle), span, begin):
+            last = max(last, event.stamp)
+            yield event
+        last = after(last, 1e-3)
+        yield Stamped(last, Phase("", ""))
+        begin = after(last, APART_S)
+
+
+def _cut(found: Iterator[Stamped[IdentEvent]], span: Span, begin: Stamp) -> Iterator[Stamped[IdentEvent]]:
+    """Events of a span, shifted so that the record begins at `begin`; phase and thrust at its start are kept."""
+    first: Stamp | None = None
+    before: dict[type, Stamped[IdentEvent]] = {}
+    for event in found:
+        first = event.stamp if first is None else first
+        at_s = seconds_between(first, event.stamp)
+        if at_s > span.to_s:
+            return
+        moved = Stamped(after(begin, at_s), event.reading)
+        if at_s < span.from_s:
+            if isinstance(event.reading, Phase | Thrust):
+                before[type(event.reading)] = Stamped(after(begin, span.from_s), event.reading)
+            continue
+        yield from before.values()
+        before = {}
+        yield moved
+
+
+def _identify_recordings(
+    recordings: Sequence[Recording], vehicle: Vehicle, task: IdentificationTask
+) -> IdentifiedRecords:
+    """Identify each axis in a separate session: in such a record all axes may move at once."""
+    tuning, axes = tuned(recordings, task.tuning), task.axes or tuple(range(6))
+    motions: dict[str, MotionResult] = {}
+    assessments: dict[int, Assessment] = {}
+    traces: dict[str, Trace] = {}
+    for axis in axes:
+        usable = [one for one in recordings if not reason_to_skip(one, axis)]
+        if usable:
+            outcome, seen = _axis(usable, vehicle, axis, tuning)
+            against = wrong_thrust_sign(usable, axis)
+            found = {name: with_plausibility_check(one, vehicle) for name, one in outcome.results.motions.items()}
+            motions |= {name: with_reason(one, against) for name, one in found.items()}
+            assessments |= outcome.assessments
+            traces |= seen
+        elif task.axes or any(has_signal(one, axis) for one in recordings):
+            motions |= _skipped(recordings[0], axis)
+    if not motions:
+        # No axis was excited: report the verdict on every measured axis.
+        motions = {
+            name: one
+            for axis in axes
+            for name, one in _skipped(recordings[0], axis).items()
+            if has_samples(recordings[0], axis)
+        }
+    if not motions:
+        raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
+    if not task.mass_known:
+        motions = {name: _without_mass(one) for name, one in motions.items()}
+    results = Results(motions, vehicle)
+    return IdentifiedRecords(IdentifiedBag(Outcome(results, assessments), results, mock=False), traces)
+
+
+def _without_mass(result: MotionResult) -> MotionResult:
+    return replace(result, coefficients={key: one for key, one in result.coefficients.items() if key != "added_mass"})
+
+
+def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
+    motion = motions_of(axis)[0]
+    return {motion.name: unidentified(motion, reason_to_skip(recording, axis))}
+
+
+def _axis(
+    recordings: Sequence[Recording], vehicle: Vehicle, axis: int, tuning: Tuning
+) -> tuple[Outcome, dict[str, Trace]]:
+    feed, session = Feed(vehicle, tuning), Session(vehicle, tuning)
+    seen: dict[str, list[tuple[float, tuple[float, ...], tuple[float, ...]]]] = {}
+    names: dict[str, tuple[str, ...]] = {}
+    first = Stamp(0)
+    for event in feed.all(_concatenated(recordings, axis)):
+        first = first or event.stamp
+        for estimate in session.step(event):
+            reading = estimate.reading
+            names[reading.motion] = reading.names
+            at_s = seconds_between(first, estimate.stamp)
+            seen.setdefault(reading.motion, []).append((at_s, reading.values, reading.sigmas))
+    traces = {motion: _trace(names[motion], rows) for motion, rows in seen.items()}
+    return session.finalize(), traces
+
+
+def _concatenated(recordings: Sequence[Recording], axis: int) -> Iterator[Stamped[IdentEvent]]:
+    begin_s = 0.0
+    for recording in recordings:
+        yield from events(recording, axis, begin_s)
+        begin_s += recording.duration_s + APART_S
+
+
+def _trace(names: tuple[str, ...], rows: list[tuple[float, tuple[float, ...], tuple[float, ...]]]) -> Trace:
+    times, values, stds = (np.array(part) for part in zip(*rows, strict=True))
+    columns = list(enumerate(names))
+    return Trace(times, {name: values[:, i] for i, name in columns}, {name: stds[:, i] for i, name in columns})
+
+
+def _run_session(session: Session, found: Iterator[Stamped[IdentEvent]]) -> None:
+    for event in found:
+        session.step(event)
+
+
+# ---- several runs
+
+
+def _with_spread(pooled: Results, runs: Sequence[Results]) -> tuple[Results, dict[str, dict[str, RunScatter]]]:
+    """Widen the deviations of the pooled result where the scatter between runs is larger."""
+    spreads: dict[str, dict[str, RunScatter]] = {}
+    motions = {}
+    for name, result in pooled.motions.items():
+        own = [run.motions[name] for run in runs if name in run.motions]
+        found = {key: spread for key in result.coefficients if (spread := _run_scatter(own, key)) is not None}
+        spreads[name] = found
+        motions[name] = _widened(result, found)
+    return replace(pooled, motions=motions), spreads
+
+
+def _run_scatter(own: Sequence[MotionResult], key: str) -> RunScatter | None:
+    return pool_runs([one.coefficients[key] for one in own if key in one.coefficients])
+
+
+def _widened(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionResult:
+    """Widen by one factor for all coefficients, the largest ratio of scatter to deviation, to keep correlations."""
+    known = [(spread.std, result.coefficients[key].std) for key, spread in spreads.items()]
+    factor = max([1.0, *(apart / own for apart, own in known if own > 0.0)])
+    numbers = {
+        key: replace(one, std=factor * one.std, std_calibrated=_widened_calibrated(one.std_calibrated, one.std, factor))
+        for key, one in result.coefficients.items()
+    }
+    drag = result.drag
+    if drag is not None:
+        wide = array(np.sqrt(drag.std_calibrated**2 + drag.std**2 * (factor**2 - 1.0)))
+        drag = replace(drag, std=array(factor * drag.std), std_calibrated=wide)
+    return replace(result, coefficients=numbers, covariance=array(factor**2 * result.covariance), drag=drag)
+
+
+def _widened_calibrated(calibrated: float, std: float, factor: float) -> float:
+    """Deviation with calibration, with its statistical part widened by a factor."""
+    return math.sqrt(calibrated**2 + std**2 * (factor**2 - 1.0)) if math.isfinite(calibrated) else calibrated
+
+
+def axes_named(names: Sequence[str]) -> list[int]:
+    """Axes of motions or axes by name, each once."""
+    return list(dict.fromkeys(AXES.index(name) if name in AXES else MOTIONS[name].axis for name in names))
+
+
+def recorded_vehicle(source: RecordSource) -> Vehicle | None:
+    """Vehicle of a bag of this stack: the file beside it, else the one inside it; None for third-party records."""
+    if source.recording is not None:
+        return None
+    beside = source.path.parent / "vehicle.yaml"
+    if beside.is_file():
+        return load_vehicle(beside)
+    inside = attachments(source.path).get(beside.name)
+    if inside is None:
+        return None
+    return vehicle_from_text(inside.decode("utf-8", "replace"), f"vehicle.yaml inside {source.path}")

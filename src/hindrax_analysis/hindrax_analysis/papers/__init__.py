@@ -1,0 +1,12 @@
+"""The published tables, recomputed from their printed inputs: one module per paper, `recompute()` gives its cells."""
+
+from __future__ import annotations
+
+from hindrax_analysis.papers import badawy_2012, cob_2023_1394, cob_2023_2422, eidsvik_2015, xu_2017
+from hindrax_analysis.papers.cells import Cell
+
+
+def recompute() -> list[Cell]:
+    """Every cell of every paper, in the order of the papers A to E."""
+    papers = (cob_2023_1394, cob_2023_2422, xu_2017, eidsvik_2015, badawy_2012)
+    return [cell for paper in papers for cell in paper.recompute()]

@@ -1,0 +1,161 @@
+"""Paper B, COB-2023-2422: added mass of a 1:3 model of the Hindrax by free oscillation. Table 4 and Table 6."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from statistics import mean, stdev
+
+from hindrax_analysis.experiments.free_decay import (
+    added_mass_damped,
+    added_mass_undamped,
+    keulegan_carpenter,
+    linear_damping,
+    scaled_added_mass,
+)
+from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row
+
+PAPER = "B"
+MODEL = {"mass kg": Printed("0.39"), "volume m3": Printed("0.00056")}
+PROTOTYPE_VOLUME_m3 = Printed("0.0153")
+DENSITY_kgpm3 = 1000.0
+
+DAMPING_TOLERANCE = 0.004
+"""Relative, of c (6): its row of zeta has three digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """One row of Table 4, as printed."""
+
+    direction: str
+    stiffness: str
+    amplitude_mm: str
+    frequency: str
+    zeta: str
+    damping: str
+    undamped: str
+    damped: str
+    error: str
+    keulegan: str
+
+    @property
+    def name(self) -> str:
+        """How the row is named: direction, springs, amplitude."""
+        return f"{self.direction} {self.amplitude_mm} mm, k = {self.stiffness} N/m"
+
+
+TABLE_4 = (
+    Test("surge", "1127.7", "4", "36.7824", "0.0713", "4.35", "0.4435", "0.4401", "0.77", "0.30"),
+    Test("sway", "1127.7", "5", "31.7580", "0.1155", "8.14", "0.7281", "0.7132", "2.09", "0.38"),
+    Test("heave", "1127.7", "6", "30.3976", "0.0604", "4.47", "0.8304", "0.8260", "0.53", "0.46"),
+    Test("heave", "1127.7", "20", "30.1326", "0.1154", "8.56", "0.8454", "0.8289", "1.99", "1.52"),
+    Test("heave", "1127.7", "25", "29.966", "0.172", "12.75", "0.8658", "0.8287", "4.48", "1.90"),
+    Test("heave", "659.9", "20", "23.1477", "0.1328", "7.57", "0.8416", "0.8198", "2.66", "1.52"),
+    Test("heave", "659.9", "25", "23.0504", "0.1656", "9.48", "0.8520", "0.8179", "4.17", "1.90"),
+    Test("heave", "659.9", "30", "23.0629", "0.1518", "8.69", "0.8506", "0.8220", "3.48", "2.28"),
+    Test("heave", "659.9", "35", "22.9846", "0.1702", "9.77", "0.8591", "0.8229", "4.40", "2.66"),
+    Test("heave", "659.9", "40", "23.0505", "0.1613", "9.23", "0.8520", "0.8197", "3.94", "3.05"),
+    Test("heave", "659.9", "45", "22.8966", "0.1992", "11.48", "0.8687", "0.8187", "6.10", "3.43"),
+)
+
+HEAVE_MEAN = (Printed("0.8227"), Printed("0.0042"))
+
+TABLE_6 = {
+    "surge": (Printed("0.79"), Printed("12.08")),
+    "sway": (Printed("1.27"), Printed("19.43")),
+    "heave": (Printed("1.4692"), Printed("22.48")),
+}
+
+
+def _damped(v: Mapping[str, float]) -> float:
+    return added_mass_damped(v["k"], v["w_d"], v["zeta"], v["mass kg"])
+
+
+def _undamped(v: Mapping[str, float]) -> float:
+    return added_mass_undamped(v["k"], v["w_d"], v["mass kg"])
+
+
+def _damping(v: Mapping[str, float], added_mass: float) -> float:
+    return linear_damping(v["k"], v["zeta"], v["mass kg"], added_mass)
+
+
+def _error(v: Mapping[str, float]) -> float:
+    return 100.0 * (v["m_ad (7)"] / v["m_ad (5)"] - 1.0)
+
+
+def _keulegan(v: Mapping[str, float]) -> float:
+    return keulegan_carpenter(1e-3 * v["A"], v["volume m3"])
+
+
+def _damping_claim(test: Test) -> Claim:
+    printed = Printed(test.damping)
+    return Claim("c (6)", printed, lambda v: _damping(v, _damped(v)), relative=DAMPING_TOLERANCE, unit="N s/m")
+
+
+def _row(test: Test) -> Row:
+    claims = (
+        Claim("m_ad (7)", Printed(test.undamped), _undamped, unit="kg"),
+        Claim("m_ad (5)", Printed(test.damped), _damped, absolute=0.001, unit="kg"),
+        Claim("error (11)", Printed(test.error), _error, unit="%"),
+        _damping_claim(test),
+        Claim("KC (9)", Printed(test.keulegan), _keulegan),
+    )
+    inputs = {"k": test.stiffness, "w_d": test.frequency, "zeta": test.zeta, "A": test.amplitude_mm}
+    inputs |= {"m_ad (7)": test.undamped, "m_ad (5)": test.damped}
+    printed = {name: Printed(text) for name, text in inputs.items()}
+    # The oscillating mass is the model's constant: a tenth of its digit would move every row alike.
+    return Row(PAPER, "4", test.name, {**printed, **MODEL}, claims, exact=frozenset({"mass kg", "A"}))
+
+
+def _explain_damping(row: Row, cells: list[Cell]) -> list[Cell]:
+    """Say so where c follows from the added mass of (7) instead of that of (5)."""
+    other = replace(row.claims[3], formula=lambda v: _damping(v, _undamped(v)))
+    cell = cells[3]
+    if cell.verdict == "agrees":
+        return cells
+    instead = replace(row, claims=(other,)).judge()[0]
+    if instead.verdict == "agrees":
+        note = f"it follows with m_ad of (7): {instead.recomputed:.2f}"
+        cells[3] = replace(cell, note="; ".join(filter(None, (note, cell.note))))
+    return cells
+
+
+def _mean_row() -> Row:
+    heave = {f"m_ad {i}": Printed(test.damped) for i, test in enumerate(TABLE_4) if test.direction == "heave"}
+    claims = (
+        Claim("mean m_ad (5)", HEAVE_MEAN[0], lambda v: mean(v.values()), unit="kg"),
+        Claim("standard deviation", HEAVE_MEAN[1], lambda v: stdev(v.values()), unit="kg"),
+    )
+    return Row(PAPER, "4", "heave, mean of nine", heave, claims)
+
+
+def _result_row(direction: str) -> Row:
+    added = {test.direction: Printed(test.damped) for test in TABLE_4} | {"heave": HEAVE_MEAN[0]}
+    coefficient, mass = TABLE_6[direction]
+
+    def c_m(v: Mapping[str, float]) -> float:
+        return v["m_ad"] / (DENSITY_kgpm3 * v["volume m3"])
+
+    def prototype(v: Mapping[str, float]) -> float:
+        return scaled_added_mass(v["C_M"], DENSITY_kgpm3, v["prototype m3"])
+
+    inputs = {
+        "m_ad": added[direction],
+        "volume m3": MODEL["volume m3"],
+        "C_M": coefficient,
+        "prototype m3": PROTOTYPE_VOLUME_m3,
+    }
+    claims = (Claim("C_M (8)", coefficient, c_m), Claim("prototype m_ad (12)", mass, prototype, unit="kg"))
+    return Row(PAPER, "6", direction, inputs, claims, exact=frozenset({"volume m3", "prototype m3"}))
+
+
+def recompute() -> list[Cell]:
+    """All cells of Table 4 and Table 6. Tolerance: the printed digits; 0.001 kg for m_ad (5); 0.4 % for c."""
+    cells: list[Cell] = []
+    for test in TABLE_4:
+        row = _row(test)
+        cells += _explain_damping(row, row.judge())
+    for row in (_mean_row(), *(_result_row(direction) for direction in TABLE_6)):
+        cells += row.judge()
+    return cells

@@ -1,0 +1,1 @@
+"""Records of any origin: bags of this stack, third-party bags, CSV."""

@@ -1,0 +1,127 @@
+"""Data of one topic of a third-party bag: times, frame, and rows of velocities, forces, pulses or poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hindrax_bag.read.bag_reader import BagMessage
+from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+
+VELOCITY_TYPES = (
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/TwistStamped",
+    "geometry_msgs/msg/TwistWithCovarianceStamped",
+)
+NAMED_VELOCITY_TYPES = (
+    "geometry_msgs/msg/Twist",
+    "sensor_msgs/msg/Imu",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+)
+"""Used as velocities only when named: commands, rates alone, and positions have these types too."""
+WRENCH_TYPES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
+PULSE_FIELDS = {"mavros_msgs/msg/RCOut": "channels", "mavros_msgs/msg/OverrideRCIn": "channels"}
+PULSE_FIELDS |= {
+    f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")
+}
+"""Types that may hold the pulse [us] of each output channel, and their field."""
+
+UNKNOWN = float("nan")
+UNKNOWN_VARIANCE = 1e3
+PULSES_us = (500.0, 2500.0)
+
+
+@dataclass(slots=True)
+class Track:
+    """Rows of one topic: times of the stamps (zero where there are none) and of receipt [ns], values, poses."""
+
+    topic: str
+    kind: str
+    stamped: list[int] = field(default_factory=list)
+    received: list[int] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+    poses: list[list[float]] = field(default_factory=list)
+    """Position and quaternion x, y, z, w; empty where the topic has none."""
+    frame: str = ""
+
+    def add(self, message: BagMessage) -> None:
+        """Append one message."""
+        content = message.decoded()
+        header = getattr(content, "header", None)
+        self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header is not None else 0)
+        self.received.append(message.received)
+        self.frame = header.frame_id if header is not None else ""
+        if self.kind in WRENCH_TYPES:
+            self.rows.append(_wrench(getattr(content, "wrench", content)))
+        elif self.kind in PULSE_FIELDS:
+            self.rows.append([float(value) for value in getattr(content, PULSE_FIELDS[self.kind])])
+        else:
+            self._add_motion(content)
+
+    def _add_motion(self, content: Any) -> None:
+        if hasattr(content, "pose"):
+            pose = getattr(content.pose, "pose", content.pose)
+            p, q = pose.position, pose.orientation
+            self.poses.append([float(value) for value in (p.x, p.y, p.z, q.x, q.y, q.z, q.w)])
+            # The header of a pose names the world.
+            self.frame = getattr(content, "child_frame_id", "")
+        if hasattr(content, "angular_velocity"):
+            rate = content.angular_velocity
+            self.rows.append([UNKNOWN] * 3 + [float(value) for value in (rate.x, rate.y, rate.z)])
+        elif not self.kind.startswith("geometry_msgs/msg/Pose"):
+            self.rows.append(_twist(getattr(content, "twist", content)))
+
+
+def _wrench(content: Any) -> list[float]:
+    f, m = content.force, content.torque
+    return [float(value) for value in (f.x, f.y, f.z, m.x, m.y, m.z)]
+
+
+def _twist(content: Any) -> list[float]:
+    """Six velocities; NaN where the covariance marks one as not measured."""
+    inner = getattr(content, "twist", content)
+    a, b = inner.linear, inner.angular
+    row = [float(value) for value in (a.x, a.y, a.z, b.x, b.y, b.z)]
+    variances = [float(content.covariance[7 * i]) for i in range(6)] if hasattr(content, "covariance") else [0.0] * 6
+    return [v if 0.0 <= variance < UNKNOWN_VARIANCE else UNKNOWN for v, variance in zip(row, variances, strict=True)]
+
+
+def quaternions_of(track: Track) -> Array:
+    """Unit quaternions x, y, z, w: (n, 4) [-]; NaN where a message has none."""
+    q = np.array(track.poses)[:, 3:]
+    size = np.linalg.norm(q, axis=1)
+    return array(q / np.where(size > 0.5, size, np.nan)[:, None])
+
+
+def tilts_of(quaternions: Array) -> Array:
+    """Roll and pitch (n, 2) [rad], in the axes of the quaternions."""
+    x, y, z, w = quaternions.T
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return array(np.column_stack([roll, np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))]))
+
+
+def wrenches_of(track: Track, vehicle: Vehicle | None) -> Array:
+    """Wrench (n, 6) [N, N m] in SNAME axes from pulses by the thrust curves of a vehicle; pulse 0 means stop."""
+    if vehicle is None or not vehicle.thrusters:
+        raise UsageError(
+            f"{track.topic}: holds pulses, wanted newtons; name a vehicle file with thrusters and curves by --vehicle"
+        )
+    channels = [thruster.channel for thruster in vehicle.thrusters]
+    short = min((len(row) for row in track.rows), default=0)
+    if short <= max(channels):
+        raise UsageError(f"{track.topic}: holds {short} channels, wanted {max(channels) + 1} for {vehicle.name}")
+    pulses = np.array([[row[channel] for channel in channels] for row in track.rows])
+    stops = np.array([vehicle.curves[thruster.curve].stop_us for thruster in vehicle.thrusters])
+    pulses = np.where(pulses == 0.0, stops, pulses)
+    strange = pulses[(pulses < PULSES_us[0]) | (pulses > PULSES_us[1]) | ~np.isfinite(pulses)]
+    if len(strange):
+        low, high = PULSES_us
+        raise UsageError(f"{track.topic}: found {strange[0]:g}, wanted pulses of {low:g} to {high:g} us")
+    applied = AppliedWrench(vehicle)
+    return np.array([applied.wrench(applied.forces_N(row)) for row in pulses.tolist()])

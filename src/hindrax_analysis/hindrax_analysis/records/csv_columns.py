@@ -1,0 +1,187 @@
+"""Columns of third-party CSV files: names and units in use, and number formats."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from itertools import product
+from typing import NamedTuple
+
+from hindrax_core.errors import HindraxError
+
+COLUMNS: dict[str, str] = {
+    "t": "time [s], from any origin",
+    **dict(zip("uvw", ("surge, forward [m/s]", "sway, to starboard [m/s]", "heave, down [m/s]"), strict=True)),
+    **dict(
+        zip("pqr", ("roll rate [rad/s]", "pitch rate [rad/s]", "yaw rate, clockwise from above [rad/s]"), strict=True)
+    ),
+    **dict(zip("XYZ", ("force forward [N]", "force to starboard [N]", "force down [N]"), strict=True)),
+    **dict(zip("KMN", ("moment about x [N m]", "moment about y [N m]", "moment about z [N m]"), strict=True)),
+    "roll": "angle [rad]",
+    "pitch": "angle [rad]",
+    "depth": "below the surface [m]; serves heave where there is no w",
+}
+"""Columns of a CSV record, in SNAME axes. Time, one velocity and the force on the same axis are needed."""
+
+DEGREE = math.pi / 180.0
+KGF, LBF, INCH = 9.80665, 4.4482216152605, 0.0254
+_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "nsec": 1e-9, "min": 60.0}
+_SPEED = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0, "ft/s": 12.0 * INCH}
+_SPEED |= {"mps": 1.0, "cmps": 0.01, "mmps": 1e-3, **dict.fromkeys(("kt", "kts", "knots"), _SPEED["kn"])}
+_RATE = {"rad/s": 1.0, "radps": 1.0, "deg/s": DEGREE, "degps": DEGREE, "dps": DEGREE, "rpm": math.tau / 60.0}
+_FORCE = {"n": 1.0, "kn": 1e3, "mn": 1e-3, "kgf": KGF, "gf": 1e-3 * KGF, "lbf": LBF}
+_MOMENT = {"nm": 1.0, "knm": 1e3, "mnm": 1e-3, "kgfm": KGF, "lbfft": LBF * 12.0 * INCH, "lbfin": LBF * INCH}
+_ANGLE = {"rad": 1.0, "deg": DEGREE}
+_LENGTH = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 12.0 * INCH}
+UNITS: dict[str, dict[str, float]] = {
+    "t": _TIME,
+    **dict.fromkeys("uvw", _SPEED),
+    **dict.fromkeys("pqr", _RATE),
+    **dict.fromkeys("XYZ", _FORCE),
+    **dict.fromkeys("KMN", _MOMENT),
+    "roll": _ANGLE,
+    "pitch": _ANGLE,
+    "depth": _LENGTH,
+    "t_ns": {},
+}
+"""SI factor of each unit that a column may have."""
+
+_ALONG = (
+    ("speed velocity vel", {"u": "surge", "v": "sway", "w": "heave"}),
+    ("force thrust", {"X": "surge", "Y": "sway", "Z": "heave"}),
+    ("rate angular_velocity", {"p": "roll", "q": "pitch", "r": "yaw"}),
+    ("torque moment", {"K": "roll", "M": "pitch", "N": "yaw"}),
+)
+AXES_OF = {name: columns for names, columns in _ALONG for name in names.split()}
+"""Names of a quantity without an axis, and the columns they may be, by motion."""
+
+UNKNOWN = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"}
+"""Cells without a value."""
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+
+
+class Meaning(NamedTuple):
+    """A column of `COLUMNS`, the SI factor of its numbers, and whether the header line names the unit."""
+
+    name: str
+    factor: float
+    has_unit: bool
+
+
+def _names() -> Iterator[tuple[str, str]]:
+    """Names in use, in lower case, and the column of each."""
+    yield from ((name, "t") for name in ("time", "timestamp", "time_stamp", "stamp", "header_stamp", "elapsed"))
+    yield from (("phi", "roll"), ("theta", "pitch"), ("roll", "roll"), ("pitch", "pitch"), ("depth", "depth"))
+    for axis, word, speed, force in zip("xyz", ("surge", "sway", "heave"), "uvw", "XYZ", strict=True):
+        speeds = [word, *_pairs(word, ("velocity", "vel", "speed")), f"v{axis}", f"linear_{axis}"]
+        yield from ((name, speed) for name in (*speeds, *_pairs(axis, ("v", "vel", "velocity"))))
+        forces = [f"f{axis}", f"tau_{speed}", *_pairs(word, ("force", "thrust", "tau"))]
+        yield from ((name, force) for name in (*forces, *_pairs(axis, ("f", "force", "thrust", "tau"))))
+    for axis, word, rate, moment in zip("xyz", ("roll", "pitch", "yaw"), "pqr", "KMN", strict=True):
+        rates = [*_pairs(word, ("rate", "velocity", "speed")), f"w{axis}", f"omega_{axis}", f"gyro_{axis}"]
+        yield from ((name, rate) for name in (*rates, f"angular_{axis}", f"angular_velocity_{axis}"))
+        moments = [f"torque_{axis}", f"moment_{axis}", f"tau_{rate}", f"tau_{moment.lower()}"]
+        yield from ((name, moment) for name in (*moments, *_pairs(word, ("moment", "torque", "tau"))))
+
+
+def _pairs(word: str, others: Sequence[str]) -> list[str]:
+    return [f"{a}_{b}" for other in others for a, b in ((word, other), (other, word))]
+
+
+NANOSECONDS = "t_ns"
+"""The nanoseconds of a stamp in two columns."""
+NAMES: dict[str, str] = dict(_names())
+_ENDINGS = {
+    **{f"_{field}": NAMES[field] for field in map("_".join, product(("linear", "angular", "force", "torque"), "xyz"))},
+    **{f"stamp_{seconds}": "t" for seconds in ("sec", "secs")},
+    **{f"stamp_{rest}": NANOSECONDS for rest in ("nanosec", "nsecs")},
+}
+"""Last parts of the fields of Twist, Wrench and Header, with any prefix of a tool."""
+
+
+def meaning_of(header: str) -> Meaning | None:
+    """Meaning of a column by its header; None for an unused one. HindraxError for an unknown unit."""
+    brackets = _IN_BRACKETS.match(header)
+    if brackets:
+        name = _name(brackets["name"])
+        return (name and Meaning(name, factor_of(name, brackets["unit"], header), has_unit=True)) or None
+    name = _name(header)
+    if name:
+        return Meaning(name, 1e-9 if name == NANOSECONDS else 1.0, has_unit=name == NANOSECONDS)
+    before, _, unit = header.strip().rpartition("_")
+    name = _name(before) if before else None
+    factor = UNITS[name].get(_plain(unit)) if name else None
+    return Meaning(name, factor, has_unit=True) if name and factor else None
+
+
+def near_miss(header: str) -> str:
+    """Remedy for an ambiguous column header; empty for an unused column."""
+    before, _, unit = header.strip().rpartition("_")
+    for text, suffix in ((header, ""), (before, f"_{unit}")):
+        columns = AXES_OF.get(_words(text), {})
+        if columns:
+            names = " or ".join(f"{column}{suffix} for {moved}" for column, moved in columns.items())
+            return f"{header} names no axis: call it {names}"
+    name = _name(before) if before else None
+    return f"{header}: the unit {unit!r} is none of {', '.join(UNITS[name])}" if name and not _name(header) else ""
+
+
+def factor_of(name: str, unit: str, where: str) -> float:
+    """SI factor of a column. HindraxError for a unit that the column cannot have."""
+    factor = UNITS[name].get(_plain(unit))
+    if factor is None:
+        known = ", ".join(UNITS[name])
+        raise HindraxError(f"column {where}: found the unit {unit!r}, wanted one of {known}; change the header line")
+    return factor
+
+
+def _plain(unit: str) -> str:
+    """A unit in normalized spelling."""
+    text = unit.strip().lower().replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+    text = text.replace("\N{DEGREE SIGN}", "deg").replace("per", "/")
+    return re.sub(r"[\s*.·_^-]+", "", text).replace("s1", "/s") if text not in ("m", "s") else text
+
+
+def _name(text: str) -> str | None:
+    bare = text.strip().strip("%").strip()
+    if bare in COLUMNS:
+        return bare
+    words = _words(bare)
+    if words in NAMES:
+        return NAMES[words]
+    return next((name for ending, name in _ENDINGS.items() if words.endswith(ending)), None)
+
+
+def _words(text: str) -> str:
+    return re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
+
+
+def check_width(cells: Sequence[str], header: Sequence[str], where: str) -> None:
+    """HindraxError for a row with more cells than the header line: its cells may be shifted."""
+    if any(cells[len(header) :]):
+        raise HindraxError(
+            f"{where}: found {len(cells)} cells, wanted {len(header)} as in the header line; write decimals with a "
+            "point, or separate the cells with semicolons"
+        )
+
+
+def number(text: str) -> float:
+    """A cell as a number; NaN for one without a value. ValueError for other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        if text.lower() in UNKNOWN:
+            return math.nan
+        raise
+    return value if math.isfinite(value) else math.nan
+
+
+def time_of(text: str) -> float:
+    """A time: a number, or an ISO 8601 date and time in seconds since 1970."""
+    try:
+        return number(text)
+    except ValueError:
+        found = datetime.fromisoformat(text)
+        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()

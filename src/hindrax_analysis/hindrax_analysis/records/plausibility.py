@@ -1,0 +1,87 @@
+"""Implausible results: wrong units and axes give numbers too, often with narrow bands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hindrax_analysis.records.recording import Recording
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.model.motion_model import MOTIONS, rigid_mass
+from hindrax_ident.model.thrust_lag import LaggedThrust
+
+DRAG_COEFFICIENTS = (0.03, 100.0)
+"""Range for bodies of any shape, on the area of the volume; at low speeds, with linear drag, they are large [-]."""
+MOST_ADDED = 8.0
+"""Largest ratio of added to body mass of anything but a flat plate [-]."""
+FASTEST = (10.0, 12.0)
+"""Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
+REMEDY = "check the units of force and velocity, and the vehicle file"
+
+
+USUAL_S = 0.7
+"""Usual time constant of a small vehicle."""
+AGAINST = -0.6
+"""Correlation of velocity and thrust below which the sign of the thrust is wrong."""
+
+
+def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> str:
+    """Reason against a result with motion opposite to the thrust; otherwise empty."""
+    pairs = [pair for one in recordings if len(pair := _velocity_and_thrust(one, axis))]
+    if not pairs:
+        return ""
+    v, force = np.concatenate(pairs).T
+    spread = float(np.std(v) * np.std(force))
+    if spread == 0.0 or float(np.mean((v - v.mean()) * (force - force.mean()))) > AGAINST * spread:
+        return ""
+    return "it moves against its thrust: check the sign of the wrench, and the axes of both"
+
+
+def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
+    """Velocities [m/s, rad/s] and low-pass filtered thrust [N, N m] at their times: (n, 2)."""
+    commanded, moved = np.isfinite(recording.wrench[:, axis]), np.isfinite(recording.velocity[:, axis])
+    if not commanded.any() or not moved.any():
+        return np.zeros((0, 2))
+    thrust = LaggedThrust(recording.wrench_t[commanded], recording.wrench[commanded, axis], USUAL_S)
+    return np.column_stack([recording.velocity[moved, axis], thrust.force(recording.velocity_t[moved])])
+
+
+def with_reason(result: MotionResult, reason: str) -> MotionResult:
+    """The result with one more reason against it, if not empty."""
+    return replace(result, identifiable=False, reasons=(*result.reasons, reason)) if reason else result
+
+
+def with_plausibility_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+    """The result, with each implausibility as a reason against it."""
+    for found in _implausibilities(result, vehicle) if result.coefficients else ():
+        result = with_reason(result, found)
+    return result
+
+
+def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
+    axis, speed = MOTIONS[result.motion].axis, result.speeds[1]
+    out = []
+    if speed > FASTEST[axis >= 3]:
+        out.append(f"speeds of up to {speed:.3g} {'rad/s' if axis >= 3 else 'm/s'}: {REMEDY}")
+    added = result.coefficients.get("added_mass")
+    own = rigid_mass(vehicle, axis)
+    if added is not None and axis < 3 and added.value > MOST_ADDED * own:
+        out.append(f"the added mass is {added.value / own:.0f} times the body's own: {REMEDY}")
+    if axis < 3 and result.drag is not None:
+        coefficient = _drag_coefficient(result, vehicle)
+        if coefficient > 0.0 and not DRAG_COEFFICIENTS[0] < coefficient < DRAG_COEFFICIENTS[1]:
+            low, high = DRAG_COEFFICIENTS
+            out.append(f"the drag coefficient is {coefficient:.2g}, wanted {low:g} to {high:g}: {REMEDY}")
+    return out
+
+
+def _drag_coefficient(result: MotionResult, vehicle: Vehicle) -> float:
+    """C_D of the highest speed, on the area of COB-2023-1394: volume to the power of two thirds."""
+    assert result.drag is not None
+    speed, force = float(result.drag.speed[-1]), float(result.drag.force[-1])
+    pressure = 0.5 * vehicle.water.density_kgpm3 * speed * speed
+    return force / float(np.maximum(1e-12, pressure * vehicle.characteristic_length_m**2))

@@ -1,0 +1,232 @@
+"""Third-party records: velocities and forces with their times, and their events.
+
+Such a record has no phases. Each axis is identified separately, with the whole record as its excitation; pauses divide
+it into stretches. The session's verdict covers what the record cannot show.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.model.motion_model import motions_of
+from hindrax_ident.tuning import Tuning
+
+SOURCE = "record"
+FEWEST = 20
+"""Fewest velocity samples of an axis."""
+LEAST_RELATIVE = 1e-6
+
+SLOWEST_S = 5.0
+"""Median time between velocities above which the times are probably not in seconds."""
+STAMP_DOUBT_S = 0.03
+"""Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
+LAG_DOUBT_S = 0.1
+"""Prior standard deviation of the thrust lag, and of the latency of the velocities."""
+THRUST_DOUBT = 0.025
+"""Unmodeled dead band of the thrusters or pull of a tether, share of the largest thrust [-]."""
+HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
+"""From forward, left, up to forward, starboard, down, and back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One record: times [s] from its own origin, SNAME axes, SI; NaN where a row has no value of an axis.
+
+    `velocity` is (n, 6) at `velocity_t` (n,), `wrench` (m, 6) at `wrench_t` (m,) and holds until its next row;
+    `attitude` is (k, 3) at `attitude_t` (k,): roll, pitch, depth. `origin_s` is what the times count from.
+    """
+
+    source: str
+    velocity_t: Array
+    velocity: Array
+    wrench_t: Array
+    wrench: Array
+    attitude_t: Array
+    attitude: Array
+    origin_s: float = 0.0
+    assumptions: tuple[str, ...] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """From the first measurement to the last."""
+        return max(0.0, self._measured[1] - self._measured[0])
+
+    @property
+    def _measured(self) -> tuple[float, float]:
+        known = [t for t in (self.velocity_t, self.attitude_t) if len(t)]
+        return min((float(t[0]) for t in known), default=0.0), max((float(t[-1]) for t in known), default=0.0)
+
+    @property
+    def begin_s(self) -> float:
+        """Time of the first measurement."""
+        return self._measured[0]
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last measurement."""
+        return self._measured[1]
+
+    def between(self, start_s: float, end_s: float) -> Recording:
+        """Part of a record, with the force at its start."""
+        v, a = (_inside(t, start_s, end_s) for t in (self.velocity_t, self.attitude_t))
+        first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
+        w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
+        return replace(
+            self,
+            velocity_t=self.velocity_t[v],
+            velocity=self.velocity[v],
+            wrench_t=np.maximum(self.wrench_t[w], start_s),
+            wrench=self.wrench[w],
+            attitude_t=self.attitude_t[a],
+            attitude=self.attitude[a],
+        )
+
+    def half_turned(self) -> Recording:
+        """The same record rotated by half a turn about x: left and up for starboard and down."""
+        tilts = HALF_TURN[:3] * np.array([1.0, 1.0, -1.0])
+        return replace(
+            self,
+            velocity=array(self.velocity * HALF_TURN),
+            wrench=array(self.wrench * HALF_TURN),
+            attitude=array(self.attitude * tilts),
+        )
+
+
+def _inside(t: Array, start_s: float, end_s: float) -> slice:
+    return slice(int(np.searchsorted(t, start_s)), int(np.searchsorted(t, end_s, side="right")))
+
+
+# ---- usable axes
+
+
+def reason_to_skip(recording: Recording, axis: int) -> str:
+    """Reason why an axis cannot be identified, in one sentence; empty where it may be."""
+    return next(_reasons_to_skip(recording, axis), "")
+
+
+def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[str]:
+    """All reasons; each assumes that the previous ones do not apply."""
+    speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
+    step_s = _period(recording.velocity_t)
+    if step_s > SLOWEST_S:
+        yield f"velocities are {step_s:.3g} s apart: name the unit of the times if it is not s, such as t_ms"
+    if len(speeds) < FEWEST:
+        yield f"the record holds {len(speeds)} velocities of {AXES[axis]}, wanted {FEWEST} at least"
+    if not len(forces):
+        yield f"the record holds no {'moment' if axis >= 3 else 'force'} on {AXES[axis]}"
+        return
+    late_s = float(recording.wrench_t[0]) - recording.end_s
+    if late_s > 0.0:
+        yield f"the first force comes {late_s:.3g} s after the last velocity: check the times of both"
+    if float(np.ptp(forces)) <= LEAST_RELATIVE * float(np.abs(forces).max()):
+        yield f"the thrust on {AXES[axis]} never changes{_axes_that_change(recording.wrench)}: nothing was excited"
+    if float(np.ptp(speeds)) == 0.0:
+        where = _axes_that_change(recording.velocity)
+        yield f"the velocity of {AXES[axis]} never changes{where}: it was not measured, or the vehicle did not move"
+
+
+def _axes_that_change(table: Array) -> str:
+    """Note that names the axes with changes; empty without any."""
+    changing = [name for name, column in zip(AXES, table.T, strict=True) if _changes(column)]
+    return f" (on {' and '.join(changing)} it does)" if changing else ""
+
+
+def _changes(column: Array) -> bool:
+    known = _finite(column)
+    return bool(len(known) and np.ptp(known) > 0.0)
+
+
+def has_signal(recording: Recording, axis: int) -> bool:
+    """Whether an axis has both nonzero velocities and nonzero forces."""
+    speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
+    return bool(np.any(speeds != 0.0) and np.any(forces != 0.0))
+
+
+def has_samples(recording: Recording, axis: int) -> bool:
+    """Whether an axis has both velocities and forces, even if all are zero."""
+    return bool(len(_speeds(recording, axis)) and len(_finite(recording.wrench[:, axis])))
+
+
+def _speeds(recording: Recording, axis: int) -> Array:
+    """Finite velocities of an axis, (n,) [m/s, rad/s]; without any in heave, depths [m]."""
+    speeds = _finite(recording.velocity[:, axis])
+    return speeds if len(speeds) or axis != 2 else _finite(recording.attitude[:, 2])
+
+
+def _finite(values: Array) -> Array:
+    """Finite values: (n,), in their unit."""
+    return array(values[np.isfinite(values)])
+
+
+def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuning:
+    """Knobs for the rates and stamps of third-party records: a slow topic is not a pause."""
+    base = tuning or Tuning()
+    slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
+    slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
+    return replace(
+        base,
+        gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)),
+        thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w),
+        stamp_doubt_s=max(base.stamp_doubt_s, STAMP_DOUBT_S),
+        thrust_doubt=max(base.thrust_doubt, THRUST_DOUBT),
+        lag_doubt_s=max(base.lag_doubt_s, LAG_DOUBT_S),
+    )
+
+
+def _period(t: Array) -> float:
+    steps = np.diff(t)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+# ---- as events
+
+
+def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[Stamped[IdentEvent]]:
+    """Events of one axis in the order of time, the record's origin at `begin_s`; the last one ends the motion."""
+    motion = motions_of(axis)[0].name
+    parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
+    forces = recording.wrench[:, axis]
+    parts += [(t, 0, Thrust(_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
+    unknown = _only(axis, NAN, NAN)
+    known = np.isfinite(recording.velocity).any(axis=1)
+    rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
+    # Of all axes: motion along the others causes forces on this one.
+    parts += [(t, 3, Velocity((u, v, w, p, q, r), unknown, SOURCE)) for t, (u, v, w, p, q, r) in rows]
+    parts += [(t, 2, attitude) for t, attitude in _attitudes(recording, axis)]
+    parts.sort(key=lambda part: part[:2])
+    yield from (Stamped(_at(begin_s + t), event) for t, _, event in parts)
+    yield Stamped(_at(begin_s + parts[-1][0] + 1e-3), Phase("", ""))
+
+
+def _at(t_s: float) -> Stamp:
+    return stamp_from_s(t_s)
+
+
+def _pairs(t: Array, values: Array) -> list[tuple[float, float]]:
+    known = np.isfinite(values)
+    return list(zip(t[known].tolist(), values[known].tolist(), strict=True))
+
+
+def _attitudes(recording: Recording, axis: int) -> Iterator[tuple[float, Attitude]]:
+    measured = bool(np.isfinite(recording.velocity[:, axis]).any())
+    for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
+        if axis == 2 and not measured and math.isfinite(depth):
+            yield t, Attitude((NAN, NAN, NAN), depth)
+        elif axis != 2 and (math.isfinite(roll) or math.isfinite(pitch)):
+            yield t, Attitude((roll, pitch, NAN))
+
+
+def _only(axis: int, value: float, rest: float) -> Vec6:
+    six = [rest] * 6
+    six[axis] = value
+    return (six[0], six[1], six[2], six[3], six[4], six[5])

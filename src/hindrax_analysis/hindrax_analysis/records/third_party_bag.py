@@ -1,0 +1,244 @@
+"""Third-party bags: topics and axes of velocity and force, and the record made of them.
+
+Topics are found by type. Ambiguous axes follow REP-103 and REP-105, and are reported as assumptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hindrax_analysis.records.bag_track import (
+    NAMED_VELOCITY_TYPES,
+    PULSE_FIELDS,
+    VELOCITY_TYPES,
+    WRENCH_TYPES,
+    Track,
+    quaternions_of,
+    tilts_of,
+    wrenches_of,
+)
+from hindrax_analysis.records.poses import compare_frames, to_body, velocities_from_poses
+from hindrax_analysis.records.recording import HALF_TURN, Recording
+from hindrax_bag.read.bag_reader import messages
+from hindrax_core.errors import UsageError
+from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, Index, array
+
+FRAMES = ("flu", "fsd", "world")
+DOWN_WORDS = {"fsd", "frd", "ned", "sname"}
+"""Words in the name of a body frame whose z axis points down."""
+WORLD_WORDS = {"odom", "map", "world", "earth", "enu", "utm", "global"}
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSelection:
+    """Topics by name, or empty to find them by type; axes, or empty to infer them from the frames."""
+
+    odometry: str = ""
+    wrench: str = ""
+    frame: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _FrameChoice:
+    """The named axes, and notes on the axes assumed."""
+
+    frame: str
+    notes: list[str]
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the body axes of all topics are named."""
+        return self.frame in ("flu", "fsd")
+
+
+def topics_of(bag: Path) -> dict[str, str]:
+    """Type of every topic with messages."""
+    found: dict[str, str] = {}
+    for message in messages(bag):
+        if message.topic not in found:
+            found[message.topic] = _plain_type(message.type)
+    return found
+
+
+def _plain_type(name: str) -> str:
+    """A type in the form `package/msg/Type`."""
+    package, _, short = name.replace("/msg/", "/").partition("/")
+    return f"{package}/msg/{short}"
+
+
+def is_ours(topics: Mapping[str, str]) -> bool:
+    """Whether a bag was recorded by this stack: it has the maneuver and the achieved wrench."""
+    return resolved(ALLOCATION) in topics and resolved(MANEUVER) in topics
+
+
+def read_bag(bag: Path, wanted: TopicSelection, topics: Mapping[str, str], vehicle: Vehicle | None = None) -> Recording:
+    """Record of a third-party bag. UsageError, with a list of the topics, where they are missing or ambiguous.
+
+    `vehicle`: converts pulses to newtons.
+    """
+    velocity = _choose(bag, topics, (VELOCITY_TYPES, NAMED_VELOCITY_TYPES), wanted.odometry, ("velocity", "--odometry"))
+    wrench = _choose(bag, topics, (WRENCH_TYPES, tuple(PULSE_FIELDS)), wanted.wrench, ("force", "--wrench"))
+    tracks = {name: Track(name, topics[name]) for name in (velocity, wrench)}
+    for message in messages(bag, set(tracks)):
+        tracks[message.topic].add(message)
+    return _recording(bag, tracks[velocity], tracks[wrench], wanted.frame, vehicle)
+
+
+def _choose(
+    bag: Path, topics: Mapping[str, str], types: tuple[tuple[str, ...], tuple[str, ...]], named: str,
+    words: tuple[str, str],
+) -> str:  # fmt: skip
+    """The named topic, or the only one of the first types; topics of the second types have to be named."""
+    (automatic, only_named), (what, option) = types, words
+    fitting = sorted(topic for topic, kind in topics.items() if kind in automatic)
+    possible = sorted(topic for topic, kind in topics.items() if kind in only_named)
+    there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
+    short = " or ".join(kind.partition("/msg/")[2] for kind in automatic)
+    if named:
+        if named in fitting or named in possible:
+            return named
+        found = topics.get(named, "no such topic")
+        raise UsageError(f"{option} {named}: found {found}, wanted {short}; {bag} holds {there}")
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise UsageError(f"{bag}: several topics may hold the {what}: {', '.join(fitting)}; name one with {option}")
+    if possible:
+        makeshift = "pulses" if option == "--wrench" else "poses, rates or commands"
+        raise UsageError(
+            f"{bag}: no topic holds the {what} ({short}); {' or '.join(possible)} may serve if it holds {makeshift}: "
+            f"name it with {option}; the bag holds {there}"
+        )
+    raise UsageError(f"{bag}: no topic holds the {what} ({short}); it holds {there}")
+
+
+# ---- axes and times
+
+
+def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: Vehicle | None) -> Recording:
+    axes = _FrameChoice(frame, [])
+    t_v, t_w = _times(velocity, wrench, axes.notes)
+    origin = min(t_v.min(), t_w.min())
+    v, w = np.argsort(t_v, kind="stable"), np.argsort(t_w, kind="stable")
+    at_v, at_w = (1e-9 * (t[order] - origin).astype(float) for t, order in ((t_v, v), (t_w, w)))
+    poses = _poses(velocity, v)
+    moving_t, moving = _velocities(velocity, v, at_v, poses, axes)
+    signs = _signs_to_sname(velocity, axes)
+    tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
+    return Recording(
+        source=str(bag),
+        velocity_t=moving_t,
+        velocity=array(moving * signs),
+        wrench_t=array(at_w),
+        wrench=_forces(wrench, velocity, signs, axes, vehicle)[w],
+        attitude_t=array(at_v) if poses else np.zeros(0),
+        attitude=array(tilts * np.array([1.0, signs[1], 1.0])),
+        origin_s=1e-9 * float(origin),
+        assumptions=tuple(axes.notes),
+    )
+
+
+def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
+    """Wrenches in SNAME axes, in the order of the bag: (n, 6) [N, N m]."""
+    if wrench.kind in PULSE_FIELDS:
+        forces = wrenches_of(wrench, vehicle)
+        axes.notes.append(
+            f"{wrench.topic} holds pulses of the channels, converted to newtons by the curves of the vehicle file"
+        )
+        return forces
+    if wrench.frame or axes.is_given:
+        signs = _signs_to_sname(wrench, axes)
+    else:
+        axes.notes.append(f"{wrench.topic} names no frame: assumed to be in the axes of {velocity.topic}")
+    axes.notes.append(f"{wrench.topic} is assumed to be the wrench achieved by the thrusters, about the center of mass")
+    return array(np.array(wrench.rows) * signs)
+
+
+def _poses(velocity: Track, order: Index) -> tuple[Array, Array] | None:
+    """Positions (n, 3) and attitudes (n, 4) in the order of time; None where the topic has none."""
+    if not velocity.poses:
+        return None
+    return array(np.array(velocity.poses)[order, :3]), quaternions_of(velocity)[order]
+
+
+def _velocities(
+    track: Track, order: Index, at_s: Array, poses: tuple[Array, Array] | None, axes: _FrameChoice
+) -> tuple[Array, Array]:
+    """Times, (n,) [s], and velocities, (n, 6) [m/s, rad/s], in body axes of either convention."""
+    if not track.rows and poses is not None:
+        known = np.isfinite(poses[1]).all(axis=1)
+        if known.sum() < 2:
+            raise UsageError(f"{track.topic}: holds no attitudes, wanted unit quaternions beside the positions")
+        axes.notes.append(f"{track.topic} holds no velocities: they are derived from its poses")
+        return velocities_from_poses(array(at_s[known]), poses[0][known], poses[1][known])
+    rows = array(np.array(track.rows)[order])
+    if _in_world(track, at_s, rows, poses, axes) and poses is not None:
+        rows = array(np.column_stack([to_body(rows[:, :3], poses[1]), rows[:, 3:]]))
+    return array(at_s), rows
+
+
+def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array] | None, axes: _FrameChoice) -> bool:
+    """Whether velocities are in world axes and have to be rotated into body axes."""
+    if axes.is_given:
+        return False
+    named_world = axes.frame == "world" or bool(_words(track.frame) & WORLD_WORDS)
+    if poses is None or not np.isfinite(poses[1]).all(axis=1).any():
+        if named_world:
+            raise UsageError(
+                f"{track.topic}: is in frame {track.frame!r} without an attitude to turn it by, wanted a frame of the "
+                "body such as base_link; if it is in body axes after all, say so with --frame flu or --frame fsd"
+            )
+        return False
+    found = compare_frames(at_s, *poses, rows[:, :3])
+    if not named_world and found is not None and found.is_neither and found.still > 0.0:
+        axes.notes.append(f"{track.topic}: suspect, its velocities contradict the change of its positions in any axes")
+    if named_world or (found is not None and found.is_world):
+        why = "as named" if named_world else f"not in {track.frame or 'those of the body'}: its positions change so"
+        axes.notes.append(
+            f"{track.topic}: velocities taken in the axes of the world, {why}, and turned by its attitude"
+        )
+        return True
+    return False
+
+
+def _words(frame: str) -> set[str]:
+    return set(frame.rpartition("/")[2].lower().replace("-", "_").split("_"))
+
+
+def _signs_to_sname(track: Track, axes: _FrameChoice) -> Array:
+    """Signs from the body axes of a topic to SNAME: (6,)."""
+    if axes.is_given:
+        axes.notes.append(f"{track.topic}: taken as {axes.frame.upper()} axes, as named")
+        return array(np.ones(6) if axes.frame == "fsd" else HALF_TURN)
+    words = _words(track.frame)
+    if words & WORLD_WORDS and track.kind in WRENCH_TYPES:
+        raise UsageError(
+            f"{track.topic}: is in frame {track.frame!r}, wanted a frame of the body such as base_link; "
+            "if it is in body axes after all, say so with --frame flu or --frame fsd"
+        )
+    if words & DOWN_WORDS:
+        axes.notes.append(f"{track.topic}: frame {track.frame!r} taken as x forward, y starboard, z down")
+        return array(np.ones(6))
+    called = f"frame {track.frame!r}" if track.frame else "no frame is named, so it is"
+    axes.notes.append(f"{track.topic}: {called} taken as x forward, y left, z up (REP-103), and turned to z down")
+    return array(HALF_TURN.copy())
+
+
+def _times(velocity: Track, wrench: Track, notes: list[str]) -> tuple[Array, Array]:
+    """Times of both topics, (n,) and (m,) [ns], on one clock: stamps where both have them, else receipt."""
+    stamps = np.array(velocity.stamped), np.array(wrench.stamped)
+    if all(len(one) and one.min() > 0 for one in stamps):
+        (a, b), (c, d) = ((one.min(), one.max()) for one in stamps)
+        if a < d and c < b:
+            return stamps
+        notes.append("the stamps of both topics do not overlap: times of receipt are used")
+    else:
+        bare = velocity.topic if min(velocity.stamped, default=0) <= 0 else wrench.topic
+        notes.append(f"{bare} has no stamps: times of receipt are used for both topics")
+    return np.array(velocity.received), np.array(wrench.received)

@@ -1,0 +1,225 @@
+"""A chart as inline SVG: it takes its colors from the page, so it fits light, dark and paper without a second drawing.
+
+A chart is layers over two axes. Every layer has a role (measured, model, truth, ...), which is a CSS class; the page
+gives each role one color everywhere, and the legend under the chart names the roles that occur.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from html import escape
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from hindrax_analysis.report.scale import Scale, data_range, evenly_chosen, thinned, tick_text, ticks
+from hindrax_ident.arrays import Array
+
+WIDTH, HEIGHT = 480.0, 300.0
+LEFT, RIGHT, TOP, BOTTOM = 66.0, 10.0, 10.0, 44.0
+MOST_POINTS = 700
+
+Role: TypeAlias = Literal["measured", "model", "online", "plateau", "truth", "paper", "prior", "earlier", "limit"]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line through points, interrupted at values that are not finite. Without a `label` it is not in the legend."""
+
+    x: Array
+    y: Array
+    role: Role
+    label: str = ""
+    dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """The area between two lines; the outer of two bands is `faint`."""
+
+    x: Array
+    low: Array
+    high: Array
+    role: Role
+    label: str = ""
+    faint: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Dots; `small` ones for many samples."""
+
+    x: Array
+    y: Array
+    role: Role
+    label: str = ""
+    small: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """A histogram: edges (n + 1,), heights (n,)."""
+
+    edges: Array
+    heights: Array
+    role: Role
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Stems:
+    """Vertical strokes from zero, for an autocorrelation."""
+
+    x: Array
+    y: Array
+    role: Role
+    label: str = ""
+
+
+Layer: TypeAlias = Line | Band | Points | Bars | Stems
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """Layers, labels and units of the axes, and the caption. Ranges follow from the layers by default."""
+
+    title: str
+    x_label: str
+    y_label: str
+    caption: str
+    layers: tuple[Layer, ...]
+    y_range: tuple[float, float] | None = None
+    zero: bool = True
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def figure(chart: Chart) -> str:
+    """HTML of a chart: heading, drawing, legend, caption."""
+    notes = "".join(f" {escape(note)}" for note in chart.notes)
+    return (
+        f"<figure><h4>{escape(chart.title)}</h4>{drawing(chart)}{_legend(chart)}"
+        f"<figcaption>{escape(chart.caption)}{notes}</figcaption></figure>"
+    )
+
+
+def drawing(chart: Chart) -> str:
+    """SVG of a chart."""
+    x_range = data_range([_xs(layer) for layer in chart.layers], margin=0.02)
+    y_range = chart.y_range or data_range([_ys(layer) for layer in chart.layers])
+    sx = Scale(*x_range, LEFT, WIDTH - RIGHT)
+    sy = Scale(*y_range, HEIGHT - BOTTOM, TOP)
+    body = "".join(_drawn(layer, sx, sy) for layer in chart.layers)
+    # A nested SVG clips to the frame without an identifier, which would have to be unique in the page.
+    frame = f"{LEFT} {TOP} {WIDTH - LEFT - RIGHT} {HEIGHT - TOP - BOTTOM}"
+    x, y, width, height = frame.split()
+    return (
+        f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{escape(chart.title)}">{_axes(chart, sx, sy)}'
+        f'<svg x="{x}" y="{y}" width="{width}" height="{height}" viewBox="{frame}">{body}</svg></svg>'
+    )
+
+
+def _axes(chart: Chart, sx: Scale, sy: Scale) -> str:
+    parts = []
+    marks = ticks(sy.low, sy.high)
+    for mark in marks:
+        y = float(sy(mark))
+        zero = ' class="zero"' if mark == 0.0 and chart.zero else ' class="grid"'
+        parts.append(f'<line{zero} x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
+        parts.append(
+            f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{tick_text(mark, marks)}</text>'
+        )
+    marks = ticks(sx.low, sx.high, 6)
+    for mark in marks:
+        x = float(sx(mark))
+        zero = ' class="zero"' if mark == 0.0 and sx.low < 0.0 and chart.zero else ' class="grid"'
+        parts.append(f'<line{zero} x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>')
+        below = HEIGHT - BOTTOM + 16
+        parts.append(f'<text class="tick" x="{x:.1f}" y="{below}" text-anchor="middle">{tick_text(mark, marks)}</text>')
+    middle = 0.5 * (TOP + HEIGHT - BOTTOM)
+    parts.append(
+        f'<text class="label" x="{0.5 * (LEFT + WIDTH - RIGHT):.0f}" y="{HEIGHT - 8:.0f}" text-anchor="middle">'
+        f'{escape(chart.x_label)}</text><text class="label" transform="translate(14 {middle:.0f}) rotate(-90)" '
+        f'text-anchor="middle">{escape(chart.y_label)}</text>'
+    )
+    return "".join(parts)
+
+
+def _xs(layer: Layer) -> Array:
+    """Coordinates along x: (n,), in the unit of the axis."""
+    return layer.edges if isinstance(layer, Bars) else layer.x
+
+
+def _ys(layer: Layer) -> Array:
+    """Coordinates along y that the range includes: (n,), in the unit of the axis."""
+    if isinstance(layer, Band):
+        return np.concatenate([layer.low, layer.high])
+    if isinstance(layer, Bars):
+        return np.append(layer.heights, 0.0)
+    return np.append(layer.y, 0.0) if isinstance(layer, Stems) else layer.y
+
+
+def _drawn(layer: Layer, sx: Scale, sy: Scale) -> str:
+    if isinstance(layer, Line):
+        dash = " dashed" if layer.dashed else ""
+        return f'<path class="line {layer.role}{dash}" d="{_path(*thinned(layer.x, layer.y), sx, sy)}"/>'
+    if isinstance(layer, Band):
+        return _band(layer, sx, sy)
+    if isinstance(layer, Points):
+        return _points(layer, sx, sy)
+    if isinstance(layer, Bars):
+        return _bars(layer, sx, sy)
+    base = float(sy(0.0))
+    pairs = zip(sx(layer.x).tolist(), sy(layer.y).tolist(), strict=True)
+    strokes = "".join(f"M{x:.1f} {base:.1f}V{y:.1f}" for x, y in pairs)
+    return f'<path class="stem {layer.role}" d="{strokes}"/>'
+
+
+def _path(x: Array, y: Array, sx: Scale, sy: Scale) -> str:
+    known = np.isfinite(x) & np.isfinite(y)
+    words, pen = [], "M"
+    for ok, px, py in zip(known.tolist(), sx(x).tolist(), sy(y).tolist(), strict=True):
+        if ok:
+            words.append(f"{pen}{px:.1f} {py:.1f}")
+        pen = "L" if ok else "M"
+    return "".join(words)
+
+
+def _band(layer: Band, sx: Scale, sy: Scale) -> str:
+    known = np.isfinite(layer.low) & np.isfinite(layer.high)
+    index = np.flatnonzero(known)[evenly_chosen(int(known.sum()), MOST_POINTS)] if known.any() else np.zeros(0, int)
+    if not len(index):
+        return ""
+    x = np.concatenate([layer.x[index], layer.x[index][::-1]])
+    y = np.concatenate([layer.high[index], layer.low[index][::-1]])
+    return f'<path class="band {layer.role}{" faint" if layer.faint else ""}" d="{_path(x, y, sx, sy)}Z"/>'
+
+
+def _points(layer: Points, sx: Scale, sy: Scale) -> str:
+    keep = evenly_chosen(len(layer.x), MOST_POINTS)
+    size = 1.6 if layer.small else 3.6
+    dots = zip(sx(layer.x[keep]).tolist(), sy(layer.y[keep]).tolist(), strict=True)
+    # A stroke of no length with round ends is a dot: one path instead of hundreds of circles.
+    marks = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in dots)
+    return f'<path class="dots {layer.role}" stroke-width="{2 * size:g}" d="{marks}"/>'
+
+
+def _bars(layer: Bars, sx: Scale, sy: Scale) -> str:
+    base, edges = float(sy(0.0)), sx(layer.edges).tolist()
+    rects = []
+    for a, b, top in zip(edges[:-1], edges[1:], sy(layer.heights).tolist(), strict=True):
+        rects.append(
+            f'<rect x="{a + 0.5:.1f}" y="{top:.1f}" width="{max(0.5, b - a - 1):.1f}" height="{base - top:.1f}"/>'
+        )
+    return f'<g class="bars {layer.role}">{"".join(rects)}</g>'
+
+
+def _legend(chart: Chart) -> str:
+    rows = [_key(layer) for layer in chart.layers if layer.label]
+    return f'<p class="legend">{"".join(rows)}</p>' if len(rows) > 1 else ""
+
+
+def _key(layer: Layer) -> str:
+    kind = type(layer).__name__.lower()
+    faint = " faint" if isinstance(layer, Band) and layer.faint else ""
+    dash = " dashed" if isinstance(layer, Line) and layer.dashed else ""
+    return f'<span><i class="key {kind} {layer.role}{faint}{dash}"></i>{escape(layer.label)}</span>'

@@ -1,0 +1,166 @@
+"""The comparison of many runs: a table and a forest plot of each coefficient of each motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from hindrax_analysis.coefficients_file import SavedCoefficients, SavedMotion
+from hindrax_analysis.report.chart import Role
+from hindrax_analysis.report.figures import LABELS, pretty_unit
+from hindrax_analysis.report.forest import Entry, forest
+from hindrax_analysis.report.page import chips, page, plus_minus, table
+from hindrax_analysis.report.published import Published, published_of
+from hindrax_analysis.report.report_tables import HEADINGS, title_of
+from hindrax_ident.assess.results import Number
+from hindrax_ident.model.motion_model import MOTIONS, coefficients
+
+FOREST = ("k_q", "k_l", "b", "added_mass")
+
+
+@dataclass(frozen=True, slots=True)
+class RunScatter:
+    """Several runs of one coefficient: weighted mean, its deviations, and the scatter between runs.
+
+    `std` of the mean follows from the deviations of the runs, widened by `ratio` where their scatter is larger
+    (Birge 1932: the square root of chi-square over its degrees of freedom; never below 1). `std_calibrated` adds the
+    uncertainty of the calibration, which is common to all runs, so averaging does not reduce it.
+    """
+
+    mean: float
+    std: float
+    std_calibrated: float
+    scatter: float
+    ratio: float
+    runs: int
+
+
+def pool_runs(numbers: Sequence[Number]) -> RunScatter | None:
+    """Pool independent runs; None for fewer than two with a deviation."""
+    known = [one for one in numbers if math.isfinite(one.std) and one.std > 0.0 and math.isfinite(one.value)]
+    if len(known) < 2:
+        return None
+    values, weights = np.array([one.value for one in known]), np.array([one.std**-2 for one in known])
+    mean = float(np.average(values, weights=weights))
+    ratio = math.sqrt(float(np.sum(weights * (values - mean) ** 2)) / (len(known) - 1))
+    widened = max(1.0, ratio)
+    std = widened / math.sqrt(float(weights.sum()))
+    return RunScatter(mean, std, math.hypot(std, _common(known)), float(np.std(values, ddof=1)), widened, len(known))
+
+
+def _common(numbers: Sequence[Number]) -> float:
+    """Mean contribution of the calibration; NaN where no run has it."""
+    known = [one for one in numbers if math.isfinite(one.std_calibrated)]
+    added = [math.sqrt(max(0.0, one.std_calibrated**2 - one.std**2)) for one in known]
+    return sum(added) / len(added) if added else math.nan
+
+
+def comparison_page(runs: Sequence[SavedCoefficients]) -> str:
+    """The whole page; motions in the order of the paper's tables."""
+    flown = [motion for motion in MOTIONS if any(motion in run.motions for run in runs)]
+    parts = [_header(runs), _runs(runs), *(_motion(motion, runs) for motion in flown)]
+    return page(f"Comparison of {len(runs)} runs", "\n".join(parts))
+
+
+def _header(runs: Sequence[SavedCoefficients]) -> str:
+    names = sorted({run.conditions.vehicle for run in runs if run.conditions.vehicle})
+    mocks = [run.conditions.mock for run in runs]
+    which = "all" if all(mocks) else "some"
+    labels = [(f"{which} runs are of the mock vehicle", "mock")] if any(mocks) else []
+    if len(names) > 1:
+        labels.append((f"different vehicles: {', '.join(names)}", "bad"))
+    aborted = sum(bool(run.conditions.aborted) for run in runs)
+    if aborted:
+        labels.append((f"aborted: {aborted} of {len(runs)} runs", "bad"))
+    return (
+        f"<header><h1>Comparison of {len(runs)} runs</h1>"
+        f'<div class="soft">{escape(", ".join(names))}</div>{chips(labels)}</header>'
+    )
+
+
+def _runs(runs: Sequence[SavedCoefficients]) -> str:
+    rows = []
+    for run in runs:
+        told = run.conditions
+        kind = "mock" if told.mock else "vehicle"
+        kind += f", aborted by {told.aborted}" if told.aborted else ""
+        rows.append(
+            [escape(text) for text in (run.label, told.vehicle, told.date[:16].replace("T", " "), kind, told.software)]
+        )
+    return table(["run", "vehicle", "date", "data", "software"], rows, words=range(5))
+
+
+def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
+    own = [(run.label, run.motions[motion]) for run in runs if motion in run.motions]
+    vehicles = {run.conditions.vehicle for run in runs}
+    paper = published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
+    plots = [plot for name in FOREST if (plot := _forest(motion, paper, name, own))]
+    return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own)}<div class="plots">{"".join(plots)}</div>'
+
+
+def _table(motion: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+    units = coefficients(MOTIONS[motion].axis)
+    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(FOREST, HEADINGS, strict=True)]
+    rows = []
+    for label, found in own:
+        cells = [_cell(found.numbers.get(name)) for name in FOREST]
+        rows.append([escape(label), *cells, "identified" if found.identifiable else "not identifiable"])
+    marked = []
+    if len(own) > 1:
+        marked = [len(rows)]
+        rows.append(["all, weighted", *(_pooled(name, own) for name in FOREST), ""])
+        rows.append(["scatter of the runs", *(_scatter(name, own) for name in FOREST), ""])
+    return table(["run", *heads, "verdict"], rows, marked)
+
+
+def _cell(found: Number | None) -> str:
+    return "" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
+
+
+def _believed(name: str, own: Sequence[tuple[str, SavedMotion]]) -> list[Number]:
+    return [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
+
+
+def _pooled(name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+    found = pool_runs(_believed(name, own))
+    return "" if found is None else plus_minus(found.mean, found.std, found.std_calibrated)
+
+
+def _scatter(name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+    found = pool_runs(_believed(name, own))
+    return "" if found is None else f"{found.scatter:.2g} <small>({found.ratio:.1f} \u00d7 as stated)</small>"
+
+
+def _forest(motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+    entries = []
+    for label, found in own:
+        if name in found.numbers:
+            number = found.numbers[name]
+            believed = found.identifiable
+            role: Role = "model" if believed else "earlier"
+            entries.append(Entry(label, number.value, number.std, number.std_calibrated, role, not believed))
+    if not entries:
+        return ""
+    pooled = pool_runs(_believed(name, own))
+    if pooled is not None:
+        entries.append(Entry("all, weighted", pooled.mean, pooled.std, pooled.std_calibrated, "online"))
+    if paper is not None and name in paper.coefficients:
+        entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
+    known = [found.numbers[name].truth for _, found in own if name in found.numbers]
+    truths = {truth for truth in known if truth is not None}
+    truth = truths.pop() if len(truths) == 1 else None
+    unit = coefficients(MOTIONS[motion].axis)[name].unit
+    return forest(LABELS[name], pretty_unit(unit), entries, _caption(name, own, truth), truth)
+
+
+def _caption(name: str, own: Sequence[tuple[str, SavedMotion]], truth: float | None) -> str:
+    words = [f"{LABELS[name]} of every run: thick 95 % from noise, thin 95 % with calibration"]
+    if not all(found.identifiable for _, found in own):
+        words.append("gray: not identifiable, not in the mean, an arrow if outside the frame")
+    if truth is not None:
+        words.append("dashed: the truth of the mock")
+    return "; ".join(words) + "."

@@ -1,0 +1,75 @@
+"""A self-contained page of HTML: no network, no script, no font."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+from hindrax_analysis.report.style import CSS
+
+EMPTY = "data:,"
+"""An empty icon: without one, a browser requests it from the server."""
+
+
+def page(title: str, body: str) -> str:
+    """Whole document around a body."""
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<link rel="icon" href="{EMPTY}">\n<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n'
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def chips(texts: Sequence[tuple[str, str]]) -> str:
+    """Small labels: text and kind (good, bad, mock or nothing)."""
+    spans = "".join(f'<span class="{f"chip {kind}".strip()}">{escape(text)}</span>' for text, kind in texts)
+    return f'<div class="chips">{spans}</div>'
+
+
+def table(
+    headings: Sequence[str], rows: Sequence[Sequence[str]], own: Sequence[int] = (), words: Sequence[int] = (0,)
+) -> str:
+    """Table of cells that are HTML already; the rows in `own` stand out, the columns in `words` begin at the left.
+
+    A phone shows each row as a card, every number under its heading.
+    """
+    sides = [' class="left"' if column in words else "" for column in range(len(headings))]
+    head = "".join(f"<th{side}>{heading}</th>" for side, heading in zip(sides, headings, strict=True))
+    again = ["", *(f'<span class="head">{heading}</span>' for heading in headings[1:])]
+    lines = []
+    for index, row in enumerate(rows):
+        mark = ' class="own"' if index in own else ""
+        named = [one + cell if cell else "" for one, cell in zip(again, row, strict=True)]
+        cells = "".join(f"<td{side}>{cell}</td>" for side, cell in zip(sides, named, strict=True))
+        lines.append(f"<tr{mark}>{cells}</tr>")
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
+
+
+def definitions(pairs: Sequence[tuple[str, str]]) -> str:
+    """Definition list of name and text; pairs without a text are omitted."""
+    return f"<dl>{''.join(f'<dt>{escape(name)}</dt><dd>{escape(text)}</dd>' for name, text in pairs if text)}</dl>"
+
+
+def plus_minus(value: float, std: float, std_calibrated: float = math.nan) -> str:
+    """Value with its deviations, rounded to the second digit of the smaller one: 66.68 ± 0.22, below it ± 1.35."""
+    digits = decimals(value, std)
+    if not math.isfinite(std):
+        return number(value, digits)
+    text = f"{number(value, digits)} \u00b1 {number(std, digits)}"
+    if math.isfinite(std_calibrated):
+        text += f" <small>(\u00b1 {number(std_calibrated, digits)})</small>"
+    return text
+
+
+def decimals(value: float, std: float) -> int:
+    """Digits behind the point: two of the deviation; three in all where there is none."""
+    scale = std if math.isfinite(std) and std > 0.0 else abs(value) / 10.0
+    return min(6, max(0, 1 - math.floor(math.log10(scale)))) if scale > 0.0 else 2
+
+
+def number(value: float, digits: int) -> str:
+    """A number with a true minus sign, never a negative zero."""
+    text = f"{value:.{digits}f}"
+    return text.lstrip("-") if not float(text) else text.replace("-", "\u2212")

@@ -1,0 +1,112 @@
+"""The tables of a report: Table 3 and Table 4 of COB-2023-1394 for this vehicle, and the methods side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from hindrax_analysis.report.dimensionless import dimensionless, format_reynolds
+from hindrax_analysis.report.figures import METHODS, comparable_methods, has_restoring_moment, pretty_unit
+from hindrax_analysis.report.page import decimals, number, plus_minus, table
+from hindrax_analysis.report.published import published_of
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import MotionResult, Number, Results
+from hindrax_ident.model.motion_model import MOTIONS, coefficients
+
+COLUMNS = ("k_q", "k_l", "b", "added_mass")
+HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
+UNITS = (
+    "k<sub>q</sub> in N\u00b7s\u00b2/m\u00b2, k<sub>l</sub> in N\u00b7s/m, b in N, added mass in kg; "
+    "roll, pitch and yaw: N\u00b7m\u00b7s\u00b2, N\u00b7m\u00b7s, N\u00b7m, kg\u00b7m\u00b2. "
+    "The paper prints b of heave along the motion; here it is along the axis, so its sign is reversed for heave, up."
+)
+
+
+RIGHTING = "Plateaus are omitted: the mean moment of each includes the restoring moment of the vehicle."
+
+
+def title_of(motion: str) -> str:
+    """Title of a motion: Heave, down."""
+    axis, _, side = motion.partition("_")
+    return f"{axis.capitalize()}, {side}" if side else axis.capitalize()
+
+
+def table_3(results: Results) -> str:
+    """Coefficients with their deviations; below each motion the paper's row and the mock's truth."""
+    rows: list[list[str]] = []
+    own: list[int] = []
+    for motion, result in results.motions.items():
+        own += [len(rows)] if result.identifiable else []
+        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in COLUMNS), _verdict(result)])
+        if any(one.truth is not None for one in result.coefficients.values()):
+            rows.append(["<small>truth of the mock</small>", *_truths(result), ""])
+        paper = published_of(results.vehicle.name, motion)
+        if paper is not None:
+            pairs = paper.in_our_axes
+            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in COLUMNS]
+            rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
+    return table(["motion", *HEADINGS, "verdict"], rows, own)
+
+
+def as_printed(value: float, std: float) -> str:
+    """A published pair with the digits it was printed with, at least two of them behind the point."""
+    digits = max(2, *(len(f"{one:.6f}".rstrip("0").partition(".")[2]) for one in (value, std)))
+    return f"{number(value, digits)} \u00b1 {number(std, digits)}"
+
+
+def _small(cell: str) -> str:
+    return f"<small>{cell}</small>" if cell else ""
+
+
+def _cell(found: Number | None) -> str:
+    return "<small>not found</small>" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
+
+
+def _truths(result: MotionResult) -> list[str]:
+    cells = []
+    for name in COLUMNS:
+        found = result.coefficients.get(name)
+        known = found is not None and found.truth is not None
+        cells.append(f"<small>{number(found.truth, decimals(found.value, found.std))}</small>" if known else "")  # type: ignore[union-attr, arg-type]  # known says both
+    return cells
+
+
+def _verdict(result: MotionResult) -> str:
+    return "identified" if result.identifiable else "not identifiable"
+
+
+def table_4(vehicle: Vehicle, results: Results) -> str:
+    """Drag coefficient and Reynolds number beside the paper's."""
+    rows: list[list[str]] = []
+    own: list[int] = []
+    for motion, result in results.motions.items():
+        found = dimensionless(vehicle, result)
+        if found is not None:
+            own += [len(rows)] if result.identifiable else []
+            low, high = float(found.reynolds[0]), float(found.reynolds[-1])
+            top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
+            rows.append([title_of(motion), plus_minus(*found.mean), top, _range(low, high)])
+            paper = published_of(vehicle.name, motion)
+            if paper is not None:
+                cells = [as_printed(*paper.drag_coefficient), "", _range(*paper.reynolds)]
+                rows.append(["<small>COB-2023-1394</small>", *map(_small, cells)])
+    heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
+    return table(heads, rows, own) if rows else ""
+
+
+def _range(low: float, high: float) -> str:
+    return f"{format_reynolds(low)} to {format_reynolds(high)}"
+
+
+def table_methods(result: MotionResult) -> str:
+    """The methods over the same record."""
+    methods: Mapping[str, Mapping[str, Number]] = {result.method: result.coefficients, **comparable_methods(result)}
+    units = coefficients(MOTIONS[result.motion].axis)
+    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(COLUMNS, HEADINGS, strict=True)]
+    rows = [[METHODS.get(name, name), *(_plain(found.get(key)) for key in COLUMNS)] for name, found in methods.items()]
+    note = f'<p class="soft">{RIGHTING}</p>' if has_restoring_moment(result) else ""
+    return table(["method", *heads], rows, own=(0,)) + note
+
+
+def _plain(found: Number | None) -> str:
+    return "" if found is None or not math.isfinite(found.value) else plus_minus(found.value, found.std)

@@ -1,0 +1,249 @@
+"""Report of one run as a page of HTML."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients
+from hindrax_analysis.report.chart import Role, figure
+from hindrax_analysis.report.figures import (
+    LABELS,
+    METHODS,
+    ROLES,
+    MotionFigures,
+    Trace,
+    charts_of,
+    comparable_methods,
+    pretty_unit,
+)
+from hindrax_analysis.report.forest import Entry, forest
+from hindrax_analysis.report.page import chips, definitions, page, plus_minus
+from hindrax_analysis.report.published import published_of
+from hindrax_analysis.report.report_tables import UNITS, table_3, table_4, table_methods, title_of
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.assessment import Assessment
+from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
+from hindrax_ident.model.motion_model import MOTIONS
+
+FOREST = ("k_q", "k_l", "b", "added_mass")
+
+
+@dataclass(frozen=True, slots=True)
+class RunReport:
+    """Data of a report. `assessments` by axis; `traces` (online estimates) by motion."""
+
+    vehicle: Vehicle
+    results: Results
+    assessments: Mapping[int, Assessment]
+    conditions: Conditions
+    traces: Mapping[str, Trace] = field(default_factory=dict)
+    earlier: Sequence[SavedCoefficients] = ()
+
+
+def run_page(report: RunReport) -> str:
+    """The whole page."""
+    parts = [_header(report), _end(report)]
+    if report.results.motions:
+        parts += [_headline(report.results), _how_to_read(report), _tables(report)]
+    parts += [_motion(report, result) for result in report.results.motions.values()]
+    parts.append(_conditions(report.conditions))
+    return page(f"{report.vehicle.name}: hydrodynamic identification", "\n".join(parts))
+
+
+def _header(report: RunReport) -> str:
+    told = report.conditions
+    labels = [("mock vehicle: simulated data", "mock")] if told.mock else []
+    labels += [(f"aborted: {_guard(told.aborted)}", "bad")] if told.aborted else []
+    for motion, result in report.results.motions.items():
+        good = result.identifiable
+        labels.append(
+            (f"{title_of(motion)}: {'identified' if good else 'not identifiable'}", "good" if good else "bad")
+        )
+    when = f" \u00b7 {escape(told.date.replace('T', ' ')[:16])} UTC" if told.date else ""
+    return (
+        f"<header><h1>Hydrodynamic identification of {escape(report.vehicle.name)}</h1>"
+        f'<div class="soft">{report.vehicle.mass_kg:g} kg, {report.vehicle.volume_m3:g} m\u00b3{when}</div>'
+        f"{chips(labels)}</header>"
+    )
+
+
+def _guard(aborted: str) -> str:
+    """What ended a flight, without its sentence: `pool_bounds`, or `start: dvl_lock` for a refused start."""
+    named = re.match(r"(\w+: )+", aborted)
+    return named.group().removesuffix(": ") if named else aborted
+
+
+def _end(report: RunReport) -> str:
+    """Why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
+    told = report.conditions
+    rows = [f"<b>Aborted by {escape(told.aborted)}</b>"] if told.aborted else []
+    until = ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in told.flown_s.items())
+    if told.aborted and until:
+        rows.append(f"Flown until then: {until}. The results below are of that part only.")
+    if not report.results.motions:
+        rows.append("Nothing was flown: there is no data, so there are no coefficients.")
+    return f'<div class="warning">{"".join(f"<p>{row}</p>" for row in rows)}</div>' if rows else ""
+
+
+def _headline(results: Results) -> str:
+    cards = []
+    for motion, result in results.motions.items():
+        if not result.identifiable or result.drag is None:
+            continue
+        turns = MOTIONS[motion].axis >= 3
+        speed, force, std = (
+            float(part[-1]) for part in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
+        )
+        units = ("rad/s", "N\u00b7m") if turns else ("m/s", "N")
+        value = plus_minus(force, std)
+        cards.append(
+            f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small><b>{value} {units[1]}</b>"
+            f"<small>one standard deviation, with calibration</small></div>"
+        )
+    return f'<div class="headline">{"".join(cards)}</div>' if cards else ""
+
+
+def _how_to_read(report: RunReport) -> str:
+    mass = "(m + m<sub>a</sub>) v\u0307 = thrust \u2212 k<sub>q</sub>|v|v \u2212 k<sub>l</sub>v \u2212 b"
+    words = (
+        f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down). A value "
+        "stands with one standard deviation from the noise of this run; the one in brackets holds the uncertainty of "
+        "the thrusters' calibration as well, and is the one to quote for the vehicle.</p>"
+    )
+    if report.conditions.assumptions:
+        rows = "".join(f"<li>{escape(one)}</li>" for one in report.conditions.assumptions)
+        words += f"<p>Assumptions:</p><ul>{rows}</ul>"
+    return words
+
+
+def _tables(report: RunReport) -> str:
+    third, fourth = table_3(report.results), table_4(report.vehicle, report.results)
+    text = f'<h3>Coefficients (Table 3 of COB-2023-1394)</h3>{third}<p class="soft">{UNITS}</p>'
+    if fourth:
+        text += f"<h3>Drag coefficient and Reynolds number (Table 4)</h3>{fourth}{_what_is_c_d(report.vehicle)}"
+    return text
+
+
+def _what_is_c_d(vehicle: Vehicle) -> str:
+    straight = "C<sub>D</sub> = F / (\u00bd \u03c1 V<sup>2/3</sup> U\u00b2) and Re = U V<sup>1/3</sup> / \u03bd"
+    turning = "M / (\u00bd \u03c1 L\u2075 \u03c9\u00b2) and \u03c9 L\u00b2 / \u03bd"
+    lengths = f"{vehicle.characteristic_length_m:.4f} m", f"{vehicle.envelope_m[0]:g} m"
+    return (
+        f'<p class="soft">{straight} with V<sup>1/3</sup> = {lengths[0]}; '
+        f"for turns {turning} with L = {lengths[1]}.</p>"
+    )
+
+
+# ---- one motion
+
+
+def _motion(report: RunReport, result: MotionResult) -> str:
+    parts = [f'<h2 id="{result.motion}">{title_of(result.motion)}</h2>', _reasons(result)]
+    assessment = report.assessments.get(MOTIONS[result.motion].axis)
+    if assessment is None or not result.coefficients:
+        return "".join(parts)
+    parts.append(_facts(result))
+    trace = report.traces.get(result.motion)
+    figures = MotionFigures(report.vehicle, result, assessment, trace, mock=report.conditions.mock)
+    parts.append(f'<div class="plots">{"".join(figure(chart) for chart in charts_of(figures))}</div>')
+    parts.append(f"<h3>Methods side by side</h3>{table_methods(result)}")
+    parts.append(f'<div class="plots">{"".join(_forests(report, result))}</div>')
+    return "".join(parts)
+
+
+def _reasons(result: MotionResult) -> str:
+    if result.identifiable:
+        return ""
+    rows = "".join(f"<li>{escape(reason)}</li>" for reason in result.reasons)
+    return f'<div class="warning"><b>Not identifiable from this record.</b><ul>{rows}</ul></div>'
+
+
+def _facts(result: MotionResult) -> str:
+    quality = result.quality
+    words = [f"{result.samples} samples ({result.effective_samples:.0f} independent)"]
+    if quality.get("plateaus"):
+        words.append(f"{quality['plateaus']:.0f} plateaus")
+    if math.isfinite(quality.get("held_out_fit", math.nan)):
+        words.append(f"held-out part predicted to {max(0.0, quality['held_out_fit']):.0%}")
+    if "lag_s" in quality:
+        words.append(f"thruster lag {quality['lag_s']:.3f} s")
+    if quality.get("latency_s"):
+        words.append(f"stamps late by {quality['latency_s']:.3f} s")
+    joined = " \u00b7 ".join(words)
+    return f'<p class="soft">{joined}</p>'
+
+
+def _forests(report: RunReport, result: MotionResult) -> list[str]:
+    out = []
+    for name in FOREST:
+        entries = _entries(report, result, name)
+        if len(entries) < 2:
+            continue
+        unit = next((found.unit for found in _known(result, name) if found.unit), "")
+        truth = result.coefficients[name].truth if name in result.coefficients else None
+        caption = f"{LABELS[name]} by every method and source: thick 95 % from noise, thin 95 % with calibration"
+        caption += ", dashed the truth of the mock." if truth is not None else "."
+        out.append(forest(LABELS[name], pretty_unit(unit), entries, caption, truth))
+    return out
+
+
+def _known(result: MotionResult, name: str) -> list[Number]:
+    sources = [result.coefficients, *comparable_methods(result).values()]
+    return [source[name] for source in sources if name in source]
+
+
+def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
+    own = [
+        (
+            METHODS.get(result.method, result.method).partition(" (")[0],
+            result.coefficients,
+            ROLES.get(result.method, "model"),
+        )
+    ]
+    own += [
+        (METHODS.get(key, key).partition(" (")[0], numbers, ROLES.get(key, "online"))
+        for key, numbers in comparable_methods(result).items()
+    ]
+    entries = [_entry(label, numbers[name], role) for label, numbers, role in own if name in numbers]
+    prior = truth_of(report.vehicle).get(result.motion, {})
+    if name in prior and not report.conditions.mock:
+        entries.append(Entry("vehicle file", prior[name], math.nan, math.nan, "prior"))
+    paper = published_of(report.vehicle.name, result.motion)
+    if paper is not None and name in paper.coefficients:
+        entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
+    for saved in report.earlier:
+        motion = saved.motions.get(result.motion)
+        if motion is not None and name in motion.numbers:
+            label = f"{saved.label} (aborted)" if saved.conditions.aborted else saved.label
+            entries.append(_entry(label, motion.numbers[name], "earlier"))
+    return entries
+
+
+def _entry(label: str, found: Number, role: Role) -> Entry:
+    return Entry(label, found.value, found.std, found.std_calibrated, role)
+
+
+# ---- the end
+
+
+def _conditions(told: Conditions) -> str:
+    pairs = [
+        ("vehicle", told.vehicle),
+        ("mass, volume", f"{told.mass_kg:g} kg, {told.volume_m3:g} m\u00b3"),
+        ("water", f"{told.density_kgpm3:g} kg/m\u00b3, \u03bd = {told.kinematic_viscosity_m2ps:g} m\u00b2/s"),
+        ("data", "mock vehicle (simulated)" if told.mock else "recorded on a vehicle"),
+        ("motions", ", ".join(told.motions)),
+        ("date of the record", told.date),
+        ("record", told.bag),
+        ("SHA-256 of the record", told.bag_sha256),
+        ("software", told.software),
+    ]
+    sources = (
+        '<p class="soft">Drag model and Tables 3 and 4: COB-2023-1394. Standard deviations: its eq. 7 and 8, with the '
+        "color of the residuals taken into account. The same numbers, with covariances, are in coefficients.yaml.</p>"
+    )
+    return f"<h2>Conditions</h2>{definitions(pairs)}{sources}"

@@ -1,0 +1,106 @@
+"""Results on the terminal: tables, one JSON document, values with their units."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from textwrap import TextWrapper
+
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from rich.table import Column, Table
+from rich.text import Text
+
+from hindrax_analysis.experiments.least_squares import Value
+from hindrax_analysis.plain import plain
+
+UNBOUNDED = 100_000
+NO_BREAK = "\0"
+PROSE_WIDTH = 24
+"""Least width of a column of sentences."""
+
+
+def print_json(document: Mapping[str, object] | object) -> None:
+    """Print one JSON document; non-finite numbers are null."""
+    print(json.dumps(plain(document), indent=2, allow_nan=False))
+
+
+def console() -> Console:
+    """Console of stdout; off a terminal as wide as what is printed, so that a pipe or a file gets whole lines."""
+    return Console(width=None if sys.stdout.isatty() else UNBOUNDED)
+
+
+def make_table(title: str, words: Sequence[str], numbers: Sequence[str], prose: Sequence[str] = ()) -> Table:
+    """Table with columns for words (left), numbers (right) and prose, which may wrap; brackets in headings are text."""
+    table = Table(title=escape(title), title_justify="left")
+    for heading in words:
+        table.add_column(escape(heading), no_wrap=True)
+    for heading in numbers:
+        table.add_column(escape(heading), justify="right", no_wrap=True)
+    for heading in prose:
+        table.add_column(escape(heading))
+    return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table of `make_table`; on a screen that is too narrow row by row, so that nothing is ever cut."""
+    screen = console()
+    if _least_width(table) <= screen.width:
+        screen.print(table)
+        return
+    lines = [_plain(table.title)] if table.title else []
+    for cells in zip(*(column.cells for column in table.columns), strict=True):
+        lines += _stacked(table.columns, [_plain(cell) for cell in cells], screen.width)
+    print("\n".join(lines))
+
+
+def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> list[str]:
+    """One row on lines of its own: its columns of words are its name, then each value behind its heading."""
+    words, pairs = [], []
+    for column, cell in zip(columns, cells, strict=True):
+        heading = _plain(column.header)
+        if column.no_wrap and column.justify == "left":
+            words.append(cell)
+        elif cell:
+            pairs.append(f"{heading}: {cell}" if heading else cell)
+    # A heading and its number stay on one line; sentences wrap.
+    glued = [pair.replace(" ", NO_BREAK) if len(pair) <= width // 2 else pair for pair in pairs]
+    indent = "  "
+    wrap = TextWrapper(
+        width, break_long_words=False, break_on_hyphens=False, initial_indent=indent, subsequent_indent=indent
+    )
+    name = ["  ".join(words)] if words else []
+    return [*name, *(line.replace(NO_BREAK, " ") for line in wrap.wrap(";  ".join(glued)))]
+
+
+def _plain(cell: RenderableType | None) -> str:
+    """Text of a cell without its markup."""
+    return Text.from_markup(str(cell)).plain
+
+
+def _least_width(table: Table) -> int:
+    """Characters a line at which no name and no number is cut; prose counts with the least it is readable in."""
+    wide = Console(width=UNBOUNDED)
+    prose = [column for column in table.columns if not column.no_wrap]
+    spare = 0
+    for column in prose:
+        longest = max((wide.measure(cell).maximum for cell in (column.header, *column.cells)), default=0)
+        spare += max(0, longest - PROSE_WIDTH)
+    return wide.measure(table).maximum - spare
+
+
+def print_values(title: str, rows: Sequence[tuple[str, object, str]]) -> None:
+    """Print a table of name, value (with its standard deviation, if any) and unit."""
+    table = make_table(title, ["what"], ["value", "std"], ["unit"])
+    for name, value, unit in rows:
+        number, spread = (value.value, value.std) if isinstance(value, Value) else (value, None)
+        table.add_row(name, _text(number), _text(spread), unit)
+    print_table(table)
+
+
+def _text(value: object) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,148 @@
+"""The file of coefficients: what is written is read back, and a broken file is named."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from hindrax_analysis.coefficients_file import as_yaml, conditions_of, read_coefficients
+from hindrax_analysis.exports.export_model import export_model, read_motions
+from hindrax_core.errors import HindraxError
+from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
+
+
+def a_result(motion="surge", *, identifiable=True):
+    numbers = {
+        "k_q": Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2"),
+        "k_l": Number(1.25, 0.06, math.nan, None, "N s/m"),
+        "b": Number(-0.02, 0.004, 0.004, None, "N"),
+    }
+    speed = np.linspace(0.1, 0.4, 5)
+    return MotionResult(
+        motion=motion,
+        method="output-error",
+        coefficients=numbers,
+        names=("k_q", "k_l", "b"),
+        covariance=np.diag([0.21**2, 0.06**2, 0.004**2]),
+        samples=100,
+        effective_samples=80.0,
+        identifiable=identifiable,
+        reasons=() if identifiable else ("it hardly moved: 0.01 # at most",),
+        speeds=(0.1, 0.4),
+        drag=DragBand(speed, 66.48 * speed**2, 0.1 * speed, 0.3 * speed),
+    )
+
+
+@pytest.fixture
+def saved(tmp_path, vehicle):
+    results = Results({"surge": a_result(), "yaw": a_result("yaw", identifiable=False)}, vehicle)
+    file = tmp_path / "run" / "coefficients.yaml"
+    file.parent.mkdir()
+    file.write_text(as_yaml(results, conditions_of(vehicle, mock=True, motions=("surge", "yaw"))), encoding="utf-8")
+    return file
+
+
+def test_numbers_come_back_to_the_last_digit(saved):
+    found = read_coefficients(saved)
+    surge = found.motions["surge"]
+    assert surge.numbers["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2")
+    assert math.isnan(surge.numbers["k_l"].std_calibrated)
+    assert surge.speeds == (0.1, 0.4)
+    assert not found.motions["yaw"].identifiable
+    assert found.motions["yaw"].reasons == ("it hardly moved: 0.01 # at most",)
+
+
+def test_conditions_come_back(saved, vehicle):
+    told = read_coefficients(saved).conditions
+    assert told.vehicle == vehicle.name
+    assert told.mock
+    assert told.motions == ("surge", "yaw")
+    assert told.kinematic_viscosity_m2ps == vehicle.water.kinematic_viscosity_m2ps
+
+
+def test_the_run_is_called_by_its_folder(saved):
+    assert read_coefficients(saved).label == "run"
+
+
+def test_the_exports_read_the_same_file(saved):
+    motions = read_motions(yaml.safe_load(saved.read_text()), str(saved))
+    assert motions["surge"].get("k_q") == 66.4812345678901
+    assert "yaw" not in motions
+
+
+def test_words_stand_beside_the_numbers(saved):
+    text = saved.read_text()
+    assert "k_q = 66.481 +- 0.21 (+- 1.35 with calibration) N s^2/m^2" in text
+    assert "yaw: NOT identifiable" in text
+
+
+def test_a_run_without_motions_is_a_file_too(tmp_path, vehicle):
+    file = tmp_path / "coefficients.yaml"
+    file.write_text(as_yaml(Results({}, vehicle), conditions_of(vehicle, mock=False)), encoding="utf-8")
+    assert read_coefficients(file).motions == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("motions: [", "is not YAML"),
+        ("a: 1", "no mapping 'motions'"),
+        ("motions: {surge: {k_q: 3}}", "motions.surge.k_q"),
+        ("motions: {surge: {k_q: {value: .inf, std: 1}}}", "motions.surge.k_q.value"),
+        ("motions: {surge: {speeds: [1]}}", "motions.surge.speeds"),
+        ("motions: {surge: 3}", "motions.surge"),
+    ],
+)
+def test_a_broken_file_is_named(tmp_path, text, named):
+    file = tmp_path / "coefficients.yaml"
+    file.write_text(text)
+    with pytest.raises(HindraxError, match=r"coefficients\.yaml") as caught:
+        read_coefficients(file)
+    assert named in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(HindraxError, match="cannot be read"):
+        read_coefficients(tmp_path / "none.yaml")
+
+
+BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
+
+
+def an_aborted_file(path, vehicle, motions):
+    told = replace(conditions_of(vehicle, mock=True, motions=tuple(motions)), aborted=BOUNDS, flown_s={"surge": 20.04})
+    file = path / "coefficients.yaml"
+    file.write_text(as_yaml(Results(motions, vehicle), told), encoding="utf-8")
+    return file
+
+
+def test_an_aborted_run_says_so_first_and_is_read_back(tmp_path, vehicle):
+    file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
+    assert next(iter(yaml.safe_load(file.read_text()).items())) == ("aborted", BOUNDS)
+    told = read_coefficients(file).conditions
+    assert (told.aborted, told.flown_s) == (BOUNDS, {"surge": 20.0})
+
+
+def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved):
+    data = yaml.safe_load(saved.read_text())
+    assert "aborted" not in data
+    del data["conditions"]["flown_s"]
+    saved.write_text(yaml.safe_dump(data), encoding="utf-8")
+    told = read_coefficients(saved).conditions
+    assert (told.aborted, told.flown_s) == ("", {})
+
+
+def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path, vehicle):
+    file = an_aborted_file(tmp_path, vehicle, {})
+    assert "# Nothing was flown" in file.read_text()
+    assert read_coefficients(file).motions == {}
+    with pytest.raises(HindraxError, match=r"aborted by pool_bounds: .* and no motion of that is identifiable"):
+        export_model(yaml.safe_load(file.read_text()), vehicle, str(file))
+
+
+def test_an_export_of_an_aborted_run_says_so(tmp_path, vehicle):
+    file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
+    notes = export_model(yaml.safe_load(file.read_text()), vehicle, str(file), complete=True).notes
+    assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"

@@ -1,0 +1,111 @@
+"""CSV as other people write it: names, units, separators, times; and what is refused."""
+
+import math
+
+import pytest
+
+from hindrax_analysis.records.csv_columns import meaning_of
+from hindrax_analysis.records.csv_record import read_csv
+from hindrax_core.errors import HindraxError
+
+TIMES, SPEEDS, FORCES = (0.0, 0.1, 0.25), (0.1, 0.2, 0.3), (5.0, -6.0, 7.0)
+
+
+def is_read(text, frame=""):
+    found = read_csv(text, "x.csv", frame)
+    assert found.velocity_t.tolist() == pytest.approx(TIMES, abs=1e-6)
+    assert found.velocity[:, 0].tolist() == pytest.approx(SPEEDS)
+    assert found.wrench[:, 0].tolist() == pytest.approx(FORCES)
+    return found
+
+
+def written(header, separator=",", *, time=1, speed=1.0, force=1.0, origin=0):
+    """A record with other units: `time`, `speed` and `force` are theirs per SI unit."""
+    times = [origin + round(t * time) if time > 1 else t for t in TIMES]
+    rows = zip(times, SPEEDS, FORCES, strict=True)
+    return "\n".join([header, *(f"{t}{separator}{u * speed:.9g}{separator}{x * force:.9g}" for t, u, x in rows)])
+
+
+@pytest.mark.parametrize(
+    ("header", "units"),
+    [
+        ("t,u,X", {}),
+        ("Time [s];u [m/s];X [N]", {"separator": ";"}),
+        ("t (ms)\tu (cm/s)\tX (kgf)", {"separator": "\t", "time": 1000, "speed": 100.0, "force": 1.0 / 9.80665}),
+        ("timestamp_us,surge_velocity_mmps,thrust_x_kN", {"time": 10**6, "speed": 1e3, "force": 1e-3}),
+        ("t u X", {"separator": " "}),
+        ("__time,/odom/twist/twist/linear/x,/thrust/wrench/force/x", {}),
+        ("Timestamp,Surge,Fx (N)", {"time": 1000, "origin": 1_700_000_000_000}),
+        ("stamp,vx,fx", {"time": 10**9, "origin": 1_700_000_000_000_000_000}),
+        ("t,u_kn,X_lbf", {"speed": 3600.0 / 1852.0, "force": 1.0 / 4.4482216152605}),
+    ],
+)
+def test_names_and_units_of_others(header, units):
+    is_read(written(header, **units))
+
+
+def test_rates_angles_and_moments_have_their_units():
+    found = read_csv("t,r_degps,N_mNm,pitch (°),depth_cm\n0,180,500,90,150\n", "x.csv")
+    assert found.velocity[0, 5] == pytest.approx(math.pi)
+    assert found.wrench[0, 5] == pytest.approx(0.5)
+    assert found.attitude[0, 1:].tolist() == pytest.approx([math.pi / 2.0, 1.5])
+
+
+def test_a_line_of_units_below_the_header_line():
+    is_read(written("t,u,X\nms,cm/s,N", time=1000, speed=100.0))
+
+
+def test_decimal_commas_where_semicolons_part_the_cells():
+    is_read(written("t,u,X", ";").replace(".", ",").replace("t,u,X", "t;u;X"))
+
+
+def test_lines_above_the_header_line_are_passed_over():
+    is_read('% of a pool\n"recorded in May, by hand"\n' + written("t,u,X"))
+
+
+def test_dates_are_times():
+    dated = [f"2024-05-01T12:00:{t:06.3f}Z,{u},{x}" for t, u, x in zip(TIMES, SPEEDS, FORCES, strict=True)]
+    assert is_read("\n".join(["time,u,X", *dated])).origin_s == 1714564800.0
+
+
+def test_a_stamp_in_two_columns():
+    parts = [f"1700000000,{round(t * 1e9)},{u},{x}" for t, u, x in zip(TIMES, SPEEDS, FORCES, strict=True)]
+    is_read("\n".join(["header.stamp.sec,header.stamp.nanosec,twist.linear.x,wrench.force.x", *parts]))
+
+
+def test_cells_that_say_nothing_have_many_names():
+    found = read_csv("t,u,X\n0,1,2\n1,NaN,#N/A\n2,-,null\n3,inf,\n", "x.csv")
+    assert found.velocity_t.tolist() == found.wrench_t.tolist() == [0.0]
+
+
+def test_axes_that_are_told_are_turned():
+    text = "t,v,Y,roll,pitch,depth\n0,1,2,0.1,0.2,3\n"
+    found = read_csv(text, "x.csv", "flu")
+    assert found.velocity[0, 1] == -1.0
+    assert found.wrench[0, 1] == -2.0
+    assert found.attitude[0].tolist() == [0.1, -0.2, 3.0]
+    assert read_csv(text, "x.csv", "fsd").velocity[0, 1] == 1.0
+
+
+def test_decimal_commas_between_commas_move_nothing_unseen():
+    with pytest.raises(HindraxError, match=r"x\.csv, line 3: found 5 cells, wanted 3 as in the header line"):
+        read_csv("t,u,X\n0,1,2\n0,5,1,5,2\n", "x.csv")
+    assert len(read_csv("t,u,X\n0,1,2,,\n", "x.csv").velocity_t) == 1
+
+
+@pytest.mark.parametrize("header", ["linear_acceleration.x", "temperature", "V", "x", "mag_x", "t_air", "", "pwm_x_y"])
+def test_what_means_nothing_is_left_alone(header):
+    assert meaning_of(header) is None
+
+
+@pytest.mark.parametrize(
+    ("header", "remedy"),
+    [
+        ("t,speed_kn,X", "speed_kn names no axis: call it u_kn for surge or v_kn for sway or w_kn for heave"),
+        ("t,u,Thrust", "Thrust names no axis: call it X for surge"),
+        ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
+    ],
+)
+def test_a_column_that_says_too_little_is_told_what_it_lacks(header, remedy):
+    with pytest.raises(HindraxError, match=remedy):
+        read_csv(f"{header}\n0,1,2\n", "x.csv")

@@ -1,0 +1,20 @@
+"""Measurements out of a bag: each one, in the order of its stamp, however late it was written."""
+
+from types import SimpleNamespace
+
+from hindrax_analysis.records import bag_events
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.topics import MANEUVER, resolved
+from hindrax_core.vehicle import load_vehicle
+
+
+def test_what_a_process_said_late_is_not_left_out(monkeypatch):
+    def phase(second):
+        stamp = SimpleNamespace(sec=second, nanosec=0)
+        told = SimpleNamespace(header=SimpleNamespace(stamp=stamp), motion="pitch", phase=str(second))
+        return SimpleNamespace(topic=resolved(MANEUVER), decoded=lambda: told)
+
+    written = [phase(second) for second in (10, 17, 18, 12, 13, 19)]
+    monkeypatch.setattr(bag_events, "messages", lambda _bag, _topics: iter(written))
+    found = [one.reading.phase for one in bag_events.bag_events("a bag", load_vehicle(default_vehicle()))]
+    assert found == ["10", "12", "13", "17", "18", "19"]

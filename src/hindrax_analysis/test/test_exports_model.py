@@ -1,0 +1,150 @@
+"""Reading a results file for export: complete, passive, honest; and as a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_analysis.exports.export_model import drag_at, export_model, header, read_motions
+from hindrax_analysis.exports.tables import write_csv, write_latex
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+
+PRIOR = Hydrodynamics(added_mass=(10, 20, 22, 0.2, 0.4, 0.3), **{axis: Drag(7.0, 2.0) for axis in AXES})
+VEHICLE = Vehicle("hindrax", 15.22, 0.0153, (0.59, 0.47, 0.40), hydrodynamics=PRIOR)
+
+
+def value(number: float, std: float = 0.1) -> dict[str, float]:
+    return {"value": number, "std": std}
+
+
+def results(**motions: dict) -> dict:
+    """Table 3 and Table 6 of the Hindrax, with changes."""
+    table = {
+        "surge": (66.48, 1.25, 12.08),
+        "sway": (75.31, 14.54, 19.43),
+        "heave_down": (93.52, 5.26, 22.4),
+        "heave_up": (56.57, 11.84, 22.6),
+        "roll": (1.29, -0.12, 0.25),
+        "pitch": (0.77, -0.13, 0.45),
+        "yaw": (0.55, 1.47, 0.35),
+    }
+    body = {
+        m: {"k_q": value(q), "k_l": value(l), "b": value(0.0), "added_mass": value(a)} for m, (q, l, a) in table.items()
+    }
+    for motion, change in motions.items():
+        body[motion] = {**body.get(motion, {}), **change}
+    return {"motions": body}
+
+
+def test_heave_keeps_its_two_directions_and_averages_its_added_mass() -> None:
+    model = export_model(results(heave_up={"added_mass": value(22.6, 0.2)}), VEHICLE, "c.yaml")
+    assert model.hydrodynamics.heave == Drag(93.52, 5.26, 56.57, 11.84)
+    assert model.hydrodynamics.added_mass[2] == pytest.approx((22.4 * 4 + 22.6) / 5)
+    assert drag_at(model.hydrodynamics.heave, -0.5) == pytest.approx(-(56.57 * 0.25 + 11.84 * 0.5))
+
+
+@given(st.floats(0.1, 100.0), st.floats(-20.0, 20.0), st.floats(0.1, 2.0))
+def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> None:
+    model = export_model(results(surge={"k_q": value(k_q), "k_l": value(k_l), "speeds": [0.0, top]}), VEHICLE, "c.yaml")
+    drag = model.hydrodynamics.surge
+    assert drag.k_q >= 0.0
+    assert drag.k_l >= 0.0
+    force = (k_q * top + k_l) * top
+    if force >= 0.0:
+        assert drag_at(drag, top) == pytest.approx(force)
+    if k_l < 0.0:
+        assert any("surge: k_l" in note for note in model.notes)
+
+
+def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> None:
+    lacking = results(pitch={"identifiable": False, "reasons": ["it hardly moved", "it is short"]})
+    with pytest.raises(HindraxError, match=r"motion pitch is not identifiable \(it hardly moved\); name a --vehicle"):
+        export_model(lacking, VEHICLE, "c.yaml")
+    without = {"motions": {name: body for name, body in lacking["motions"].items() if name != "pitch"}}
+    with pytest.raises(HindraxError, match="no motion pitch in the results; name a --vehicle"):
+        export_model(without, VEHICLE, "c.yaml")
+    model = export_model(lacking, VEHICLE, "c.yaml", complete=True)
+    assert model.hydrodynamics.pitch == Drag(7.0, 2.0)
+    assert model.hydrodynamics.added_mass[4] == 0.4
+    said = "pitch: not identifiable in the results (it hardly moved); drag and added mass are from the vehicle file"
+    assert said in model.notes
+
+
+def test_bands_and_assumptions_go_with_the_numbers() -> None:
+    told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
+    told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
+    lines = header(export_model(told, VEHICLE, "c.yaml"), ())
+    assert any("surge: k_q 18 +- 1.9" in line for line in lines)
+    assert any("assumed: the gain is believed" in line for line in lines)
+
+
+def test_missing_added_mass_is_asked_for() -> None:
+    lacking = results(roll={"added_mass": None})
+    with pytest.raises(HindraxError, match="motion roll: no added mass"):
+        export_model(lacking, VEHICLE, "c.yaml")
+    assert export_model(lacking, VEHICLE, "c.yaml", complete=True).hydrodynamics.added_mass[3] == 0.2
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        (None, "no mapping 'motions'"),
+        ({"motions": 3}, "no mapping 'motions'"),
+        ({"motions": {"surge": 3}}, r"motions\.surge: found 3"),
+        ({"motions": {"surge": {"k_q": 3}}}, r"motions\.surge\.k_q: found 3, wanted a mapping with value and std"),
+        (
+            {"motions": {"surge": {"k_q": {"value": "x"}}}},
+            r"motions\.surge\.k_q\.value: found 'x', wanted a finite number",
+        ),
+    ],
+)
+def test_a_bad_results_file_is_refused_with_its_key_path(document: object, message: str) -> None:
+    with pytest.raises(HindraxError, match=message):
+        read_motions(document, "c.yaml")
+
+
+def test_both_negative_is_refused() -> None:
+    with pytest.raises(HindraxError, match="both drive the vehicle"):
+        export_model(results(yaw={"k_q": value(-1.0), "k_l": value(-1.0)}), VEHICLE, "c.yaml")
+
+
+def test_a_results_file_of_the_session_is_understood() -> None:
+    """Numbers with unit, truth and two deviations, a range of speeds, and what else a session says."""
+    number = {"value": 66.4, "std": 0.3, "std_calibrated": 1.3, "truth": 66.48, "unit": "N s^2/m^2"}
+    surge = {
+        "k_q": number,
+        "speeds": [-0.45, 0.4],
+        "identifiable": True,
+        "reasons": [],
+        "names": ["k_q"],
+        "quality": {},
+    }
+    motion = read_motions({"motions": {"surge": surge}}, "c.yaml")["surge"]
+    assert (motion.get("k_q"), motion.values["k_q"].std, motion.calibrated["k_q"]) == (66.4, 0.3, 1.3)
+    assert motion.top_speed == 0.45
+    unknown = {**surge, "k_q": {"value": 66.4, "std": float("nan")}, "speeds": []}
+    motion = read_motions({"motions": {"surge": unknown}}, "c.yaml")["surge"]
+    assert motion.top_speed is None
+    assert not motion.calibrated
+
+
+def test_tables_carry_values_deviations_and_units() -> None:
+    model = export_model(results(), VEHICLE, "c.yaml")
+    rows = list(csv.DictReader(io.StringIO(write_csv(model))))
+    assert [row["motion"] for row in rows][:2] == ["surge", "sway"]
+    assert (rows[0]["k_q"], rows[0]["k_q_std"], rows[0]["k_q_unit"]) == ("66.48", "0.1", "N s^2/m^2")
+    assert rows[4]["added_mass_unit"] == "kg m^2"
+    latex = write_latex(model)
+    assert r"surge & $66.48 \pm 0.10$ & $1.25 \pm 0.10$" in latex
+    assert latex.count(r"\\") == 8
+
+
+def test_the_source_is_named_in_errors() -> None:
+    with pytest.raises(HindraxError, match=str(Path("runs") / "c.yaml")):
+        read_motions({}, str(Path("runs") / "c.yaml"))

@@ -1,0 +1,127 @@
+"""Records of others: columns, gaps in them, and the events that they make."""
+
+import contextlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.recording import FEWEST, events, has_signal, reason_to_skip, tuned
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import to_s
+from hindrax_core.signals import Attitude, Phase, Thrust, Velocity
+
+PLAIN = "t,u,X\n" + "\n".join(f"{0.1 * i:.1f},{math.sin(i):.4f},{i % 7}" for i in range(60))
+
+
+def test_columns_may_have_units_in_their_names_and_any_order():
+    found = read_csv("X_N; extra ;time_s;u_mps\n1;abc;5.0;0.1\n2;def;5.5;0.2\n", "x.csv")
+    assert found.velocity_t.tolist() == [0.0, 0.5]
+    assert found.velocity[:, 0].tolist() == [0.1, 0.2]
+    assert found.wrench[:, 0].tolist() == [1.0, 2.0]
+    assert found.origin_s == 5.0
+    assert np.isnan(found.velocity[:, 1:]).all()
+
+
+def test_rates_may_differ_and_rows_may_be_out_of_order():
+    found = read_csv("# a comment\nt,u,X,roll\n1.0,,5,\n0.0,0.1,,\n2.0,nan,6,0.2\n3.0,0.3,,\n", "x.csv")
+    assert found.velocity_t.tolist() == [0.0, 3.0]
+    assert found.wrench_t.tolist() == [1.0, 2.0]
+    assert found.attitude_t.tolist() == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "found 0 lines"),
+        ("t,u,X", "found 1 lines"),
+        ("t,u,Y\n0,1,2", "u and X"),
+        ("u,X\n0,1", "wanted t"),
+        ("t,u,X\n0,fast,2", "line 2, column u: found 'fast'"),
+        ("t,u,X\n0,1,2\n,1,2", "line 3: no time"),
+        ("t,u,u_mps,X\n0,1,1,2", "columns u and u_mps mean the same"),
+        ('t,u,X\n0,1,"2\n1,1,2', "quotation mark"),
+        ("t,u (furlong/s),X\n0,1,2", "unit 'furlong/s', wanted one of m/s"),
+        ("t,u,X\ns,parsec,N\n0,1,2", "line 2, column u: found the unit 'parsec'"),
+        ("t,u,pwm1\n0,1,1600", "forces are missing"),
+        ("velocity,force\n0.1,2", "hindrax towing"),
+        ("t,u,X\n1,1,2\n1,2,3", "all times are the same"),
+    ],
+)
+def test_what_is_wrong_is_named(text, named):
+    with pytest.raises(HindraxError, match=r"x\.csv") as caught:
+        read_csv(text, "x.csv")
+    assert named in str(caught.value)
+
+
+@settings(deadline=None)
+@given(st.text(max_size=200))
+def test_any_text_is_read_or_refused(text):
+    with contextlib.suppress(HindraxError):
+        assert read_csv(text, "x.csv").source == "x.csv"
+
+
+def test_events_are_in_order_and_end_the_motion():
+    found = list(events(read_csv(PLAIN, "x.csv"), 0))
+    assert [event.stamp for event in found] == sorted(event.stamp for event in found)
+    assert sum(isinstance(event.reading, Velocity) for event in found) == 60
+    assert sum(isinstance(event.reading, Thrust) for event in found) == 60
+    phases = [event.reading for event in found if isinstance(event.reading, Phase)]
+    assert phases == [Phase("surge", "excite"), Phase("", "")]
+
+
+def test_a_second_record_begins_where_it_is_told():
+    first = next(iter(events(read_csv(PLAIN, "x.csv"), 0, 2000.0)))
+    assert to_s(first.stamp) == 2000.0
+
+
+def test_depth_serves_heave_only_where_no_velocity_was_measured():
+    rows = "\n".join(f"{0.1 * i},{i},{0.2 * i},{0.5 * i}" for i in range(5))
+    with_w = list(events(read_csv("t,Z,w,depth\n" + rows, "x.csv"), 2))
+    without = list(events(read_csv("t,Z,x,depth\n" + rows, "x.csv"), 2))
+    assert not any(isinstance(event.reading, Attitude) for event in with_w)
+    assert [event.reading.depth_m for event in without if isinstance(event.reading, Attitude)] == [0, 0.5, 1, 1.5, 2]
+
+
+def test_a_cut_keeps_the_force_in_force():
+    cut = read_csv(PLAIN, "x.csv").between(2.05, 4.0)
+    assert cut.velocity_t[0] == pytest.approx(2.1)
+    assert cut.velocity_t[-1] == pytest.approx(4.0)
+    assert cut.wrench_t[0] == pytest.approx(2.05)
+    assert cut.wrench[0, 0] == 20 % 7
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (lambda i: (0.1 * i, 0.3, 0.0), "thrust on surge never changes"),
+        (lambda i: (0.1 * i, 0.0, i % 3), "velocity of surge never changes"),
+        (lambda i: (0.1 * i, 0.1 * i if i < FEWEST - 1 else "", i), f"wanted {FEWEST}"),
+        (lambda i: (100 * i, i % 3, i % 5), "name the unit of the times"),
+        (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), "after the last velocity"),
+    ],
+)
+def test_why_nothing_can_be_learned_is_said(row, said):
+    text = "t,u,X\n" + "\n".join(",".join(map(str, row(i))) for i in range(40))
+    assert said in reason_to_skip(read_csv(text, "x.csv"), 0)
+
+
+def test_axes_that_do_not_meet_are_named():
+    text = "t,u,X,Y\n" + "\n".join(f"{0.1 * i},{i % 7},0,{i % 3}" for i in range(40))
+    assert "(on sway it does)" in reason_to_skip(read_csv(text, "x.csv"), 0)
+
+
+def test_a_record_that_moves_has_no_objection():
+    assert reason_to_skip(read_csv(PLAIN, "x.csv"), 0) == ""
+    assert has_signal(read_csv(PLAIN, "x.csv"), 0)
+    assert not has_signal(read_csv(PLAIN, "x.csv"), 5)
+
+
+def test_a_slow_topic_is_not_a_pause():
+    slow = read_csv("t,u,X\n" + "\n".join(f"{2 * i},{i % 5},{i % 3}" for i in range(30)), "x.csv")
+    knobs = tuned([slow])
+    assert knobs.gap_s > 2.0
+    assert knobs.thrust_age_s > 2.0

@@ -1,0 +1,337 @@
+"""The report: drawings that are well formed, scales that are right, pages that need no network."""
+
+import math
+import re
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_runs import DVL, back_and_forth, events, fly
+
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.report import RunReport, Trace, comparison_page, run_page
+from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
+from hindrax_analysis.report.comparison import pool_runs
+from hindrax_analysis.report.dimensionless import dimensionless
+from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable_methods
+from hindrax_analysis.report.forest import Entry, forest
+from hindrax_analysis.report.page import plus_minus, table
+from hindrax_analysis.report.published import PUBLISHED, published_of
+from hindrax_analysis.report.report_tables import table_methods
+from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
+from hindrax_ident.assess.results import DragBand, MotionResult, Number, with_truth
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.online.session import Session
+
+finite = st.floats(-1e6, 1e6, allow_nan=False)
+
+
+@pytest.fixture(scope="module")
+def outcome(vehicle):
+    model = model_of(vehicle, 0)
+    flight = fly(model, np.array([66.48, 1.25, 0.0, 27.3]), back_and_forth((3.0, 8.0, 14.0), 8.0, 96.0), 0.15)
+    session = Session(vehicle)
+    for event in events(flight, 0, "surge", DVL, np.random.default_rng(1), plateau_s=4.0):
+        session.step(event)
+    return session.finalize()
+
+
+@pytest.fixture(scope="module")
+def report(vehicle, outcome):
+    t = np.linspace(0.0, 90.0, 50)
+    names = ("k_q", "k_l", "b", "added_mass")
+    trace = Trace(t, {name: 10.0 + np.exp(-t) for name in names}, {name: np.exp(-t) for name in names})
+    told = conditions_of(vehicle, mock=True, motions=("surge",))
+    results = with_truth(outcome.results, vehicle)
+    return RunReport(vehicle, results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
+
+
+def a_run(label, k_q, std=0.5, *, identifiable=True):
+    numbers = {"k_q": Number(k_q, std, 2.0 * std, unit="N s^2/m^2"), "k_l": Number(1.0, 0.1, unit="N s/m")}
+    blank = Conditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
+    return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4), 100)})
+
+
+# ---- scales
+
+
+@settings(deadline=None)
+@given(finite, st.floats(1e-6, 1e6))
+def test_ticks_are_round_within_the_range_and_a_handful(low, width):
+    high = low + width
+    if not high > low + 1e-9 * abs(low):
+        return
+    marks = ticks(low, high)
+    assert 2 <= len(marks) <= 7
+    assert all(low - 1e-6 * width <= mark <= high + 1e-6 * width for mark in marks)
+    steps = np.diff(marks)
+    assert np.allclose(steps, steps[0], rtol=1e-3)
+
+
+@settings(deadline=None)
+@given(finite, st.floats(1e-3, 1e5))
+def test_tick_texts_tell_ticks_apart(low, width):
+    marks = ticks(low, low + width)
+    if width > 1e-4 * abs(low):
+        texts = [tick_text(mark, marks) for mark in marks]
+        assert len(set(texts)) == len(texts)
+
+
+def test_a_scale_maps_its_ends():
+    scale = Scale(-1.0, 1.0, 10.0, 20.0)
+    assert scale(np.array([-1.0, 0.0, 1.0])).tolist() == [10.0, 15.0, 20.0]
+
+
+def test_a_range_ignores_what_is_not_finite():
+    low, high = data_range([np.array([1.0, math.nan, 3.0, math.inf])])
+    assert low < 1.0
+    assert 3.0 < high < 4.0
+    assert data_range([np.array([math.nan])]) == (0.0, 1.0)
+
+
+@settings(deadline=None)
+@given(st.integers(2000, 5000), st.integers(0, 2**31))
+def test_a_thinned_line_keeps_its_extremes(count, seed):
+    y = np.random.default_rng(seed).standard_normal(count)
+    x, kept = thinned(np.arange(float(count)), y)
+    assert len(x) < count
+    assert kept.min() == y.min()
+    assert kept.max() == y.max()
+    assert np.all(np.diff(x) > 0.0)
+
+
+# ---- drawings
+
+
+def test_every_layer_makes_well_formed_svg_inside_the_frame():
+    x = np.linspace(0.0, 1.0, 30)
+    hole = np.where(x > 0.5, math.nan, x)
+    layers = (
+        Band(x, hole - 1.0, hole + 1.0, "model", "band", faint=True),
+        Line(x, hole, "model", "line", dashed=True),
+        Points(x, x, "measured", "dots"),
+        Bars(np.linspace(0, 1, 4), np.array([1.0, 2.0, 3.0]), "measured", "bars"),
+        Stems(x, x, "measured", "stems"),
+    )
+    text = drawing(Chart("a < b & c", "x [m]", "y [s]", "What it shows.", layers))
+    root = ET.fromstring(text)
+    assert root.attrib["aria-label"] == "a < b & c"
+    assert "nan" not in text
+    assert "inf" not in text
+
+
+def test_a_chart_without_any_point_is_still_a_chart():
+    empty = np.zeros(0)
+    ET.fromstring(drawing(Chart("none", "x", "y", "c", (Line(empty, empty, "model"), Points(empty, empty, "model")))))
+
+
+def test_a_figure_escapes_its_words():
+    text = figure(Chart("<b>", "x", "y", "1 < 2", (Line(np.arange(2.0), np.arange(2.0), "model"),)))
+    assert "<b>" not in text
+    assert "1 &lt; 2" in text
+
+
+def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others():
+    good = [Entry("one", 66.0, 0.3, 1.0, "model"), Entry("two", 67.0, 0.3, 1.0, "model")]
+    wild = Entry("wild", 980.0, 1700.0, 1700.0, "earlier", excluded=True)
+    frame = re.compile(r'class="tick" x="([\d.]+)"[^>]*>([^<]+)<')
+    with_it, without = (forest("k_q", "N", rows, "caption") for rows in ([*good, wild], good))
+    assert frame.findall(with_it) == frame.findall(without)
+    assert 'class="stem earlier"' in with_it
+    assert 'class="stem' not in without
+
+
+def test_a_forest_keeps_every_source_in_the_frame():
+    entries = [
+        Entry("a", 1.0, 0.1, 0.2, "model"),
+        Entry("b", 1.1, 1e9, math.nan, "paper"),
+        Entry("c", math.nan, 1, 1, "model"),
+    ]
+    text = forest("k_q", "N", entries, "caption", 1.05)
+    ET.fromstring(text)
+    assert text.count('class="name"') == 2
+
+
+# ---- numbers in words
+
+
+@pytest.mark.parametrize(
+    ("pair", "text"),
+    [
+        ((66.679, 0.2153), "66.68 \u00b1 0.22"),
+        ((-0.0021, 0.0048), "\u22120.0021 \u00b1 0.0048"),
+        ((1234.5, 56.0), "1234 \u00b1 56"),
+    ],
+)
+def test_a_value_has_two_digits_of_its_deviation(pair, text):
+    assert plus_minus(*pair) == text
+
+
+def test_no_negative_zero():
+    assert plus_minus(-0.0001, 0.02) == "0.000 \u00b1 0.020"
+
+
+def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle):
+    """COB-2023-1394: the rows of Table 3 over their Reynolds numbers give the printed C_D within its deviation."""
+    for motion in ("surge", "sway", "heave_down", "heave_up"):
+        paper = PUBLISHED[motion]
+        length, nu = vehicle.characteristic_length_m, vehicle.water.kinematic_viscosity_m2ps
+        speed = np.linspace(*(reynolds * nu / length for reynolds in paper.reynolds), 50)
+        force = paper.coefficients["k_q"][0] * speed**2 + paper.coefficients["k_l"][0] * speed
+        band = DragBand(speed, force, 0.0 * speed, 0.0 * speed)
+        found = dimensionless(vehicle, a_motion(motion, band))
+        assert abs(found.mean[0] - paper.drag_coefficient[0]) < paper.drag_coefficient[1]
+        assert found.reynolds[-1] == pytest.approx(paper.reynolds[1])
+
+
+def a_motion(motion, band):
+    return MotionResult(
+        motion=motion,
+        method="",
+        coefficients={},
+        names=(),
+        covariance=np.zeros((0, 0)),
+        samples=0,
+        effective_samples=0.0,
+        identifiable=True,
+        reasons=(),
+        speeds=(0.0, 0.0),
+        drag=band,
+    )
+
+
+def test_plateaus_are_not_shown_of_a_motion_that_rights_itself():
+    methods = {"plateaus": {"k_q": Number(-3.0, 3.0)}, "rls": {"k_q": Number(1.2, 0.1)}}
+    roll = replace(
+        a_motion("roll", None), method="output-error", methods=methods, coefficients={"k_q": Number(1.2, 0.1)}
+    )
+    assert "plateaus (paper's way)" in table_methods(roll)
+    righted = replace(roll, coefficients={"k_q": Number(1.2, 0.1), "k_r": Number(3.0, 0.1)})
+    assert set(comparable_methods(righted)) == {"rls"}
+    assert "plateaus (paper's way)" not in table_methods(righted)
+    assert "Plateaus are omitted" in table_methods(righted)
+
+
+# ---- pages
+
+
+def test_every_chart_has_units_and_one_sentence(report, vehicle):
+    result = report.results.motions["surge"]
+    charts = charts_of(MotionFigures(vehicle, result, report.assessments[0], report.traces["surge"], mock=True))
+    assert len(charts) >= 11
+    for chart in charts:
+        assert "[" in chart.x_label, chart.title
+        assert "[" in chart.y_label, chart.title
+        assert re.fullmatch(r"[A-Z].*\.", chart.caption), chart.title
+        assert not re.search(r"\. [A-Z]", chart.caption), chart.title
+
+
+def test_on_a_phone_every_number_stands_under_its_heading():
+    page = table(["run", "k<sub>q</sub>", "verdict"], [["first", "66.5", ""]])
+    assert '<td><span class="head">k<sub>q</sub></span>66.5</td><td></td>' in page
+
+
+def test_the_page_needs_nothing_but_itself(report):
+    text = run_page(report)
+    assert not re.search(r"(https?:)?//[a-z]", text.replace("data:,", ""))
+    assert "<script" not in text
+    assert "prefers-color-scheme:dark" in text
+    assert "@media print" in text
+    assert 'name="viewport"' in text
+    assert "nan" not in re.sub(r"<style>.*</style>", "", text, flags=re.DOTALL)
+
+
+def test_the_page_shows_paper_truth_methods_and_earlier_runs(report):
+    text = run_page(report)
+    for word in (
+        "66.48 \u00b1 10.20",
+        "2.28 \u00b1 0.21",
+        "truth of the mock",
+        "mock vehicle",
+        "last week",
+        "paper's way",
+    ):
+        assert word in text, word
+    assert text.count("<svg viewBox") >= 15
+
+
+def test_the_page_is_well_formed(report):
+    body = re.search(r"<main>.*</main>", run_page(report), flags=re.DOTALL).group()
+    ET.fromstring(body)
+
+
+def test_the_same_run_gives_the_same_page(report):
+    assert run_page(report) == run_page(report)
+
+
+def test_a_comparison_shows_every_run_and_their_mean():
+    text = comparison_page(
+        [a_run("monday", 66.0), a_run("tuesday", 67.0), a_run("bad <day>", 10.0, identifiable=False)]
+    )
+    ET.fromstring(re.search(r"<main>.*</main>", text, flags=re.DOTALL).group())
+    for word in ("monday", "tuesday", "bad &lt;day&gt;", "66.50 \u00b1 0.50", "not identifiable"):
+        assert word in text, word
+
+
+def test_runs_that_disagree_widen_their_mean():
+    agreeing = pool_runs([Number(1.0, 0.1), Number(1.05, 0.1), Number(0.95, 0.1)])
+    disagreeing = pool_runs([Number(1.0, 0.1), Number(2.0, 0.1), Number(0.0, 0.1)])
+    assert agreeing.std == pytest.approx(0.1 / math.sqrt(3.0))
+    assert disagreeing.std == pytest.approx(0.1 / math.sqrt(3.0) * 10.0)
+    assert pool_runs([Number(1.0, 0.1)]) is None
+
+
+@pytest.mark.parametrize(("name", "shown"), [("hindrax", True), ("Hindrax two", True), ("bluerov2", False)])
+def test_the_paper_stands_beside_its_own_vehicle_only(name, shown):
+    assert (published_of(name, "surge") is not None) == shown
+
+
+# ---- aborted
+
+
+BOUNDS = "pool_bounds: 0.4 m to the <wall>; give it room"
+
+
+def aborted(report, **changes):
+    return replace(report, conditions=replace(report.conditions, aborted=BOUNDS, **changes))
+
+
+def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report):
+    text = run_page(aborted(report, flown_s={"surge": 20.4}))
+    ET.fromstring(re.search(r"<main>.*</main>", text, flags=re.DOTALL).group())
+    assert '<span class="chip bad">aborted: pool_bounds</span>' in text
+    assert "Aborted by pool_bounds: 0.4 m to the &lt;wall&gt;; give it room" in text
+    assert "Flown until then: Surge for 20 s." in text
+    assert "borted" not in run_page(report)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "guard"),
+    [
+        ("start: dvl_lock: no bottom lock for 7 s", "start: dvl_lock"),
+        ("operator: stopped by Ctrl-C", "operator"),
+        ("no colon", "no colon"),
+    ],
+)
+def test_the_chip_names_the_guard(report, sentence, guard):
+    text = run_page(replace(report, conditions=replace(report.conditions, aborted=sentence)))
+    assert f'<span class="chip bad">aborted: {guard}</span>' in text
+
+
+def test_a_run_in_which_nothing_was_flown_says_so_and_shows_no_tables(report):
+    text = run_page(replace(aborted(report), results=replace(report.results, motions={}), traces={}, assessments={}))
+    ET.fromstring(re.search(r"<main>.*</main>", text, flags=re.DOTALL).group())
+    assert "Nothing was flown" in text
+    assert "Table 3 of" not in text
+
+
+def test_a_comparison_and_a_forest_mark_the_aborted_run(report):
+    cut = a_run("cut short", 67.0)
+    cut = replace(cut, conditions=replace(cut.conditions, aborted=BOUNDS))
+    text = comparison_page([a_run("monday", 66.0), cut])
+    assert '<span class="chip bad">aborted: 1 of 2 runs</span>' in text
+    assert "vehicle, aborted by pool_bounds: 0.4 m to the &lt;wall&gt;" in text
+    assert "cut short (aborted)" in run_page(replace(report, earlier=[cut]))

@@ -1,0 +1,46 @@
+"""Tables on narrow screens, wide ones and in pipes: no name and no number is ever cut."""
+
+import re
+import sys
+
+import pytest
+from rich.console import Console
+
+from hindrax_analysis import terminal
+from hindrax_analysis.terminal import make_table, print_table
+
+TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
+NOTE = "a sentence that may well go on for more than one line of a narrow screen"
+
+
+def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None) -> str:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=width or terminal.UNBOUNDED, file=sys.stdout))
+    table = make_table("Title [m/s]", ("topic", "quantity"), ("value [N]", "+-"), ("note",))
+    table.add_row(TOPIC, "k_q", "66.4801234", "10.2012345", NOTE)
+    table.add_row("/short", "k_l", "1.25", "4.97", "")
+    print_table(table)
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("width", [None, 160, 120, 100, 80, 60, 40])
+def test_nothing_is_cut_at_any_width(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None
+) -> None:
+    said = shown(capsys, monkeypatch, width)
+    for text in (TOPIC, "k_q", "66.4801234", "10.2012345", "/short", "1.25", "[m/s]", "[N]"):
+        assert text in said
+    assert "…" not in said
+    assert all(word in said for word in NOTE.split())
+
+
+@pytest.mark.parametrize("width", [80, 60])
+def test_a_narrow_screen_gets_every_value_behind_its_heading(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    said = shown(capsys, monkeypatch, width)
+    assert re.search(rf"^{TOPIC}  k_q$", said, re.MULTILINE)
+    assert re.search(r"^  value \[N\]: 66.4801234;  \+-: 10.2012345;", said, re.MULTILINE)
+
+
+def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert re.search(rf"{TOPIC}.*66.4801234.*{NOTE}", shown(capsys, monkeypatch, None))

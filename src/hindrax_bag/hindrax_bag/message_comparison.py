@@ -1,0 +1,314 @@
+"""Comparison of two messages of a topic, field by field: the recorded one and the replayed one."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import yaml
+
+from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S
+
+Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Ten times as fast where libyaml is there."""
+TOLERANCES = Path(__file__).parent / "tolerances.yaml"
+MOST_PADDING = 64
+"""More bytes than these that differ are not padding."""
+_KNOWN_NAMES: WeakKeyDictionary[type, tuple[str, ...]] = WeakKeyDictionary()
+MISSING = "(message)"
+"""Stands for the field where a whole message has no counterpart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Allowed distance of a number from the recorded one: absolute or relative, whichever is larger."""
+
+    absolute: float = 0.0
+    relative: float = 0.0
+
+    def allows(self, recorded: float, replayed: float) -> bool:
+        """Whether the two count as equal; NaN equals NaN."""
+        if recorded == replayed or (math.isnan(recorded) and math.isnan(replayed)):
+            return True
+        return abs(recorded - replayed) <= max(self.absolute, self.relative * abs(recorded))
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Rule of one topic: fields that are not compared, tolerances of fields, and allowed missing messages."""
+
+    ignored: tuple[str, ...] = ()
+    fields: tuple[tuple[str, Tolerance], ...] = ()
+    default: Tolerance = field(default_factory=Tolerance)
+    sampled: bool = False
+    """Only some of what the replay makes was published."""
+    unmatched: float = 0.0
+    """Part of the messages that may lack a counterpart: lost on the way to the recorder [-]."""
+
+    def tolerance(self, name: str) -> Tolerance | None:
+        """Tolerance of a field, None when it is not compared. Names may hold wildcards; the first that fits counts."""
+        if any(fnmatch.fnmatchcase(name, pattern) for pattern in self.ignored):
+            return None
+        for pattern, tolerance in self.fields:
+            if fnmatch.fnmatchcase(name, pattern):
+                return tolerance
+        return self.default
+
+    def is_sharp(self, name: str) -> bool:
+        """Whether a field has no rule of its own and is compared exactly."""
+        return self.tolerance(_unnumbered(name)) is self.default
+
+
+class Rules:
+    """The rules of all topics, read from one file."""
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self._default = _tolerance(data.get("default", {}), "default")
+        self._topics = {name: self._rule(name, block or {}) for name, block in data.get("topics", {}).items()}
+
+    def of(self, topic: str) -> Rule:
+        """Rule of a topic."""
+        return self._topics.get(topic) or Rule(default=self._default)
+
+    def _rule(self, name: str, block: Mapping[str, Any]) -> Rule:
+        fields = tuple((key, _tolerance(value, f"{name}.{key}")) for key, value in block.get("fields", {}).items())
+        default = _tolerance(block["default"], name) if "default" in block else self._default
+        ignored = tuple(block.get("ignore", ()))
+        return Rule(ignored, fields, default, bool(block.get("sampled")), float(block.get("unmatched", 0.0)))
+
+
+def _tolerance(block: Mapping[str, Any], where: str) -> Tolerance:
+    try:
+        return Tolerance(**{key: float(value) for key, value in block.items()})
+    except (TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"tolerances, {where}: found {block!r}, wanted absolute and relative numbers") from error
+
+
+def load_rules(path: Path = TOLERANCES, section: str = "pure") -> Rules:
+    """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is none."""
+    try:
+        return Rules(yaml.load(path.read_text(encoding="utf-8"), Loader)[section])  # noqa: S506  # a safe one
+    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        raise UsageError(f"{path}: cannot be read as tolerances ({error})") from error
+
+
+@dataclass(slots=True)
+class Difference:
+    """One field of a topic that differs: how often, when first, and the worst case."""
+
+    topic: str
+    field: str
+    count: int
+    first: int
+    recorded: Any
+    replayed: Any
+    worst: float
+
+    def document(self, begin: int) -> dict[str, Any]:
+        """JSON document; times in seconds since the begin of the bag."""
+        return {
+            "topic": self.topic,
+            "field": self.field,
+            "count": self.count,
+            "first_s": round((self.first - begin) / NS_PER_S, 6),
+            "recorded": _plain(self.recorded),
+            "replayed": _plain(self.replayed),
+        }
+
+    def sentence(self, begin: int) -> str:
+        """One line of text."""
+        when = f"{(self.first - begin) / NS_PER_S:.3f} s"
+        values = f"recorded {self.recorded!s:.40}, replayed {self.replayed!s:.40}"
+        return f"{self.topic} {self.field}: {self.count} times, first at {when}; worst: {values}"
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, bool | int | str) or _finite(value) else str(value)
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, float) and math.isfinite(value)
+
+
+class ComparisonReport:
+    """Counts of compared fields and of differences."""
+
+    def __init__(self, rules: Rules) -> None:
+        self.rules = rules
+        self.fields_compared = 0
+        self.messages: dict[str, int] = {}
+        self._differences: dict[tuple[str, str], Difference] = {}
+        self._sizes: dict[str, int] = {}
+        self._padding = Padding()
+        self._tolerances: dict[str, dict[str, Tolerance | None]] = {}
+
+    def compare_bytes(
+        self, topic: str, stamp: int, recorded: bytes, replayed: bytes, decode: Callable[[bytes], Any]
+    ) -> bool:
+        """Compare two CDR messages, decoded only when their bytes differ; True when only padding differs."""
+        if recorded == replayed or self._padding.same(topic, recorded, replayed, decode):
+            self.agree(topic, recorded, decode)
+            return True
+        self.compare_messages(topic, stamp, decode(recorded), decode(replayed))
+        return False
+
+    def agree(self, topic: str, recorded: bytes, decode: Callable[[bytes], Any]) -> None:
+        """Count a message whose fields are all the same."""
+        self._count(topic, self._sizes.get(topic) or self._size(topic, decode(recorded)))
+
+    def compare_messages(self, topic: str, stamp: int, recorded: Any, replayed: Any) -> None:
+        """Compare two decoded messages of one type."""
+        self.compare_values(topic, stamp, dict(flat(recorded)), dict(flat(replayed)))
+
+    def compare_values(self, topic: str, stamp: int, recorded: Mapping[str, Any], replayed: Mapping[str, Any]) -> None:
+        """Compare two sets of named values; a name in only one of them is a difference."""
+        tolerances = self._tolerances.setdefault(topic, {})
+        rule = self.rules.of(topic)
+        compared = 0
+        for name in recorded.keys() | replayed.keys():
+            if name not in tolerances:
+                tolerances[name] = rule.tolerance(_unnumbered(name))
+            tolerance = tolerances[name]
+            if tolerance is None:
+                continue
+            compared += 1
+            one, other = recorded.get(name), replayed.get(name)
+            if one != other and not _equal(one, other, tolerance):
+                self._differ(topic, name, stamp, one, other)
+        self._count(topic, compared)
+
+    def unmatched(self, topic: str, stamp: int, said: str, recorded: str, replayed: str) -> None:
+        """Record a message without a counterpart."""
+        self._differ(topic, f"{MISSING} {said}", stamp, recorded, replayed)
+
+    def add(self, other: ComparisonReport) -> None:
+        """Add the counts of another report, of other topics."""
+        self.fields_compared += other.fields_compared
+        self.messages |= other.messages
+        self._differences |= other._differences
+
+    def differences(self) -> list[Difference]:
+        """Differences beyond the tolerances, the earliest first."""
+        kept = [one for key, one in self._differences.items() if not self._forgiven(*key)]
+        return sorted(kept, key=lambda one: (one.first, one.topic, one.field))
+
+    def _forgiven(self, topic: str, name: str) -> bool:
+        if not name.startswith(MISSING):
+            return False
+        allowed = self.rules.of(topic).unmatched * self.messages.get(topic, 0)
+        return self._differences[topic, name].count <= allowed
+
+    def _count(self, topic: str, compared: int) -> None:
+        self.fields_compared += compared
+        self.messages[topic] = self.messages.get(topic, 0) + 1
+
+    def _size(self, topic: str, message: Any) -> int:
+        rule = self.rules.of(topic)
+        size = sum(rule.tolerance(_unnumbered(name)) is not None for name, _ in flat(message))
+        self._sizes[topic] = size
+        return size
+
+    def _differ(self, topic: str, name: str, stamp: int, recorded: Any, replayed: Any) -> None:
+        apart = _distance(recorded, replayed)
+        known = self._differences.get((topic, name))
+        if known is None:
+            self._differences[topic, name] = Difference(topic, name, 1, stamp, recorded, replayed, apart)
+            return
+        known.count += 1
+        if apart > known.worst:
+            known.recorded, known.replayed, known.worst = recorded, replayed, apart
+
+
+class Padding:
+    """Bytes of CDR messages that belong to no field: writers leave them uninitialized.
+
+    A byte is padding when the message decodes to the same with that byte turned over. What was found holds for
+    messages of the same topic and length.
+    """
+
+    def __init__(self) -> None:
+        self._masks: dict[tuple[str, int], int] = {}
+
+    def same(self, topic: str, one: bytes, other: bytes, decode: Callable[[bytes], Any]) -> bool:
+        """Whether two messages differ in padding only."""
+        if len(one) != len(other):
+            return False
+        key = (topic, len(one))
+        apart = int.from_bytes(one, "little") ^ int.from_bytes(other, "little")
+        known = self._masks.get(key, 0)
+        if not apart & ~known:
+            return True
+        offsets = [index for index in range(len(one)) if one[index] != other[index]]
+        if len(offsets) > MOST_PADDING or not _without_effect(one, offsets, decode):
+            return False
+        self._masks[key] = known | sum(0xFF << (8 * index) for index in offsets)
+        return True
+
+
+def _without_effect(data: bytes, offsets: Iterable[int], decode: Callable[[bytes], Any]) -> bool:
+    turned = bytearray(data)
+    for index in offsets:
+        turned[index] ^= 0xFF
+    try:
+        return repr(list(flat(decode(bytes(turned))))) == repr(list(flat(decode(data))))
+    except (ValueError, IndexError, OverflowError, struct.error):
+        return False
+
+
+def _equal(recorded: Any, replayed: Any, tolerance: Tolerance) -> bool:
+    if isinstance(recorded, float | int) and isinstance(replayed, float | int):
+        return tolerance.allows(float(recorded), float(replayed))
+    return bool(recorded == replayed)
+
+
+def _distance(recorded: Any, replayed: Any) -> float:
+    if isinstance(recorded, float | int) and isinstance(replayed, float | int):
+        apart = abs(float(recorded) - float(replayed))
+        return math.inf if math.isnan(apart) else apart
+    return math.inf
+
+
+def _unnumbered(name: str) -> str:
+    """Name of a field without the numbers of its elements: `beams[2].range` is covered by `beams.range`."""
+    return "".join(part.partition("]")[2] if index else part for index, part in enumerate(name.split("[")))
+
+
+def flat(message: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield names and values of all fields of a decoded message, nested ones with dots, elements with numbers."""
+    for name in _names(message):
+        yield from _flat_value(f"{prefix}{name}", getattr(message, name))
+
+
+def _names(message: Any) -> Iterable[str]:
+    kind = type(message)
+    known = _KNOWN_NAMES.get(kind)
+    if known is not None:
+        return known
+    if hasattr(message, "get_fields_and_field_types"):
+        found = tuple(message.get_fields_and_field_types())
+    elif slots := getattr(kind, "__slots__", None):
+        # Fields that a migration added are beside the slots.
+        found = tuple(name for name in (*slots, *getattr(message, "__dict__", ())) if not name.startswith("_"))
+    else:
+        return [name for name in vars(message) if not name.startswith("_")]
+    _KNOWN_NAMES[kind] = found
+    return found
+
+
+def _flat_value(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, bool | int | float | str | bytes):
+        yield name, value
+    elif isinstance(value, list | tuple):
+        for index, one in enumerate(value):
+            yield from _flat_value(f"{name}[{index}]", one)
+    elif hasattr(value, "tolist"):
+        yield from _flat_value(name, value.tolist())
+    else:
+        yield from flat(value, f"{name}.")

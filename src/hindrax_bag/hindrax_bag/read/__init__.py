@@ -1,0 +1,1 @@
+"""Reading bags: decoded, recovered, surveyed."""

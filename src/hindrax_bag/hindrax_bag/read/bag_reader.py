@@ -1,0 +1,160 @@
+"""Read bags as messages: complete or not, one file or a folder, decoded by their embedded schema.
+
+Nothing here needs a ROS installation or our generated messages, so bags of other vehicles and of older versions of this
+stack open too: MCAP, and the older sqlite3 format of rosbag2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.records import Attachment, Channel, Message, Schema
+from mcap_ros2.decoder import DecoderFactory
+
+from hindrax_bag.bag_index import part_number
+from hindrax_bag.definitions import Lookup, share_lookup
+from hindrax_bag.read import sqlite_file
+from hindrax_bag.read.mcap_records import Damage, records
+from hindrax_bag.read.schema_migrations import steps_of
+from hindrax_core.errors import UsageError
+
+PATTERNS = ("*.mcap", "*.db3")
+RUN_BAG = "bag"
+"""Where the bag lies in the folder of a run."""
+COMPRESSED = (".zstd", ".zst", ".lz4")
+Decode = Callable[[bytes], Any]
+
+
+class MessageDecoder:
+    """Decoder of the bytes of a channel, made on first use: many callers need only bytes."""
+
+    def __init__(self, topic: str, encoding: str, schema: Schema | None) -> None:
+        self._topic, self._encoding, self._schema = topic, encoding, schema
+        text = schema.data.decode("utf-8", "replace") if schema else ""
+        self.type = schema.name if schema else ""
+        self._steps = steps_of(self.type, text)
+        self.old = bool(self._steps)
+        """The type has changed since: `decode` brings messages to today's form, their bytes are not those of today."""
+        self.decode: Decode = self._first_decode
+
+    def _first_decode(self, data: bytes) -> Any:
+        self.decode = self._decoder()
+        return self.decode(data)
+
+    def _decoder(self) -> Decode:
+        """Decode by the schema of the bag and migrate the message to the current form."""
+        made: Decode | None = DecoderFactory().decoder_for(self._encoding, self._schema)
+        if made is None:
+            raise UsageError(f"topic {self._topic}: encoding {self._encoding!r} cannot be decoded, wanted cdr")
+        if not self._steps:
+            return made
+
+        def decode(data: bytes) -> Any:
+            message = made(data)
+            for step in self._steps:
+                step.apply(message)
+            return message
+
+        return decode
+
+
+class BagMessage(NamedTuple):
+    """One recorded message: CDR bytes, time of receipt and of sending [ns], and their decoder.
+
+    A tuple, because it is made for every message of every bag, and a frozen dataclass takes four times as long.
+    """
+
+    topic: str
+    type: str
+    data: bytes
+    received: int
+    sent: int
+    form: MessageDecoder
+
+    def decoded(self) -> Any:
+        """The message as an object with the fields of its type."""
+        return self.form.decode(self.data)
+
+
+def bag_files(path: str | Path) -> list[Path]:
+    """Files of a bag given as a file or as a folder, in order; UsageError when there is none.
+
+    The folder of a run stands for the bag in it.
+    """
+    place = Path(path)
+    if place.is_file():
+        return [place]
+    for folder in (place, place / RUN_BAG):
+        for pattern in PATTERNS:
+            files = sorted(folder.glob(pattern), key=part_number)
+            if files:
+                return files
+    raise UsageError(f"{place}: {_found(place)}, wanted a bag: a folder with .mcap or .db3 files, or such a file")
+
+
+def _found(place: Path) -> str:
+    if not place.is_dir():
+        return "does not exist"
+    names = sorted(file.name for file in place.iterdir())
+    packed = [name for name in names if name.endswith(COMPRESSED)]
+    if packed:
+        return f"found only {packed[0]}, which is compressed as a whole (unpack it)"
+    return f"found a folder with {names[0]}{' and others' * (len(names) > 1)}" if names else "found an empty folder"
+
+
+def messages(
+    path: str | Path,
+    topics: Collection[str] | None = None,
+    *,
+    damage: Damage | None = None,
+    lookup: Lookup = share_lookup,
+) -> Iterator[BagMessage]:
+    """Messages of a bag in the order in which they were written, of these topics or of all.
+
+    An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` is told. `lookup`
+    finds definitions of types for sqlite3 bags that do not bring them. UsageError when a file is no bag at all.
+    """
+    for file in bag_files(path):
+        if file.suffix == ".db3":
+            yield from _sqlite_messages(file, topics, lookup)
+        else:
+            yield from _mcap_messages(file, topics, damage)
+
+
+def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | None) -> Iterator[BagMessage]:
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, tuple[str, MessageDecoder] | None] = {}
+    for record in records(file, damage):
+        if isinstance(record, Message):
+            channel = channels.get(record.channel_id)
+            if channel is not None:
+                topic, form = channel
+                yield BagMessage(topic, form.type, record.data, record.log_time, record.publish_time, form)
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            topic = record.topic
+            wanted = topics is None or topic in topics
+            form = MessageDecoder(topic, record.message_encoding, schemas.get(record.schema_id))
+            channels[record.id] = (topic, form) if wanted else None
+
+
+def _sqlite_messages(file: Path, topics: Collection[str] | None, lookup: Lookup) -> Iterator[BagMessage]:
+    forms: dict[str, MessageDecoder] = {}
+    for topic, schema, encoding, data, stamp in sqlite_file.rows(file, topics, lookup):
+        if topic not in forms:
+            forms[topic] = MessageDecoder(topic, encoding, schema)
+        yield BagMessage(topic, schema.name, data, stamp, stamp, forms[topic])
+
+
+def attachments(path: str | Path) -> dict[str, bytes]:
+    """Files inside a bag by name, the first of each name; unfinished bags and sqlite3 bags (which have none) too."""
+    found: dict[str, bytes] = {}
+    for file in bag_files(path):
+        if file.suffix != ".db3":
+            for record in records(file, chunks=False):
+                if isinstance(record, Attachment):
+                    found.setdefault(record.name, record.data)
+    return found

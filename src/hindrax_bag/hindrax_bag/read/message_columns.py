@@ -1,0 +1,125 @@
+"""Messages of a bag as columns: for a spreadsheet or a plot."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TextIO
+
+from hindrax_bag.message_comparison import flat
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import NS_PER_S
+
+MOST_NAMED = 12
+TIME = ("time_s", "stamp_ns")
+
+
+def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
+    """Write one CSV file per topic; returns file and number of rows by topic.
+
+    Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
+    then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
+    """
+    try:
+        return _extract(bag, folder, topics)
+    except OSError as error:
+        raise HindraxError(f"{folder}: cannot be written ({error.strerror or error}); name another") from error
+
+
+def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
+    tables: dict[str, _Table] = {}
+    begin: int | None = None
+    try:
+        for message in messages(bag):
+            begin = message.received if begin is None else begin
+            if topics is not None and message.topic not in topics:
+                continue
+            row = dict(flat(message.decoded()))
+            table = tables.get(message.topic)
+            if table is None:
+                folder.mkdir(parents=True, exist_ok=True)
+                path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
+                table = tables[message.topic] = _Table(path, list(row))
+            stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
+            table.write([(message.received - begin) / NS_PER_S, stamp], row)
+    finally:
+        for table in tables.values():
+            table.close()
+    missing = sorted(set(topics or ()) - tables.keys())
+    if missing or not tables:
+        for table in tables.values():
+            table.path.unlink()
+        lacking = f"no message on {missing[0]}" if missing else "holds no message"
+        raise UsageError(f"{bag}: {lacking}; `hindrax bag info {bag}` lists the topics")
+    return {topic: (table.path, table.rows) for topic, table in tables.items()}
+
+
+class _Table:
+    """One CSV file under way."""
+
+    def __init__(self, path: Path, names: Sequence[str]) -> None:
+        self.path, self.rows = path, 0
+        self._names = names
+        self._file: TextIO = path.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._file)
+        self._writer.writerow([*TIME, *names])
+
+    def write(self, head: Sequence[float], row: Mapping[str, Any]) -> None:
+        """Append a row; absent fields stay empty."""
+        self._writer.writerow([*head, *(row.get(name, "") for name in self._names)])
+        self.rows += 1
+
+    def close(self) -> None:
+        """End the file."""
+        self._file.close()
+
+
+@dataclass(slots=True)
+class Series:
+    """One field over time [s since the first message of the bag]."""
+
+    name: str
+    time_s: list[float] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+
+def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
+    """Fields given as `TOPIC:FIELD` over time; UsageError names what is not there."""
+    places = [_place(word) for word in wanted]
+    made = [Series(word) for word in wanted]
+    begin: int | None = None
+    for message in messages(bag):
+        begin = message.received if begin is None else begin
+        if not any(topic == message.topic for topic, _ in places):
+            continue
+        row = dict(flat(message.decoded()))
+        for one, (topic, name) in zip(made, places, strict=True):
+            if topic == message.topic:
+                one.time_s.append((message.received - begin) / NS_PER_S)
+                one.values.append(_number(row, name, topic))
+    for one, (topic, _) in zip(made, places, strict=True):
+        if not one.values:
+            raise UsageError(f"{bag}: no message on {topic}; `hindrax bag info {bag}` lists the topics")
+    return made
+
+
+def _place(word: str) -> tuple[str, str]:
+    topic, colon, name = word.partition(":")
+    if not colon or not name:
+        raise UsageError(f"found {word!r}, wanted TOPIC:FIELD, as in /hindrax/navigation/status:depth")
+    return topic, name
+
+
+def _number(row: Mapping[str, Any], name: str, topic: str) -> float:
+    value = row.get(name)
+    if not isinstance(value, int | float):
+        numbers = [key for key, one in row.items() if isinstance(one, int | float)]
+        alike = [key for key in numbers if key.startswith(f"{name}[")] or get_close_matches(name, numbers, 3)
+        there = ", ".join((alike or numbers)[:MOST_NAMED]) or "none in its messages"
+        raise UsageError(f"{topic}: no number called {name!r}; there is {there}")
+    return float(value)

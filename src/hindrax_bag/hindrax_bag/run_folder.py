@@ -1,0 +1,87 @@
+"""The folder of one run: bag, logs, parameters, vehicle file, coefficients, report."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import yaml
+
+from hindrax_core.errors import HindraxError, UsageError
+
+FREE_BYTES_WANTED = 500_000_000
+RUNS = Path("runs")
+"""Where runs lie that are named by their time."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Paths of one run."""
+
+    path: Path
+
+    @property
+    def bag(self) -> Path:
+        """Folder of the MCAP bag."""
+        return self.path / "bag"
+
+    @property
+    def logs(self) -> Path:
+        """Folder of the output of each process."""
+        return self.path / "logs"
+
+    @property
+    def vehicle(self) -> Path:
+        """Copy of the vehicle file in force."""
+        return self.path / "vehicle.yaml"
+
+    @property
+    def parameters(self) -> Path:
+        """ROS parameters of every node."""
+        return self.path / "parameters.yaml"
+
+    @property
+    def coefficients(self) -> Path:
+        """The result."""
+        return self.path / "coefficients.yaml"
+
+    @property
+    def report(self) -> Path:
+        """The result as a report."""
+        return self.path / "report.html"
+
+
+def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
+    """Create the folder; UsageError when it is occupied or cannot be created, HindraxError when the disk is full."""
+    path = Path(wanted) if wanted else _dated()
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(path).free
+        folder = RunFolder(path.resolve())
+        if free >= FREE_BYTES_WANTED:
+            shutil.copyfile(vehicle_file, folder.vehicle)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be written ({error.strerror or error}); name another folder with --out"
+        ) from error
+    if free < FREE_BYTES_WANTED:
+        have, want = free // 1_000_000, FREE_BYTES_WANTED // 1_000_000
+        raise HindraxError(
+            f"the disk of {path} is full: {have} MB are free, {want} MB are wanted; make room or use --out"
+        )
+    return folder
+
+
+def _dated() -> Path:
+    return RUNS / datetime.now(UTC).astimezone().strftime("%Y-%m-%d_%H-%M-%S")
+
+
+def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:
+    """Write ROS parameters (per node name; `/**` for all) and return the arguments for a process to read them."""
+    blocks = {node: {"ros__parameters": values} for node, values in parameters.items()}
+    folder.parameters.write_text(yaml.safe_dump(blocks, sort_keys=True), encoding="utf-8")
+    return ["--ros-args", "--params-file", str(folder.parameters)]

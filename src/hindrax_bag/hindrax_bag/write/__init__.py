@@ -1,0 +1,1 @@
+"""Writing bags: MCAP files, limits, counting of lost messages."""

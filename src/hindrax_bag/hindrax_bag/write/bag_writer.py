@@ -1,0 +1,206 @@
+"""A bag on disk: a folder of MCAP files with the ROS 2 profile and, beside them, the metadata.yaml of rosbag2.
+
+A recorder that starts again goes on in the next file of the bag; the files that are there stay as they are.
+
+The caller flushes it at least every second of wall time, so that a power cut costs no more. Splitting, the budget of
+the disk and what is done when it is used up are decided at a flush; each decision is said as a sentence.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hindrax_bag.bag_index import is_whole, part_number, parts, try_lock, write_metadata
+from hindrax_bag.definitions import Lookup, definition, share_lookup
+from hindrax_bag.metadata import Channel, Contents
+from hindrax_bag.write.bag_file import BagFile
+from hindrax_bag.write.limits import BagLimits, free_bytes
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import NS_PER_S
+
+__all__ = ["BagWriter", "Channel"]
+
+
+@dataclass(slots=True)
+class BagWriter:
+    """Writes one bag folder. Channels are opened when they are first needed."""
+
+    folder: Path
+    lookup: Lookup = share_lookup
+    limits: BagLimits = field(default_factory=BagLimits)
+    counts: Counter[str] = field(default_factory=Counter)
+    stopped: str = ""
+    """Why nothing is recorded any more; empty while recording."""
+    free: Callable[[Path], int] = free_bytes
+    _definitions: dict[str, str] = field(default_factory=dict)
+    _extras: list[Callable[[BagFile], None]] = field(default_factory=list)
+    _done: dict[str, Contents] = field(default_factory=dict)
+    _begun: int = 0
+    _part: BagFile | None = None
+    _lock: int = -1
+
+    @property
+    def path(self) -> Path:
+        """The MCAP file that is written now."""
+        return self.folder / f"{self.folder.name}_{self._begun - 1 if self._begun else 0}.mcap"
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of all files of the bag."""
+        return sum(file.stat().st_size for file in self._others()) + (self._part.size_bytes if self._part else 0)
+
+    def open(self, *, resume: bool = False) -> list[Path]:
+        """Create folder and file; returns files that an earlier recorder left unfinished.
+
+        HindraxError when it cannot be made, when the disk has no room, when another recorder writes there, and when
+        there is a bag already: unless that one is to be resumed.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self.limits.check_space(self.folder)
+            self._lock = self._locked()
+            if resume:
+                self._begun = self._next_number()
+            self._next_part()
+            return [file for file in self._others() if not is_whole(file)]
+        except FileExistsError as error:
+            raise HindraxError(
+                f"{self.path} exists already; a bag is never overwritten, name another folder"
+            ) from error
+        except OSError as error:
+            raise HindraxError(
+                f"{self.folder}: cannot record there ({error.strerror}); check disk and rights"
+            ) from error
+
+    def attach(self, name: str, media_type: str, data: bytes, stamp: int) -> None:
+        """Put a file inside every part: the vehicle file, parameters."""
+        self._extra(lambda part: part.attach(name, media_type, data, stamp))
+
+    def describe(self, name: str, values: Mapping[str, str]) -> None:
+        """Put key and value metadata inside every part: software version, mock or vehicle."""
+        self._extra(lambda part: part.describe(name, values))
+
+    def write(self, channel: Channel, data: bytes, received: int, sent: int) -> None:
+        """Append one received CDR message, with the time of receipt and of sending [ns]."""
+        part, topic = self._part, channel.topic
+        if part is None:
+            return
+        try:
+            if not part.has(topic):
+                self._open_channel(part, channel)
+            part.write(topic, data, received, sent)
+        except OSError as error:
+            self._give_up(error)
+            return
+        self.counts[topic] += 1
+
+    def flush(self, *, sync: bool = False) -> list[str]:
+        """Write everything to disk, apply the limits, and return the decisions as sentences."""
+        if self._part is None:
+            return []
+        try:
+            self._part.flush(sync=sync)
+            return self._keep_limits(self._part)
+        except OSError as error:
+            return [self._give_up(error)]
+
+    def close(self) -> None:
+        """Finish the file with its index, and write metadata.yaml; `stopped` names a disk error."""
+        if self._part is not None:
+            try:
+                self._finish(self._part)
+            except OSError as error:
+                self._give_up(error)
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def index(self) -> None:
+        """Write metadata.yaml over all whole files of the bag."""
+        write_metadata(self.folder, self._done)
+
+    def _locked(self) -> int:
+        folder = os.open(self.folder, os.O_RDONLY)
+        if not try_lock(folder):
+            os.close(folder)
+            raise HindraxError(f"{self.folder}: another recorder writes there; end it, or name another folder")
+        return folder
+
+    def _next_number(self) -> int:
+        """Number after all files of the bag; HindraxError if they belong to another bag."""
+        own = re.compile(rf"{re.escape(self.folder.name)}_\d+\.mcap")
+        for file in (*parts(self.folder), *self.folder.glob("*.db3")):
+            if not own.fullmatch(file.name):
+                found = f"found {file.name}, wanted {self.folder.name}_0.mcap and the like"
+                raise HindraxError(f"{self.folder}: holds another bag ({found}); name another folder")
+        return 1 + max((part_number(file)[0] for file in parts(self.folder)), default=-1)
+
+    def _others(self) -> list[Path]:
+        """Files of the bag except the current one."""
+        return [file for file in parts(self.folder) if self._part is None or file != self._part.path]
+
+    def _next_part(self) -> None:
+        path = self.folder / f"{self.folder.name}_{self._begun}.mcap"
+        self._begun += 1
+        part = BagFile(path)
+        for extra in self._extras:
+            extra(part)
+        self._part = part
+
+    def _extra(self, put: Callable[[BagFile], None]) -> None:
+        assert self._part is not None
+        self._extras.append(put)
+        put(self._part)
+
+    def _open_channel(self, part: BagFile, channel: Channel) -> None:
+        if channel.type not in self._definitions:
+            self._definitions[channel.type] = definition(channel.type, self.lookup)
+        part.open_channel(channel, self._definitions[channel.type])
+
+    def _keep_limits(self, part: BagFile) -> list[str]:
+        said: list[str] = []
+        contents = part.contents
+        if self.limits.split_due(part.size_bytes, (contents.last - contents.first) / NS_PER_S):
+            self._finish(part)
+            self._next_part()
+            said.append(f"{contents.name} is full; {self.path.name} goes on")
+        while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
+            said.append(self._drop_oldest())
+        if self.limits.over_budget(self.size_bytes):
+            said.append(self._stop(f"the bag has used its {self.limits.budget_MB:g} MB of the disk"))
+        elif self.free(self.folder) < self.limits.keep_free_MB * 1e6:
+            said.append(self._stop(f"less than {self.limits.keep_free_MB:g} MB are free on the disk"))
+        return said
+
+    def _drop_oldest(self) -> str:
+        oldest = self._others()[0]
+        oldest.unlink()
+        self.index()
+        return f"the bag has used its {self.limits.budget_MB:g} MB of the disk; dropped the oldest, {oldest.name}"
+
+    def _stop(self, why: str) -> str:
+        self.stopped = f"{why}; recording stopped"
+        if self._part is not None:
+            self._finish(self._part)
+        return self.stopped
+
+    def _give_up(self, error: OSError) -> str:
+        """Leave the file unfinished: `recover` completes it."""
+        self.stopped = f"{self.path}: {error.strerror or error}; recording stopped, ./hindrax bag recover completes it"
+        part, self._part = self._part, None
+        if part is not None:
+            with suppress(OSError, ValueError):
+                part.abandon()
+        return self.stopped
+
+    def _finish(self, part: BagFile) -> None:
+        part.close()
+        self._part = None
+        self._done[part.path.name] = part.contents
+        self.index()

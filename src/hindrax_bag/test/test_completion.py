@@ -1,0 +1,153 @@
+"""Bags that a recorder left unfinished: resumed in the next file, and completed where they lie."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from bag_samples import LEVEL, level, lookup, small_bag, writer
+from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from rosbags.rosbag2 import Reader
+
+from hindrax_bag.bag_index import is_whole
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.completion import complete, unfinished_files
+from hindrax_bag.read.survey import find_bags
+from hindrax_bag.write.bag_writer import BagWriter
+from hindrax_bag.write.limits import BagLimits
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import NS_PER_S
+
+
+def chunk_end(path: Path, number: int) -> int:
+    """Where a chunk ends in a file [bytes]."""
+    with path.open("rb") as stream:
+        records = StreamReader(stream, emit_chunks=True).records
+        return next(islice((stream.tell() for record in records if isinstance(record, Chunk)), number, None))
+
+
+def unfinished_bag(folder: Path) -> Path:
+    """A bag whose recorder was killed as it wrote its tenth chunk; returns its only file."""
+    path = small_bag(folder)
+    path.write_bytes(path.read_bytes()[: chunk_end(path, 9) - 10])
+    (folder / "metadata.yaml").unlink()
+    return path
+
+
+def resumed(folder: Path, limits: BagLimits | None = None) -> tuple[BagWriter, list[Path]]:
+    made = BagWriter(folder, lookup, limits=limits or BagLimits(keep_free_MB=0.0))
+    return made, made.open(resume=True)
+
+
+def record(bag: BagWriter, count: int) -> None:
+    for index in range(count):
+        bag.write(LEVEL, level(index, 1.0), 9 * NS_PER_S + index, index)
+
+
+def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path):
+    first = unfinished_bag(tmp_path / "bag")
+    bag, unfinished = resumed(tmp_path / "bag")
+    assert unfinished == [first]
+    record(bag, 7)
+    bag.close()
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 7
+    subprocess.run([sys.executable, "-m", "hindrax_bag.read.completion", *unfinished], check=True)
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == len(list(reader.messages())) == 181 + 7
+    with first.open("rb") as stream:
+        assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == 181
+    assert sorted(file.name for file in first.parent.iterdir()) == ["bag_0.mcap", "bag_1.mcap", "metadata.yaml"]
+
+
+def test_a_finished_bag_is_resumed_and_metadata_names_all_files(tmp_path):
+    small_bag(tmp_path / "bag", count=5)
+    bag, unfinished = resumed(tmp_path / "bag")
+    assert unfinished == []
+    record(bag, 7)
+    bag.close()
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == len(list(reader.messages())) == 6 + 7
+        assert {one.topic: one.digest for one in reader.connections}[LEVEL.topic] == LEVEL.type_hash
+
+
+def test_the_bag_of_another_is_not_resumed(tmp_path):
+    small_bag(tmp_path / "bag", count=1).rename(tmp_path / "bag" / "dive_0.mcap")
+    with pytest.raises(HindraxError, match=r"found dive_0\.mcap, wanted bag_0\.mcap"):
+        resumed(tmp_path / "bag")
+
+
+def test_two_recorders_do_not_share_a_bag(tmp_path):
+    bag, _ = resumed(tmp_path / "bag")
+    with pytest.raises(HindraxError, match="another recorder"):
+        resumed(tmp_path / "bag")
+    bag.close()
+    resumed(tmp_path / "bag")[0].close()
+
+
+def test_a_file_that_is_written_is_left_alone(tmp_path):
+    bag = writer(tmp_path / "bag")
+    record(bag, 3)
+    bag.flush()
+    assert "still written" in complete(bag.path)
+    assert unfinished_files(tmp_path) == []
+    record(bag, 3)
+    bag.close()
+    assert len(list(messages(tmp_path / "bag"))) == 6
+
+
+def test_unfinished_files_of_all_bags_below_a_folder_are_found(tmp_path):
+    path = unfinished_bag(tmp_path / "a" / "bag")
+    small_bag(tmp_path / "b" / "bag", count=1)
+    assert unfinished_files(tmp_path) == [path]
+
+
+def test_a_bag_of_several_files_is_unfinished_as_long_as_metadata_lacks_one(tmp_path):
+    small_bag(tmp_path / "bag", count=5)
+    bag, _ = resumed(tmp_path / "bag")
+    assert [one.finished for one in find_bags(tmp_path)] == [False]
+    record(bag, 7)
+    bag.close()
+    assert [(one.finished, one.messages) for one in find_bags(tmp_path)] == [(True, 13)]
+
+
+def test_a_file_without_a_message_is_removed(tmp_path):
+    path = unfinished_bag(tmp_path / "bag")
+    path.write_bytes(path.read_bytes()[: chunk_end(path, 0) - 5])
+    assert "removed" in complete(path)
+    assert list((tmp_path / "bag").iterdir()) == []
+
+
+def test_a_file_with_a_damaged_chunk_is_kept_beside_its_copy(tmp_path):
+    path = unfinished_bag(tmp_path / "bag")
+    data = bytearray(path.read_bytes())
+    data[chunk_end(path, 5) - 40] ^= 0xFF
+    path.write_bytes(data)
+    assert "completed, 161 messages" in complete(path)
+    assert is_whole(path)
+    assert (tmp_path / "bag" / "bag_0.mcap.damaged").read_bytes() == data
+
+
+@pytest.mark.parametrize("content", [bytes(5000), b"no bag at all, by any means"])
+def test_what_cannot_be_completed_is_left_as_it_is(tmp_path, content):
+    path = tmp_path / "bag_0.mcap"
+    path.write_bytes(content)
+    assert "cannot be completed" in complete(path)
+    assert path.read_bytes() == content
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path):
+    path = unfinished_bag(tmp_path / "bag")
+    budget_MB = (path.stat().st_size + 600) / 1e6
+    bag, _ = resumed(tmp_path / "bag", BagLimits(budget_MB=budget_MB, when_full="oldest", keep_free_MB=0.0))
+    record(bag, 100)
+    said = bag.flush()
+    bag.close()
+    assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
+    assert not path.exists()

@@ -1,0 +1,139 @@
+"""Which stacks run on this machine: each has a lock file by which commands in other terminals find it.
+
+The file is locked for as long as the tool that wrote it lives, so a file that can be locked was left by a tool that
+was killed, and is removed by whoever finds it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import IO
+
+from hindrax_core.errors import UsageError
+
+FOLDER = "HINDRAX_RUNTIME_DIR"
+"""Environment variable that moves the folder; by default it is below XDG_RUNTIME_DIR, or in /tmp per user."""
+
+UP = "up"
+"""Purpose of a stack that waits for an operator; others (a pool test) know themselves what to do."""
+
+HEARTBEATS = ".beats"
+"""End of the name of a folder with the heartbeats of a tool's processes; it begins with the id of the tool."""
+
+GRAPH_PREFIXES = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_")
+
+
+@dataclass(frozen=True, slots=True)
+class StackLock:
+    """A running stack: its process, its clock (mock or system), and the settings of its ROS graph."""
+
+    pid: int
+    mock: bool
+    vehicle: str
+    folder: str
+    graph: Mapping[str, str] = field(default_factory=dict)
+    ports: Mapping[str, str] = field(default_factory=dict)
+    purpose: str = UP
+
+    @property
+    def domain(self) -> str:
+        """Its ROS_DOMAIN_ID."""
+        return self.graph.get("ROS_DOMAIN_ID", "0")
+
+    @property
+    def title(self) -> str:
+        """Short description."""
+        kind = "mock vehicle" if self.mock else "vehicle"
+        purpose = "" if self.purpose == UP else f"{self.purpose}, "
+        return f"{purpose}{kind}, ROS domain {self.domain}, process {self.pid}"
+
+
+def runtime_folder() -> Path:
+    """Folder of files that exist only while a tool runs, private to this user."""
+    named = os.environ.get(FOLDER)
+    session = os.environ.get("XDG_RUNTIME_DIR", "")
+    if named:
+        folder = Path(named)
+    elif session and os.access(session, os.W_OK):
+        folder = Path(session) / "hindrax"
+    else:
+        folder = Path(f"/tmp/hindrax-{os.getuid()}")  # noqa: S108  # per user, and not readable by others
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.stat().st_uid != os.getuid():
+        raise UsageError(f"{folder}: belongs to another user; name a folder of your own in {FOLDER}")
+    return folder
+
+
+def graph_settings(environment: Mapping[str, str]) -> dict[str, str]:
+    """Pick the settings that decide which ROS graph a process joins."""
+    found = {key: value for key, value in environment.items() if key.startswith(GRAPH_PREFIXES)}
+    return {"ROS_DOMAIN_ID": "0"} | found
+
+
+@contextlib.contextmanager
+def announced(presence: StackLock) -> Iterator[Path]:
+    """Leave the file for as long as the stack runs."""
+    folder = runtime_folder()
+    path, draft = folder / f"{presence.pid}.json", folder / f".{presence.pid}"
+    with draft.open("w", encoding="utf-8") as file:
+        # Locked and complete before it gets the name by which others look for it.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        json.dump(asdict(presence), file)
+        file.flush()
+        draft.rename(path)
+        try:
+            yield path
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def stacks() -> list[StackLock]:
+    """Every stack of this user that runs now, the oldest first."""
+    files = sorted(runtime_folder().glob("*.json"), key=lambda path: path.stat().st_mtime)
+    return [found for path in files if (found := _read(path)) is not None]
+
+
+def _read(path: Path) -> StackLock | None:
+    with contextlib.suppress(OSError, ValueError, TypeError), path.open(encoding="utf-8") as file:
+        if not owned(file):
+            path.unlink(missing_ok=True)
+            return None
+        return StackLock(**json.load(file))
+    return None
+
+
+def owned(file: IO[str]) -> bool:
+    """Whether the tool that wrote it still holds it."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    return False
+
+
+def choose(found: list[StackLock], pid: int | None) -> StackLock | None:
+    """Pick the stack that is meant: by its process, the only one, or the only one that waits for an operator.
+
+    None when none is announced, UsageError when it is not clear.
+    """
+    if pid is not None:
+        mine = [one for one in found if one.pid == pid]
+        if not mine:
+            raise UsageError(f"--stack {pid}: no such stack; {_listed(found)}")
+        return mine[0]
+    waiting = [one for one in found if one.purpose == UP]
+    if len(waiting) == 1:
+        return waiting[0]
+    if len(found) > 1:
+        raise UsageError(f"found {len(found)} stacks, wanted to know which: say --stack PID; {_listed(found)}")
+    return found[0] if found else None
+
+
+def _listed(found: list[StackLock]) -> str:
+    return "; ".join(f"{one.pid} ({one.title})" for one in found) or "none is up, start one with `./hindrax up`"

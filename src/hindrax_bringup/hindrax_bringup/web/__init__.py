@@ -1,1 +1,0 @@
-"""The page of a vehicle: the live view and the maneuvers in a browser, with nothing but the standard library."""

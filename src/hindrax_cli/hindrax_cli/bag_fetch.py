@@ -1,0 +1,142 @@
+"""Bags from the vehicle over ssh: resumed where a copy broke off, and verified by checksum.
+
+The vehicle needs nothing but a shell, `find`, `tail` and `sha256sum`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import subprocess
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from hindrax_core.errors import HindraxError, UsageError
+
+BLOCK = 1 << 18
+SSH_FAILED = 255
+"""Exit code of ssh when it came to no connection."""
+SSH = ("ssh", "-o", "BatchMode=yes", "-o", "ConnectTimeout=10")
+Progress = Callable[[str, int, int], None]
+"""Called with a file, its bytes here so far, and its size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """Where bags lie: a folder on a host that is reached with a command, or on this machine without one."""
+
+    command: tuple[str, ...]
+    folder: str
+
+    def shell(self, line: str) -> list[str]:
+        """Words of the process that runs a shell line there."""
+        return [*self.command, line] if self.command else ["sh", "-c", line]
+
+    def ask(self, line: str) -> str:
+        """Output of a shell line; HindraxError with its last words when it fails."""
+        try:
+            done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
+        except OSError as error:
+            raise HindraxError(
+                f"{self.command[0]}: cannot be run ({error.strerror}); install it, or name another with --ssh"
+            ) from error
+        if done.returncode != 0:
+            words = (done.stderr.strip().splitlines() or [f"{self.command[0] if self.command else 'sh'} said nothing"])[
+                -1
+            ]
+            raise HindraxError(f"{self.name}: cannot be read ({words}); {self._remedy(done.returncode)}")
+        return done.stdout
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+        return ":".join((*self.command[-1:], self.folder))
+
+    def _remedy(self, code: int) -> str:
+        if self.command and code == SSH_FAILED:
+            return f"is it on the network, and does `ssh {self.command[-1]}` ask for no password?"
+        return "--remote names the folder"
+
+
+@dataclass(frozen=True, slots=True)
+class Fetched:
+    """One file that is here now, verified; how many of its bytes came this time."""
+
+    path: Path
+    size: int
+    copied: int
+
+
+def remote_of(host: str, folder: str, ssh: Sequence[str] = SSH) -> Remote:
+    """A host as `name` or `user@name`; anything with a slash is a folder of this machine and `folder` is within it."""
+    if not host:
+        raise UsageError("HOST is empty; name the vehicle, such as pi@rov.local, or a folder")
+    if "/" in host:
+        return Remote((), str(PurePosixPath(host) / folder) if folder else host)
+    return Remote((*ssh, host), folder)
+
+
+def fetch(remote: Remote, out: Path, progress: Progress = lambda _name, _here, _size: None) -> list[Fetched]:
+    """Copy all files below the remote folder that are not here yet; HindraxError when one cannot be had whole."""
+    found = _listing(remote)
+    if not found:
+        raise HindraxError(f"{remote.name}: holds no file; --remote names the folder of the bags")
+    try:
+        return [_fetch_one(remote, name, size, out, progress) for name, size in found]
+    except OSError as error:
+        place = error.filename or out
+        raise HindraxError(f"{place}: cannot be written ({error.strerror}); name another with --out") from error
+
+
+def _listing(remote: Remote) -> list[tuple[str, int]]:
+    line = f"cd {shlex.quote(remote.folder)} && find . -type f -printf '%s %P\\n'"
+    pairs = [row.partition(" ") for row in remote.ask(line).splitlines()]
+    return sorted((name, int(size)) for size, _, name in pairs)
+
+
+def _fetch_one(remote: Remote, name: str, size: int, out: Path, progress: Progress) -> Fetched:
+    target = out / name
+    if ".." in PurePosixPath(name).parts:
+        raise HindraxError(f"{name}: leads out of the folder; not fetched")
+    wanted = _remote_hash(remote, name)
+    if target.is_file() and _hash(target) == wanted:
+        return Fetched(target, size, 0)
+    partial = target.with_name(target.name + ".part")
+    partial.parent.mkdir(parents=True, exist_ok=True)
+    copied = _copy(remote, name, size, partial, progress)
+    if _hash(partial) != wanted:
+        # The part from an earlier try belongs to another file: fetch it again from its start.
+        partial.unlink()
+        copied = _copy(remote, name, size, partial, progress)
+    if _hash(partial) != wanted:
+        raise HindraxError(f"{name}: the checksum differs after copying; is it still being recorded?")
+    partial.replace(target)
+    return Fetched(target, size, copied)
+
+
+def _copy(remote: Remote, name: str, size: int, partial: Path, progress: Progress) -> int:
+    """Append what is missing; returns the bytes that came."""
+    here = start = partial.stat().st_size if partial.exists() else 0
+    line = f"tail -c +{start + 1} {shlex.quote(remote.folder + '/' + name)}"
+    with (
+        partial.open("ab") as file,
+        subprocess.Popen(remote.shell(line), stdout=subprocess.PIPE) as process,  # noqa: S603  # quoted above
+    ):
+        assert process.stdout is not None
+        while block := process.stdout.read(BLOCK):
+            file.write(block)
+            here += len(block)
+            progress(name, here, size)
+    if process.returncode != 0:
+        raise HindraxError(f"{name}: the copy broke off after {here} of {size} bytes; run it again, it goes on there")
+    return here - start
+
+
+def _remote_hash(remote: Remote, name: str) -> str:
+    return remote.ask(f"sha256sum < {shlex.quote(remote.folder + '/' + name)}").split()[0]
+
+
+def _hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

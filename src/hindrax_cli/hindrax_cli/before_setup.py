@@ -1,0 +1,19 @@
+"""What `./hindrax` answers before it is set up: version, help and completion. Python 3.9 and its library suffice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hindrax_cli import command_line as cli
+from hindrax_cli import command_page
+
+
+def main(root: Path, words: Sequence[str]) -> int:
+    """Answer and return the exit code; the help of a command comes from its page, as its parser needs libraries."""
+    asked = [word for word in words if word not in ("-h", "--help")]
+    text = command_page.help_of(command_page.page_of(root), asked) if asked and len(asked) < len(words) else None
+    if text is None:
+        return cli.main(words)
+    print(text, end="")
+    return 0

@@ -1,0 +1,188 @@
+"""The command line tool `hindrax`: finds the command, runs it, and turns an error into one line."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import contextlib
+import difflib
+import importlib
+import importlib.util
+import os
+import pkgutil
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import NoReturn, Protocol
+
+from hindrax_bag.software_version import software_version
+from hindrax_cli import commands
+from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
+
+GROUPS = {
+    "pool": ("the main job", ("pool-test", "report", "export")),
+    "operate": (
+        "run and drive the vehicle",
+        ("up", "monitor", "web", "arm", "disarm", "stop", "hold", "wrench", "joystick", "lights", "thruster"),
+    ),
+    "machine": (
+        "the machine and its devices",
+        ("doctor", "health", "mock", "dvl", "imu", "depth", "ping", "deploy"),
+    ),
+    "data": ("recorded data", ("bag", "identify", "replay")),
+    "experiment": (
+        "bench experiments",
+        ("bollard", "towing", "free-decay", "forced", "pendulum", "step", "estimate"),
+    ),
+    "explain": ("explained and proven", ("allocate", "papers", "montecarlo", "bench")),
+    "develop": ("for the shell and the code", ("completion", "test", "reference")),
+}
+"""Folder under `commands` -> title in the overview, and the order of its commands there; a new one comes last."""
+
+
+class Command(Protocol):
+    """Interface of a module under `commands`."""
+
+    NAME: str
+    HELP: str
+    EXAMPLE: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the options."""
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Do the work and return the exit code."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Invalid arguments give a one-line error with the nearest known word; the usage is in the help."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error and exit with 2."""
+        stray = re.fullmatch(r"unrecognized arguments: (.*)", message)
+        if stray:
+            word = stray[1].split()[0]
+            message = f"no option {word!r}{meant(word, self._option_string_actions)}"
+        self.exit(UsageError.exit_code, f"{self.prog}: {message}; ./{self.prog} --help shows how\n")
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Question after the known word that is nearest to an unknown one; empty when none is near."""
+    near = difflib.get_close_matches(word.replace("_", "-"), list(known), n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def modules() -> dict[str, str]:
+    """Name of each command module (`pool_test`) -> its dotted path, sorted by name."""
+    found = {
+        module.name: f"{commands.__name__}.{folder}.{module.name}"
+        for root in commands.__path__
+        for folder in GROUPS
+        for module in pkgutil.iter_modules([str(Path(root) / folder)])
+    }
+    return dict(sorted(found.items()))
+
+
+def module_names() -> list[str]:
+    """Names of all command modules, sorted."""
+    return list(modules())
+
+
+def load(module_name: str) -> ModuleType:
+    """Import one command module; only the command that is wanted pays for its imports."""
+    return importlib.import_module(modules()[module_name])
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool and return its exit code."""
+    try:
+        code = _main(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
+        print("hindrax: stopped by Ctrl-C", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader closed the pipe; do not flush the rest into it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return code
+
+
+def _main(words: list[str]) -> int:
+    if not words or words[0] in ("-h", "--help", "help"):
+        print_overview()
+        return 0 if words else 2
+    if words[0] == "--version":
+        print(software_version())
+        return 0
+    known = {name.replace("_", "-"): name for name in module_names()}
+    if words[0] not in known:
+        print(f"hindrax: no command {words[0]!r}{meant(words[0], known)}; ./hindrax --help lists all", file=sys.stderr)
+        return UsageError.exit_code
+    return run_command(load(known[words[0]]), words[1:])
+
+
+def parser_of(command: ModuleType) -> argparse.ArgumentParser:
+    """Make the parser of one command, with its help and its example."""
+    parser = Parser(
+        prog=f"hindrax {command.NAME}",
+        description=command.HELP,
+        epilog=f"example:\n  {command.EXAMPLE}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_arguments(parser)
+    return parser
+
+
+def run_command(command: ModuleType, words: list[str]) -> int:
+    """Parse the arguments of one command and run it; a HindraxError becomes one line and its exit code."""
+    parser = parser_of(command)
+    if getattr(command, "PASSES_ON", False) and words[:1] not in (["-h"], ["--help"]):
+        words = ["--", *words]  # argparse would look at the first one
+    try:
+        return int(command.run(parser.parse_args(words)))
+    except HindraxError as error:
+        print(f"hindrax {command.NAME}: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print(f"hindrax {command.NAME}: stopped by Ctrl-C", file=sys.stderr)
+        return INTERRUPTED
+
+
+def print_overview() -> None:
+    """Print every command with its one line of help."""
+    print("usage: ./hindrax COMMAND [OPTIONS]      (./hindrax COMMAND --help shows an example)")
+    for title, names in grouped():
+        print(f"\n{title}")
+        for name in names:
+            print(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}")
+    print("\n./hindrax --version says which software this is")
+    print("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
+
+
+def grouped() -> list[tuple[str, list[str]]]:
+    """Names of the commands that there are, group by group."""
+    folders = {name.replace("_", "-"): path.split(".")[-2] for name, path in modules().items()}
+    return [
+        (title, sorted((name for name in folders if folders[name] == folder), key=(*first, *folders).index))
+        for folder, (title, first) in GROUPS.items()
+    ]
+
+
+def declared(module_name: str) -> dict[str, str]:
+    """Texts that a command module declares, read without importing it: help must not wait for numpy."""
+    found = importlib.util.find_spec(modules()[module_name])
+    assert found is not None
+    assert found.origin is not None
+    tree = ast.parse(Path(found.origin).read_text(encoding="utf-8"))
+    texts = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id.isupper():
+            with contextlib.suppress(ValueError):
+                texts[node.targets[0].id] = str(ast.literal_eval(node.value))
+    return texts
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+"""Help and completion from the page of the commands in docs/reference, which a test keeps equal to the parsers.
+
+Needs nothing but the standard library of Python 3.9: it answers before hindrax is set up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import starmap
+from pathlib import Path
+
+WIDTH = 24
+"""Of the column of the options, as argparse sets it."""
+SHELLS = ("bash", "zsh", "fish")
+SECTION = re.compile(r"^##+ ", re.MULTILINE)
+FURNITURE = ("| ---", "| option", "```")
+ROW = re.compile(r"^\| `(?P<form>[^`]+)` \| (?P<meaning>.*) \|$")
+
+BASH = """# Completion of hindrax for bash; keep it as ~/.local/share/bash-completion/completions/hindrax
+_hindrax() {
+  local known="${COMP_WORDS[1]}${COMP_WORDS[2]:+ ${COMP_WORDS[2]}}" words
+  if [ "$COMP_CWORD" -eq 1 ]; then
+    words='@COMMANDS@'
+  else
+    case $known in
+@CASES@
+    esac
+  fi
+  COMPREPLY=($(compgen -W "$words" -- "${COMP_WORDS[COMP_CWORD]}"))
+}
+complete -o default -F _hindrax hindrax
+"""
+ZSH = "# Completion of hindrax for zsh; source it in ~/.zshrc\nautoload -U +X bashcompinit && bashcompinit\n"
+FISH = "# Completion of hindrax for fish; keep it as ~/.config/fish/completions/hindrax.fish"
+
+
+def page_of(root: Path) -> str:
+    """Read the page."""
+    return (root / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+
+
+def sections(page: str) -> dict[str, str]:
+    """Text by command, and by command and word (`bag info`)."""
+    return {name: text for name, _, text in (part.partition("\n") for part in SECTION.split(page)[1:])}
+
+
+def help_of(page: str, words: list[str]) -> str | None:
+    """Return the help of a command, or of a word of one; None when there is no such command."""
+    found = sections(page)
+    name = next((name for name in (" ".join(words[:2]), *words[:1]) if name in found), None)
+    if name is None:
+        return None
+    below = [f"  {one.partition(' ')[2]}" for one in found if one.startswith(f"{name} ")]
+    text = [_line(line) for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
+    more = [f"\nwords, each with --help of its own:\n{chr(10).join(below)}"] if below else []
+    return "\n".join([f"usage: ./hindrax {name} {'WORD ' if below else ''}[OPTIONS]\n", *text, *more]) + "\n"
+
+
+def _line(line: str) -> str:
+    row = ROW.match(line)
+    if not row:
+        return line
+    form, meaning = _plain(row["form"]), _plain(row["meaning"])
+    return f"  {form:<{WIDTH}}  {meaning}" if len(form) <= WIDTH else f"  {form}\n{'':{WIDTH + 4}}{meaning}"
+
+
+def _plain(text: str) -> str:
+    return text.replace("\\|", "|")
+
+
+def words_of(page: str) -> Mapping[str, list[str]]:
+    """What may follow each command, or word of one: options, values to choose from, words."""
+    found = sections(page)
+    known = {}
+    for name, text in found.items():
+        rows = [row["form"] for row in map(ROW.match, text.splitlines()) if row]
+        below = [one.partition(" ")[2] for one in found if one.startswith(f"{name} ")]
+        known[name] = [*below, *(word for form in rows for word in _offered(form)), "--help"]
+    return known
+
+
+def _offered(form: str) -> list[str]:
+    """Words of an option or an argument that are typed as they stand: itself, and what there is to choose from."""
+    words = _plain(form).replace(" ...", "").split()
+    return [one for word in words for one in word.split("|") if re.fullmatch(r"[-a-z][-a-z0-9_]*", one)]
+
+
+def completion(page: str, shell: str) -> str:
+    """Return the script by which a shell completes commands, their words and their options."""
+    known = dict(words_of(page), setup=["--check", "--help"])
+    commands = [name for name in known if " " not in name]
+    if shell == "fish":
+        return "\n".join([FISH, _fish("__fish_use_subcommand", commands), *map(_fish_command, known.items()), ""])
+    # Patterns of two words come before those of one, which fit them too.
+    narrow_first = sorted(known.items(), key=lambda one: " " not in one[0])
+    cases = "\n".join(starmap(_case, narrow_first))
+    bash = BASH.replace("@COMMANDS@", " ".join(commands)).replace("@CASES@", cases)
+    return ZSH + bash.partition("\n")[2] if shell == "zsh" else bash
+
+
+def _case(name: str, words: list[str]) -> str:
+    pattern = f"'{name}'" if " " in name else f"'{name}' | '{name} '*"
+    return f"      {pattern}) words='{' '.join(words)}' ;;"
+
+
+def _fish_command(known: tuple[str, list[str]]) -> str:
+    condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in known[0].split())
+    return _fish(condition, known[1])
+
+
+def _fish(condition: str, words: list[str]) -> str:
+    return f"complete -c hindrax -n '{condition}' -a '{' '.join(words)}'"

@@ -1,0 +1,231 @@
+"""`hindrax identify`: the identification over recorded data, of this stack or third-party."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.identification.bag_identification import show
+from hindrax_analysis.identification.record_identification import (
+    IdentificationTask,
+    IdentifiedRecords,
+    RecordSource,
+    Span,
+    axes_named,
+    identify_sources,
+    open_source,
+    recorded_vehicle,
+)
+from hindrax_analysis.identification.result_files import bag_hash, traces_of, write_coefficients, write_report
+from hindrax_analysis.plain import plain
+from hindrax_analysis.records.csv_columns import COLUMNS
+from hindrax_analysis.records.maneuver_record import maneuver_record
+from hindrax_analysis.records.provenance import date_of
+from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
+from hindrax_analysis.report import RunReport
+from hindrax_bag.software_version import software_version
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_ident.assess.results import Results
+from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.tuning import Tuning
+
+NAME = "identify"
+HELP = "the identification over recorded data: our bags, third-party bags, CSV"
+EXAMPLE = (
+    "./hindrax identify pool.mcap --vehicle myrov.yaml --odometry /odom --wrench /thrust --dof surge --report pool.html"
+)
+
+NO_VEHICLE = (
+    "no --vehicle was named: dimensionless numbers are for the size of the Hindrax, and the added mass is left out; "
+    "a file with name, mass_kg, volume_m3 and envelope_m is enough"
+)
+GAIN_SIGMA = 0.1
+"""Relative uncertainty of a wrench without a thrust curve in the vehicle file [-]."""
+CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
+ABOUT = """
+Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are
+found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchStamped or Wrench. Body axes follow from
+the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Pulses
+(UInt16MultiArray, mavros RCOut and the like) are made newtons by the curves of the vehicle file, and poses are made
+velocities, where --wrench and --odometry name them.
+Several records of one vehicle are pooled, and the spread between them is shown.
+
+columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
+names like vx, surge_force or those of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Records, vehicle, topics, what is taken of them, and where the results go."""
+    columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
+    parser.description = f"{HELP}\n{ABOUT}{columns}"
+    parser.add_argument("records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder or CSV file")
+    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file: mass, volume and envelope are enough")
+    parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
+    parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
+    parser.add_argument(
+        "--frame", choices=FRAMES, default="", help="axes, whatever they are called; world: velocities of an odometry"
+    )
+    parser.add_argument(
+        "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved"
+    )
+    parser.add_argument(
+        "--gain-sigma",
+        type=_share,
+        metavar="SHARE",
+        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
+    )
+    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
+    parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def _share(text: str) -> float:
+    """Argument type: a part of one."""
+    number = float(text)
+    if not 0.0 <= number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not from 0 to 1")
+    return number
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read, identify, show; 0 when the work was done, whatever the verdict on each motion."""
+    if not arguments.to_s > arguments.from_s:
+        raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
+    wanted = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
+    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    sources = [open_source(path, wanted, named) for path in arguments.records]
+    vehicle, said = _vehicle(named, sources[0])
+    began = time.monotonic()
+    gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
+    span = Span(arguments.from_s, arguments.to_s)
+    tuning = Tuning(wrench_gain_sigma=gain_sigma)
+    task = IdentificationTask(tuple(axes_named(arguments.dof)), span, mass_known=NO_VEHICLE not in said, tuning=tuning)
+    found = identify_sources(sources, vehicle, task)
+    took_s = time.monotonic() - began
+    told = _conditions(vehicle, sources, found, said)
+    if arguments.report:
+        write_report(arguments.report, _report(vehicle, sources, found, told))
+    if arguments.coefficients:
+        write_coefficients(arguments.coefficients, found.identified.results, told)
+    if arguments.json:
+        print(json.dumps(plain(_document(arguments, sources, found, told, took_s)), allow_nan=False))
+    else:
+        _show(arguments, found, told)
+    return 0
+
+
+def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list[str]]:
+    """Vehicle, and the assumptions about it."""
+    if named is not None:
+        return named, []
+    recorded = recorded_vehicle(source)
+    if recorded is not None:
+        return recorded, []
+    ours = load_vehicle(default_vehicle())
+    return Vehicle(ours.name, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
+
+
+def _gain_sigma(told: float | None, vehicle: Vehicle, source: RecordSource, said: list[str]) -> float:
+    """Standard deviation of the wrench's gain in third-party records, beyond the curves of the vehicle file."""
+    if source.recording is None or (told is None and vehicle.thrusters):
+        return 0.0
+    believed = GAIN_SIGMA if told is None else told
+    said.append(f"the gain of the wrench is believed to within {believed:.0%} (--gain-sigma): see the calibrated band")
+    return believed
+
+
+def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, said: list[str]) -> Conditions:
+    results = found.identified.results
+    told = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
+    assumed = tuple(dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)]))
+    ended = [maneuver_record(source.path) for source in sources if source.recording is None]
+    is_bag = sources[0].path.is_dir() or sources[0].path.suffix in (".mcap", ".db3")
+    return replace(
+        told,
+        date=date_of(sources[0].path) if is_bag else "",
+        bag=", ".join(str(source.path) for source in sources),
+        bag_sha256=", ".join(bag_hash(source.path) for source in sources),
+        software=software_version(),
+        assumptions=assumed,
+        aborted="; ".join(dict.fromkeys(one.aborted for one in ended if one.aborted)),
+        flown_s={motion: sum(one.flown_s.get(motion, 0.0) for one in ended) for one in ended for motion in one.flown_s},
+    )
+
+
+def _report(vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, told: Conditions) -> RunReport:
+    traces = found.traces
+    if len(sources) == 1 and sources[0].recording is None:
+        traces = traces_of(sources[0].path, found.identified.origin)
+    runs = [_saved(source, results, told) for source, results in zip(sources, found.runs, strict=False)]
+    identified = found.identified
+    return RunReport(vehicle, identified.results, identified.outcome.assessments, told, traces, runs)
+
+
+def _saved(source: RecordSource, results: Results, told: Conditions) -> SavedCoefficients:
+    """One of several records, as the report shows earlier runs."""
+    motions = {
+        name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds, one.samples, one.method)
+        for name, one in results.motions.items()
+    }
+    label = source.path.parent.name if source.path.name == "bag" else source.path.stem
+    return SavedCoefficients(label, told, motions)
+
+
+def _document(
+    arguments: argparse.Namespace,
+    sources: list[RecordSource],
+    found: IdentifiedRecords,
+    told: Conditions,
+    took_s: float,
+) -> dict[str, Any]:
+    """The agreed shape; with several records also each by itself and the spread between them."""
+    recorded_s = sum(source.recording.duration_s for source in sources if source.recording)
+    out: dict[str, Any] = {
+        **found.identified.results.to_json(),
+        "bag": str(sources[0].path),
+        "report": str(arguments.report) if arguments.report else None,
+        "real_time_factor": round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None,
+        "aborted": told.aborted or None,
+        "assumptions": list(told.assumptions),
+    }
+    if found.runs:
+        out["runs"] = [
+            {"bag": str(source.path), **results.to_json()} for source, results in zip(sources, found.runs, strict=True)
+        ]
+        out["spread"] = {
+            motion: {
+                key: {"scatter": one.scatter, "ratio": one.ratio, "mean": one.mean, "std": one.std, "runs": one.runs}
+                for key, one in spreads.items()
+            }
+            for motion, spreads in found.spreads.items()
+        }
+    return out
+
+
+def _show(arguments: argparse.Namespace, found: IdentifiedRecords, told: Conditions) -> None:
+    for assumption in told.assumptions:
+        print(f"assumed: {assumption}", file=sys.stderr)
+    show(found.identified)
+    foreign = not told.mock and found.identified.origin is None
+    for motion, result in found.identified.results.motions.items() if foreign else ():
+        if result.quality:
+            lag_s, late_s = result.quality["lag_s"], result.quality["latency_s"]
+            print(f"{motion}: thrust lags by {lag_s:.2f} s, velocities come {late_s:.2f} s late, as the record has it")
+    for motion, spreads in found.spreads.items():
+        for key, one in spreads.items():
+            times = f"{one.ratio:.1f} times what their deviations say"
+            print(f"{motion} {key}: {one.runs} runs scatter by {one.scatter:.3g}, {times}")
+    for path in (arguments.report, arguments.coefficients):
+        if path:
+            print(f"  {path}")

@@ -1,0 +1,120 @@
+"""`hindrax replay`: a recorded run through the real code, compared field by field with the record."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
+from hindrax_bringup.clone import clone_root
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_replay.bag_replay import Replayed, replay
+from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
+from hindrax_replay.ros_replay import replay_ros
+from hindrax_replay.third_party_topics import names_of
+
+NAME = "replay"
+HELP = "recorded wire frames through the real code again, compared with the record"
+EXAMPLE = "./hindrax replay runs/2026-01-31_14-00-00/bag"
+SHOWN = 30
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the bags and their references."""
+    parser.add_argument("bags", nargs="*", type=Path, metavar="BAG", help="folder of a bag, or one of its files")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--pure", action="store_true", help="without ROS, as fast as possible (default)")
+    way.add_argument("--ros", action="store_true", help="the real processes on the recorded wires, with /clock")
+    parser.add_argument("--all", action="store_true", help="every reference bag of this clone, against its reference")
+    parser.add_argument("--update-refs", action="store_true", help="with --all: write the references, say what changed")
+    parser.add_argument("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="a topic under our name")
+    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file, for bags that have none inside")
+    parser.add_argument("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay and report; 1 when anything differs beyond its tolerance."""
+    if arguments.update_refs and not arguments.all:
+        raise UsageError("--update-refs is for --all only: references belong to the reference bags")
+    if arguments.ros and arguments.update_refs:
+        raise UsageError("--update-refs is for --pure: what processes do depends on the time")
+    if arguments.out and not (arguments.ros and len(arguments.bags) == 1):
+        raise UsageError("--out is for --ros with one bag")
+    if arguments.all == bool(arguments.bags):
+        raise UsageError("name one or more bags, or --all for the reference bags")
+    done = [_one(bag, arguments) for bag in (_reference_bags() if arguments.all else arguments.bags)]
+    vehicle_s, wall_s = sum(one.vehicle_s for one in done), sum(one.wall_s for one in done)
+    factor = round(vehicle_s / wall_s, 1) if wall_s else 0.0
+    if arguments.json:
+        print(json.dumps({"bags": [one.document() for one in done], "times_real_time": factor}))
+    else:
+        _show(done, factor)
+    differing = any(one.ledger.differences() for one in done)
+    return 1 if differing and not arguments.update_refs else 0
+
+
+def references() -> Path:
+    """Folder of the references in this clone."""
+    return clone_root() / "test" / "replay" / "references"
+
+
+def _reference_bags() -> list[Path]:
+    folder = clone_root() / "test" / "replay" / "bags"
+    bags = sorted(one for one in folder.iterdir() if one.is_dir()) if folder.is_dir() else []
+    if not bags:
+        raise UsageError(f"{folder}: found no reference bags; --all works in a clone of the repository")
+    return bags
+
+
+def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
+    print(f"replaying {bag} ...", file=sys.stderr, flush=True)
+    if arguments.ros:
+        rules = load_rules(arguments.tolerances, "ros")
+        return replay_ros(bag, rules, arguments.vehicle, arguments.out)
+    vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    names = {} if arguments.all else names_of(bag, arguments.remap)
+    rules = load_rules(arguments.tolerances, "reference" if arguments.all else "pure")
+    replayed = replay(bag, rules, vehicle, results=arguments.all, names=names)
+    if not replayed.ledger.messages and not replayed.ledger.differences():
+        raise UsageError(
+            f"{bag}: holds nothing that can be compared, neither wire frames with readings nor inertial samples with"
+            f" navigation; `hindrax bag info {bag}` lists its topics"
+        )
+    if arguments.all:
+        file = reference_file(bag, references())
+        if arguments.update_refs:
+            _update(replayed, file)
+        else:
+            check_reference(replayed, file)
+    return replayed
+
+
+def _update(replayed: Replayed, file: Path) -> None:
+    """Rewrite a reference and print what changed, for the commit message."""
+    if file.exists():
+        changes = Replayed(
+            replayed.bag, ComparisonReport(replayed.ledger.rules), replayed.begin, samples=replayed.samples
+        )
+        check_reference(changes, file)
+        found = changes.ledger.differences()
+        print(f"{file.name}: {len(found)} fields changed", file=sys.stderr)
+        for one in found:
+            print(f"  {one.sentence(replayed.begin)}", file=sys.stderr)
+    write_reference(replayed, file)
+
+
+def _show(done: list[Replayed], factor: float) -> None:
+    for one in done:
+        found = one.ledger.differences()
+        verdict = f"{len(found)} fields differ" if found else "no difference"
+        print(f"{one.bag}: {one.ledger.fields_compared} fields compared, {verdict}")
+        for difference in found[:SHOWN]:
+            print(f"  {difference.sentence(one.begin)}")
+        if len(found) > SHOWN:
+            print(f"  and {len(found) - SHOWN} more; --json lists them")
+    print(f"replayed at {factor:.0f} times real time")

@@ -1,0 +1,1 @@
+"""For changing the code; these need the clone."""

@@ -1,0 +1,67 @@
+"""`hindrax test`: style, types, rooms and all tests on all cores; with arguments, pytest alone."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from hindrax_bringup.clone import clone_root
+
+NAME = "test"
+HELP = "all checks and tests, on all cores; with arguments only pytest, with those"
+EXAMPLE = "./hindrax test test/golden -k dvl75"
+PASSES_ON = True
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Everything goes to pytest."""
+    parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="PYTEST ARGS", help="as pytest takes them")
+
+
+PYTEST = [sys.executable, "-m", "pytest"]
+ALL = [*PYTEST, "-n", "auto", "--durations", "10"]
+QUICK = (
+    ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
+    ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
+    ("rooms", [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]),
+)
+TYPES = [sys.executable, "-m", "mypy"]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the checks and the tests, all to their end; 1 if any failed."""
+    root = clone_root()
+    words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
+    if words:
+        return 0 if good("tests", [*PYTEST, *words], root) else 1
+    passed = [good(name, command, root) for name, command in QUICK]
+    with tempfile.TemporaryFile("w+") as said:
+        print("== types: checked beside the tests", flush=True)
+        types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=said, stderr=said)  # noqa: S603  # our own command
+        passed.append(good("tests", ALL, root))
+        passed.append(code_of(types) == 0)
+        said.seek(0)
+        print(f"{said.read()}== types: {'good' if passed[-1] else 'FAILED'}", flush=True)
+    return 0 if all(passed) else 1
+
+
+def good(name: str, command: list[str], root: Path) -> bool:
+    """Run one check to its end, and say how it went."""
+    begin = time.monotonic()
+    print(f"== {name}", flush=True)
+    code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands
+    print(f"== {name}: {'good' if code == 0 else 'FAILED'} ({time.monotonic() - begin:.0f} s)", flush=True)
+    return code == 0
+
+
+def code_of(process: subprocess.Popen[bytes]) -> int:
+    """Wait; what Ctrl-C interrupts is left the time to end what it has started."""
+    try:
+        return process.wait()
+    except KeyboardInterrupt:
+        process.wait()
+        raise

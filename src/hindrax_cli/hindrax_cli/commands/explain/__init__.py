@@ -1,0 +1,1 @@
+"""Explained and proven."""

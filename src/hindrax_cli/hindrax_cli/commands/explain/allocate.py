@@ -1,0 +1,81 @@
+"""`hindrax allocate`: one allocation, explained."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from typing import Any
+
+from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_core.errors import UsageError
+from hindrax_core.signals import Allocation
+from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, load_vehicle
+
+NAME = "allocate"
+HELP = "one wrench to forces and pulses, explained"
+EXAMPLE = "./hindrax allocate --wrench 14 0 2 0 0 0.5 --disable T3"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare wrench, failed thrusters, vehicle and supply."""
+    # Python 3.11 takes "-1e-5" for an option, and there is no public way to tell it otherwise.
+    parser._negative_number_matcher = re.compile(r"^-(\d|\.\d|inf|nan)")  # noqa: SLF001  # see above
+    parser.add_argument(
+        "--wrench", nargs=6, type=float, required=True, metavar=WRENCH_SYMBOLS, help="wanted, SNAME axes [N, Nm]"
+    )
+    parser.add_argument("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters")
+    parser.add_argument("--supply", type=float, metavar="V", help="supply voltage; default: of the vehicle file")
+    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Allocate once and print what comes of it."""
+    allocator = Allocator(load_vehicle(arguments.vehicle))
+    disabled = frozenset(word for name in arguments.disable for word in name.split(","))
+    unknown = sorted(disabled - set(allocator.names))
+    if unknown:
+        raise UsageError(f"--disable: found {unknown[0]!r}, wanted some of {', '.join(allocator.names)}")
+    X, Y, Z, K, M, N = arguments.wrench
+    allocation = allocator.allocate((X, Y, Z, K, M, N), disabled, supply_V=arguments.supply)
+    if arguments.json:
+        print(json.dumps(document(allocator.names, allocation)))
+    else:
+        explain(allocator.names, allocation)
+    return 0
+
+
+def document(names: tuple[str, ...], allocation: Allocation) -> dict[str, Any]:
+    """Return the allocation as the JSON document of this command."""
+    return {
+        "forces": dict(zip(names, allocation.forces_N, strict=True)),
+        "pulses": dict(zip(names, allocation.pulses_us, strict=True)),
+        "achieved": list(allocation.achieved),
+        "shortfall": list(allocation.shortfall),
+        "saturated": [name for name, at_limit in zip(names, allocation.saturated, strict=True) if at_limit],
+        "lost_axes": list(allocation.lost_axes),
+        "disabled": list(allocation.disabled),
+        "refused": list(allocation.refused),
+    }
+
+
+def explain(names: tuple[str, ...], allocation: Allocation) -> None:
+    """Print one table of thrusters and one of axes."""
+    thrusters = make_table("Thrusters", ("name",), ("force [N]", "pulse [us]", ""))
+    for name, force, pulse, at_limit in zip(
+        names, allocation.forces_N, allocation.pulses_us, allocation.saturated, strict=True
+    ):
+        note = "disabled" if name in allocation.disabled else "at its limit" if at_limit else ""
+        thrusters.add_row(name, f"{force:.2f}", str(pulse), note)
+    print_table(thrusters)
+    axes = make_table("Wrench [N, Nm]", ("axis",), ("wanted", "achieved", "shortfall", ""))
+    rows = zip(AXES, WRENCH_SYMBOLS, allocation.wanted, allocation.achieved, allocation.shortfall, strict=True)
+    for axis, symbol, wanted, achieved, missing in rows:
+        lost = "lost" if axis in allocation.lost_axes else ""
+        axes.add_row(f"{axis} {symbol}", f"{wanted:.3f}", f"{achieved:.3f}", f"{missing:.3f}", lost)
+    print_table(axes)
+    for refusal in allocation.refused:
+        print(f"refused: {refusal}")

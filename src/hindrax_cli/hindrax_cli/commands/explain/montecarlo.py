@@ -1,0 +1,134 @@
+"""`hindrax montecarlo`: many pool tests in lock-step with the mock, their errors against the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hindrax_analysis.identification.executor import executor_for
+from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
+from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.maneuver.excitation import EXCITATIONS
+from hindrax_control.maneuver.maneuver import PLATEAUS, Goal
+from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.online.session import Session
+from hindrax_sim.goal_pilot import GoalPilot
+from hindrax_sim.lockstep import Lockstep
+
+NAME = "montecarlo"
+HELP = "accuracy over many runs with the mock, against the Cramer-Rao bound"
+EXAMPLE = "./hindrax montecarlo --runs 40 --dof all"
+
+LONGEST_S = 7200.0
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One pool test: everything that it depends on."""
+
+    seed: int
+    motions: tuple[str, ...]
+    excitation: str
+    vehicle_file: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """How many runs, of what, and where they are computed."""
+    parser.add_argument("--runs", type=int, default=40, metavar="N", help="default 40")
+    parser.add_argument("--dof", nargs="+", default=["all"], choices=[*MOTIONS, "all"], help="default: all")
+    parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1")
+    parser.add_argument("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster")
+    parser.add_argument("--workers", type=int, default=0, metavar="N", help="local processes; default: one per core")
+    parser.add_argument(
+        "--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file, with its truth"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly all, compare, print; 1 when no run gave a result."""
+    if arguments.runs < 1:
+        raise UsageError(f"--runs: found {arguments.runs}, wanted 1 or more")
+    vehicle = load_vehicle(arguments.vehicle)
+    if vehicle.hydrodynamics is None:
+        raise UsageError(f"{arguments.vehicle}: has no block `hydrodynamics`, wanted the truth to compare with")
+    servable = motions_to_fly(arguments.dof, vehicle)
+    print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
+    seeds = range(arguments.seed, arguments.seed + arguments.runs)
+    jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle) for seed in seeds]
+    trials: list[Trial] = []
+    for trial in executor_for(arguments.cluster, arguments.workers).map(fly, jobs):
+        trials.append(trial)
+        print(f"run {len(trials)} of {len(jobs)}: seed {trial.seed} {trial.trouble}", file=sys.stderr, flush=True)
+    document = summary(trials)
+    if not document["cells"]:
+        raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
+    if arguments.json:
+        print(json.dumps(document))
+    else:
+        show(document)
+    return 0
+
+
+def fly(job: Job) -> Trial:
+    """Fly one pool test in lock-step and compare its results with the truth."""
+    vehicle = calibrated(load_vehicle(job.vehicle_file))
+    pilot = GoalPilot(vehicle, Goal(job.motions, job.excitation, job.seed))
+    session = Session(vehicle, silent=True)
+    step = Lockstep(vehicle, pilot, job.seed, session=session)
+    for _ in step.run(LONGEST_S):
+        pass
+    aborted = pilot.output.aborted if pilot.output is not None else "the maneuver did not begin"
+    return trial_of(job.seed, vehicle, session.finalize(), aborted, step.world.conditions.thrust_density_s)
+
+
+def calibrated(vehicle: Vehicle) -> Vehicle:
+    """Say of every sensor that its accelerometer was calibrated: the lock-step's have the offset that is left then."""
+    done = {"accel_offset_mps2": (0.0, 0.0, 0.0)}
+    sensors = {
+        name: replace(mount, calibration={**done, **mount.calibration}) for name, mount in vehicle.sensors.items()
+    }
+    return replace(vehicle, sensors=sensors)
+
+
+def show(document: dict[str, Any]) -> None:
+    """Print the tables: refined result and the other methods, then the drag force."""
+    methods = list(document["methods"])
+    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band")
+    table = make_table(
+        f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known",
+        ("motion", "coefficient"),
+        (*numbers, *(f"RMSE / bound, {method}" for method in methods)),
+    )
+    for cell in document["cells"]:
+        table.add_row(*_row(cell), *(_ratio(document["methods"][method], cell) for method in methods))
+    print_table(table)
+    low, high = document["ratio_by_chance"]
+    print(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
+    title = "Drag force at shares of the tested speed: relative error, percent"
+    drag = make_table(title, ("motion",), ("share", "bias", "RMSE"))
+    for row in document["drag"]:
+        drag.add_row(
+            row["motion"], f"{row['share_of_speed']:.0%}", f"{100 * row['bias']:.2f}", f"{100 * row['rmse']:.2f}"
+        )
+    print_table(drag)
+    for seed, trouble in document["troubles"].items():
+        print(f"seed {seed}: {trouble}")
+
+
+def _row(cell: dict[str, Any]) -> tuple[str, ...]:
+    numbers = tuple(f"{cell[key]:.4g}" for key in ("truth", "bias", "rmse", "crlb"))
+    return (cell["motion"], cell["coefficient"], *numbers, f"{cell['ratio']:.2f}", f"{cell['coverage95']:.0%}")
+
+
+def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:
+    same = [one for one in cells if (one["motion"], one["coefficient"]) == (wanted["motion"], wanted["coefficient"])]
+    return f"{same[0]['ratio']:.2f}" if same else ""

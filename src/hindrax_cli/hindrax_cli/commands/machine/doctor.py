@@ -1,0 +1,113 @@
+"""`hindrax doctor`: what is wrong, and the remedy."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.table import Table
+from rich.text import Text
+
+from hindrax_analysis.terminal import console
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
+from hindrax_bringup.stack_lock import UP, StackLock, stacks
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.tether import add_tether, tether_setting
+from hindrax_cli.health_checks import machine, nodes, wires
+from hindrax_cli.health_checks.check import Check
+from hindrax_cli.health_checks.pi import board
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_operator.connection import joined
+
+NAME = "doctor"
+HELP = "look at buses, ports, devices, permissions, disk and time; name each problem and its remedy"
+EXAMPLE = "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Vehicle or mock, here or at the other end of the tether, and how to print."""
+    parser.add_argument("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this")
+    parser.add_argument("--topside", action="store_true", help="look at the vehicle from here, over the tether")
+    add_tether(parser)
+    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look at everything; 1 when anything is wrong."""
+    vehicle = load_vehicle(arguments.vehicle)
+    if arguments.topside and tether_setting() is None:
+        raise UsageError("--topside: found no tether, wanted one: --tether eth0:192.168.2.2")
+    checks = machine.machine(Path.cwd())
+    checks += machine.tether(tether_setting())
+    up = [one for one in stacks() if one.mock is arguments.mock and (one.purpose == UP or not one.mock)]
+    if not arguments.mock:
+        checks += machine.vehicle_machine() + board()
+    if arguments.topside:
+        checks += from_topside(vehicle)
+    elif up:
+        checks += wires.ports(vehicle, up[0].ports) + of_stack(up[0])
+    elif arguments.mock:
+        checks += in_mock(vehicle, Path(arguments.vehicle), tuple(arguments.fault))
+    else:
+        checks += wires.ports(vehicle, {}) + wires.devices(vehicle, {}, "system")
+    if arguments.json:
+        print(json.dumps({"checks": [asdict(one) for one in checks]}))
+    else:
+        show(checks)
+    return 0 if all(one.ok for one in checks) else 1
+
+
+def from_topside(vehicle: Vehicle) -> list[Check]:
+    """Ask the nodes of the vehicle at the other end of the tether, and compare the clocks."""
+    try:
+        with joined(None) as operator:
+            return [nodes.far_clock(operator), *nodes.stack(operator, vehicle, "the vehicle over the tether")]
+    except HindraxError as error:
+        return [Check("stack", ok=False, found=str(error), remedy="see `tether`; is `./hindrax up` running there?")]
+
+
+def of_stack(presence: StackLock) -> list[Check]:
+    """Ask the nodes of a stack that is up; its ports are taken."""
+    try:
+        with joined(presence) as operator:
+            return nodes.stack(operator, load_vehicle(presence.vehicle), presence.title)
+    except HindraxError as error:
+        return [Check("stack", ok=False, found=str(error), remedy="end it and start it again")]
+
+
+def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
+    """Start the mock's devices without a stack, and ask them as real ones are asked."""
+    print("asking the devices of a mock vehicle", file=sys.stderr)
+    with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
+        folder = RunFolder(Path(place))
+        shutil.copyfile(vehicle_file, folder.vehicle)
+        with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
+            stack = Stack(folder, vehicle, supervisor)
+            stack.start_mock(MockOptions(rate=0.0, faults=faults), "--no-ros")
+            ports = stack.mock_facts["ports"]
+            assert isinstance(ports, Mapping)
+            return wires.ports(vehicle, ports) + wires.devices(vehicle, ports, str(stack.mock_facts["clock"]))
+
+
+def show(checks: Sequence[Check]) -> None:
+    """Print what is well in one line each, and what is not with its remedy."""
+    table = Table.grid(padding=(0, 2, 0, 0))
+    for check in checks:
+        mark = Text("ok", style="green") if check.ok else Text("PROBLEM", style="bold red")
+        table.add_row(mark, Text(check.name, style="bold"), Text(check.found))
+        if not check.ok:
+            table.add_row("", "", Text(f"-> {check.remedy}", style="yellow"))
+    console().print(table)
+    wrong = sum(not check.ok for check in checks)
+    print(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks are well")

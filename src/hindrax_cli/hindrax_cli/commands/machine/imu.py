@@ -1,0 +1,125 @@
+"""`hindrax imu`: offsets and distortion of magnetometer and accelerometer from a turn, and the sensor's self test."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.vehicle_edit import set_key
+from hindrax_core import topics
+from hindrax_core.errors import HindraxError
+from hindrax_core.readings import Inertial, Magnetic, Vec3
+from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
+from hindrax_drivers.bus_capture import capture, mount_of, run_once
+from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948_selftest import self_test
+from hindrax_drivers.imu_calibration import correction, fit_sphere, roundness
+
+NAME = "imu"
+HELP = "calibrate magnetometer and accelerometer from a turn, or run the sensor's self test"
+EXAMPLE = "./hindrax imu calibrate --seconds 90 --write"
+SLOW_radps = 0.15
+"""While it turns no faster, the accelerometer sees gravity and little else."""
+NEAR_GRAVITY = 0.15
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what to do, where the data come from, and whether the vehicle file shall keep the result."""
+    parser.add_argument("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still")
+    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+    parser.add_argument("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]")
+    parser.add_argument("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one")
+    parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrate or test, print what came of it."""
+    name, mount = mount_of(load_vehicle(arguments.vehicle), "icm20948")
+    port = arguments.port or mount.port
+    if arguments.action == "self-test":
+        return _self_test(port, mount, as_json=arguments.json)
+    if arguments.bag:
+        forces, fields = from_bag(arguments.bag)
+    else:
+        forces, fields = live(port, mount, arguments.seconds)
+    found, remarks = calibration(forces, fields, mount.calibration if arguments.bag else {})
+    if arguments.write and found:
+        block = {key: values for key, values in mount.calibration.items() if not key.endswith("_scale")} | found
+        rounded = {key: [float(f"{one:.6g}") for one in values] for key, values in block.items()}
+        set_key(Path(arguments.vehicle), ("sensors", name, "calibration"), rounded)
+    if arguments.json:
+        print(json.dumps({"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)}))
+    else:
+        print("\n".join([*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())]))
+    return 0 if found else 1
+
+
+def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
+    """Raw forces while turning slowly, and raw fields, heard from the sensor itself."""
+    print(f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s", file=sys.stderr)
+    sensor = Icm20948(Icm20948Knobs(), mount.address)
+    heard = capture(port, sensor, seconds, _progress)
+    slow = [one for one in heard.of(Inertial) if max(abs(rate) for rate in one.rate_radps) < SLOW_radps]
+    return [one.specific_force_mps2 for one in slow], [one.field_T for one in heard.of(Magnetic)]
+
+
+def from_bag(bag: str) -> tuple[list[Vec3], list[Vec3]]:
+    """Forces while turning slowly, and fields, as they were recorded: corrected as the vehicle file then said."""
+    inertial, magnetic = topics.resolved(topics.IMU), topics.resolved(topics.MAGNETIC)
+    forces: list[Vec3] = []
+    fields: list[Vec3] = []
+    for one in messages(bag, (inertial, magnetic)):
+        message = one.decoded()
+        if one.topic == magnetic:
+            fields.append(_vector(message.magnetic_field))
+        elif max(abs(rate) for rate in _vector(message.angular_velocity)) < SLOW_radps:
+            forces.append(_vector(message.linear_acceleration))
+    return forces, fields
+
+
+def calibration(
+    forces: list[Vec3], fields: list[Vec3], before: Mapping[str, tuple[float, ...]]
+) -> tuple[dict[str, tuple[float, ...]], list[str]]:
+    """Entries for the vehicle file, and one remark per sensor. `before` is what was applied to the data already."""
+    at_rest = [one for one in forces if abs(_length(one) / GRAVITY_mps2 - 1.0) < NEAR_GRAVITY]
+    found: dict[str, tuple[float, ...]] = {}
+    remarks = []
+    for prefix, unit, points, radius in (("mag", "T", fields, None), ("accel", "mps2", at_rest, GRAVITY_mps2)):
+        try:
+            fitted = fit_sphere(points, radius)
+        except HindraxError as error:
+            slowly = f"; only what it feels at less than {SLOW_radps:g} rad/s counts" if radius else ""
+            remarks.append(f"{prefix}: {error}{slowly}")
+            continue
+        remarks.append(f"{prefix}: lengths differ by {roundness(points, fitted):.2%} after correction")
+        found |= correction(before, prefix, unit).then(fitted).entries(prefix, unit)
+    return found, remarks
+
+
+def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
+    print(run_once(port, sensor.configure()).text, file=sys.stderr)
+    result = run_once(port, self_test(mount.address or 0x68))
+    print(json.dumps({"passed": result.passed, "gyro": result.gyro, "accel": result.accel}) if as_json else result)
+    return 0 if result.passed else 1
+
+
+def _progress(share: float) -> None:
+    if sys.stderr.isatty():
+        print(f"\r{share:4.0%}", end="", file=sys.stderr, flush=True)
+
+
+def _vector(message: Any) -> Vec3:
+    return (message.x, message.y, message.z)
+
+
+def _length(vector: Vec3) -> float:
+    return float(sum(one * one for one in vector) ** 0.5)

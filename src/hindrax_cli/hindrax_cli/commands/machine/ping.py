@@ -1,0 +1,113 @@
+"""`hindrax ping`: what the echo sounder hears, asked over its own port, with the stack down."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Identity, Send, Trouble
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamped, after
+from hindrax_core.readings import EchoProfile
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.bus_capture import mount_of
+from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.serial_port import SerialPort
+from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+from hindrax_drivers.driver import in_water
+
+NAME = "ping"
+HELP = "one echo profile of the sonar: distance, confidence, and how strong each part of the scan sounds"
+EXAMPLE = "./hindrax ping profile --port /dev/hindrax/ping"
+PATIENCE_S = 8.0
+TICK_S = 0.05
+ROWS = 20
+WIDTH = 50
+LOUDEST = 255
+
+
+@dataclass(frozen=True, slots=True)
+class SonarAnswer:
+    """What the sonar said, and how long it took to say it."""
+
+    identity: str
+    profile: EchoProfile
+    round_trip_s: float
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what to do and where the sonar is."""
+    parser.add_argument("action", choices=("profile",), help="ask for one profile")
+    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Ask, and print the answer."""
+    vehicle = load_vehicle(arguments.vehicle)
+    port = arguments.port or mount_of(vehicle, "ping1d")[1].port
+    knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
+    answer = ask(port, Ping1d(knobs))
+    print(json.dumps(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer)))
+    return 0
+
+
+def ask(path: str, sonar: Ping1d) -> SonarAnswer:
+    """Wake the sonar, set it up and wait for a profile. HindraxError with the last trouble when none comes."""
+    identity, trouble = "", "silence"
+    try:
+        with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
+            outputs: list[Any] = list(sonar.start(clock.now()))
+            end = after(clock.now(), PATIENCE_S)
+            while clock.now() < end:
+                for one in outputs:
+                    if isinstance(one, Send):
+                        port.send(one)
+                    elif isinstance(one, Identity):
+                        identity = one.text
+                    elif isinstance(one, Trouble):
+                        trouble = one.text
+                    elif isinstance(one, Stamped) and isinstance(one.reading, EchoProfile):
+                        return SonarAnswer(identity, one.reading, sonar.round_trip_s or 0.0)
+                port.wait(after(clock.now(), TICK_S))
+                data, stamp = port.read()
+                outputs = [*sonar.feed(data, stamp), *sonar.tick(stamp)]
+    except DeviceError as error:
+        raise HindraxError(str(error)) from error
+    raise HindraxError(f"{path}: no profile in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
+
+
+def document(port: str, answer: SonarAnswer) -> dict[str, Any]:
+    """Return the answer for a program; strengths from 0 to 255, evenly over the scan."""
+    echo = answer.profile
+    return {
+        "port": port,
+        "identity": answer.identity,
+        "distance_m": echo.range_m,
+        "confidence": echo.confidence,
+        "scan_m": [echo.start_m, echo.start_m + echo.length_m],
+        "gain": echo.gain,
+        "round_trip_s": answer.round_trip_s,
+        "strength": list(echo.strength),
+    }
+
+
+def drawn(port: str, answer: SonarAnswer) -> list[str]:
+    """Return the answer for a person: one row per part of the scan, as long as its loudest echo."""
+    echo = answer.profile
+    head = f"{answer.identity} on {port}, answered in {answer.round_trip_s * 1e3:.0f} ms"
+    found = f"{echo.range_m:.3f} m, confidence {echo.confidence:.0%}, gain {echo.gain}"
+    count = len(echo.strength)
+    rows = [echo.strength[count * row // ROWS : count * (row + 1) // ROWS] for row in range(ROWS)]
+    lines = [
+        f"{echo.start_m + echo.length_m * (row + 0.5) / ROWS:7.2f} m  {'#' * (WIDTH * max(part) // LOUDEST)}"
+        for row, part in enumerate(rows)
+        if part
+    ]
+    return [head, found, *lines]

@@ -1,0 +1,27 @@
+"""`hindrax arm`: let the thrusters turn."""
+
+from __future__ import annotations
+
+import argparse
+
+from hindrax_operator.connection import add_stack, operator_of
+
+NAME = "arm"
+HELP = "arm the thrusters: neutral for the ESCs' time first, then they obey"
+EXAMPLE = "./hindrax arm"
+ARMING_S = 60.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which stack."""
+    add_stack(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Request arming and wait until the thrusters report it."""
+    with operator_of(arguments) as operator:
+        operator.wait_for_thrusters()
+        print("arming; keep hands off the thrusters", flush=True)
+        operator.arm(seconds=ARMING_S)
+        print(f"armed ({operator.thrusters.output}); `./hindrax stop` ends it at any time")
+    return 0

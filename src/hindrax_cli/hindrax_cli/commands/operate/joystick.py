@@ -1,0 +1,63 @@
+"""`hindrax joystick`: steer by hand, with what any joystick or keyboard tool of ROS 2 sends."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import adopted, environment
+from hindrax_control.teleop import TeleopKnobs
+from hindrax_core.errors import UsageError
+from hindrax_core.knobs import build
+from hindrax_operator.connection import add_stack, presence_of
+
+NAME = "joystick"
+HELP = "steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C"
+EXAMPLE = (
+    "./hindrax joystick        (then, in another terminal: ros2 run joy joy_node --ros-args -r joy:=/hindrax/joy\n"
+    "                              or: ros2 run teleop_twist_keyboard teleop_twist_keyboard --ros-args"
+    " -r cmd_vel:=/hindrax/cmd_vel)"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the stack and the parameters of the node."""
+    add_stack(parser)
+    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file; default: that of the stack")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the node here until a signal."""
+    check(arguments.set)
+    found = presence_of(arguments)
+    file = arguments.vehicle or (found.vehicle if found else str(default_vehicle()))
+    mock = arguments.sim_time or (found is not None and found.mock)
+    given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
+    words = ["teleop", "--ros-args", *(word for one in given for word in ("-p", one))]
+    with adopted(environment(mock=False, domain=None) | (dict(found.graph) if found else {})):
+        from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
+        from hindrax_ros.process import spin  # noqa: PLC0415  # as above
+
+        print("hold the dead-man button and steer; Ctrl-C ends it", flush=True)
+        return spin(make_nodes, words)
+
+
+def check(words: Sequence[str]) -> None:
+    """UsageError for a parameter that the node does not have, or cannot have at this value."""
+    given: dict[str, Any] = {}
+    for word in words:
+        name, assigned, value = word.partition(":=")
+        if not assigned:
+            raise UsageError(f"--set {word}: wanted NAME:=VALUE, such as dead_man:=5")
+        try:
+            given[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            given[name] = value
+    build(TeleopKnobs, given, "--set")

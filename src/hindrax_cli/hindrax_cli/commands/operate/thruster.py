@@ -1,0 +1,96 @@
+"""`hindrax thruster`: one thruster alone, its curve from a bench sweep, and thrusters out of use."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import yaml
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import positive
+from hindrax_cli.commands.experiment import bollard
+from hindrax_cli.vehicle_edit import set_key
+from hindrax_core.errors import UsageError
+from hindrax_operator.connection import add_stack, operator_of
+
+NAME = "thruster"
+HELP = "run one thruster alone, fit its curve from a sweep, take it out of use or back"
+EXAMPLE = (
+    "./hindrax thruster 3 --force 5 --for 2            (alone, armed for it; not beside a running stack)\n"
+    "  ./hindrax thruster fit sweep.csv --lever-ratio 2 --write\n"
+    "  ./hindrax thruster disable T3 --reason 'blade lost'   (and: enable T3)"
+)
+ACTIONS = ("fit", "disable", "enable")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the action and its thrusters or sweep."""
+    parser.add_argument("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do")
+    parser.add_argument("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable")
+    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_stack(parser)
+    alone = parser.add_argument_group("one thruster alone")
+    alone.add_argument("--force", type=float, metavar="N", help="along its axis, negative: astern [N]")
+    alone.add_argument("--for", dest="seconds", type=positive, default=2.0, metavar="S", help="how long; default 2 [s]")
+    alone.add_argument("--mock", action="store_true", help="of the mock vehicle")
+    health = parser.add_argument_group("disable")
+    health.add_argument("--reason", default="disabled by the operator", help="one sentence for the bag and the display")
+    sweep = parser.add_argument_group("fit (columns of the sweep: pulse_us, load_N, supply_V where measured)")
+    sweep.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
+    sweep.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="pulse at rest [us]")
+    sweep.add_argument("--dead-band", type=positive, default=25.0, metavar="US", help="half width without thrust [us]")
+    sweep.add_argument("--supply", type=positive, metavar="V", help="supply voltage [V]; default: the column's mean")
+    sweep.add_argument("--load-cell-std", type=float, default=0.0, metavar="PART", help="deviation of its gain [-]")
+    sweep.add_argument("--name", default="main", help="name of the curve in the vehicle file")
+    sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
+    sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
+    sweep.add_argument("--field", action="append", default=[], help=argparse.SUPPRESS)
+    sweep.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run, fit, or enable and disable."""
+    if arguments.what == "fit":
+        return _fit(arguments)
+    if arguments.what in ACTIONS:
+        return _set_health(arguments)
+    if arguments.which or arguments.force is None:
+        raise UsageError(f"thruster {arguments.what}: wanted --force NEWTONS and nothing else, or {', '.join(ACTIONS)}")
+    from hindrax_operator.one_thruster import ThrusterRun, run_one  # noqa: PLC0415  # fitting does without the stack
+
+    wanted = ThrusterRun(arguments.what, arguments.force, arguments.seconds, Path(arguments.vehicle), arguments.mock)
+    print(run_one(wanted))
+    return 0
+
+
+def _fit(arguments: argparse.Namespace) -> int:
+    if len(arguments.which) != 1:
+        raise UsageError(f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV)")
+    arguments.record = Path(arguments.which[0])
+    curve, block = bollard.fitted(arguments)
+    if arguments.write:
+        fresh = yaml.safe_load(block)["curves"][arguments.name]
+        set_key(Path(arguments.vehicle), ("curves", arguments.name), fresh)
+    bollard.print_curve(arguments, curve, block)
+    if not arguments.json:
+        where = f"curves.{arguments.name} of {arguments.vehicle}"
+        print(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
+    return 0
+
+
+def _set_health(arguments: argparse.Namespace) -> int:
+    names = set(arguments.which)
+    if not names:
+        raise UsageError(f"thruster {arguments.what}: found no thruster, wanted one or more such as T3")
+    from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # wrong words are refused before rclpy loads
+
+    with operator_of(arguments) as operator:
+        left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
+        lost = list(operator.allocation.lost_axes)
+    if arguments.json:
+        print(json.dumps({"disabled": left_out, "lost_axes": lost}))
+        return 0
+    print(f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else ""))
+    return 0

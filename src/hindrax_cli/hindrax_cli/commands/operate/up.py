@@ -1,0 +1,57 @@
+"""`hindrax up`: start the stack and keep it up."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import FAULT_HELP, MockOptions
+from hindrax_bringup.stack_runner import UpOptions, run_up
+from hindrax_bringup.tether import add_tether, tether_setting
+from hindrax_cli.argument_types import pace, seed
+from hindrax_core.errors import UsageError
+
+NAME = "up"
+HELP = "start the stack and keep it up until Ctrl-C; other terminals operate it"
+EXAMPLE = "./hindrax up --mock --record"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Vehicle or mock, and what is kept."""
+    parser.add_argument("--mock", action="store_true", help="the mock vehicle instead of the one on this machine")
+    parser.add_argument("--record", action="store_true", help="write a bag")
+    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    parser.add_argument("--out", metavar="DIR", help="new or empty folder for logs and bag; default runs/<time>")
+    add_tether(parser)
+    parser.add_argument(
+        "--without-operator",
+        choices=("hold", "neutral"),
+        default="hold",
+        help="with a tether, when the operator is silent for 2 s: end the maneuver and hold (default), or disarm",
+    )
+    add_mock_options(parser)
+
+
+def add_mock_options(parser: argparse.ArgumentParser) -> None:
+    """How the mock vehicle behaves."""
+    parser.add_argument("--seed", type=seed, help="mock: of its noise; default 1")
+    parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check the arguments, then start."""
+    if not arguments.mock and (arguments.fault or arguments.rate is not None or arguments.seed is not None):
+        raise UsageError("--fault, --rate and --seed are for --mock only")
+    mock = mock_options(arguments) if arguments.mock else None
+    # A mock is for this machine alone, unless it is asked for by name here.
+    tether = tether_setting() if arguments.tether or not arguments.mock else None
+    vehicle, without = Path(arguments.vehicle), arguments.without_operator
+    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without))
+
+
+def mock_options(arguments: argparse.Namespace) -> MockOptions:
+    """Options of the mock; default pace for an operator: real time."""
+    rate = 1.0 if arguments.rate is None else arguments.rate
+    return MockOptions(1 if arguments.seed is None else arguments.seed, rate, tuple(arguments.fault))

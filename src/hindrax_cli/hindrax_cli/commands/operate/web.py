@@ -1,0 +1,123 @@
+"""`hindrax web`: the live view and the maneuvers in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_runner import asked_to_end, report
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_operator.connection import add_stack, presence_of
+from hindrax_operator.web.access import Access, hosts_of
+
+if TYPE_CHECKING:
+    from hindrax_operator.monitor.graph_link import GraphLink
+    from hindrax_operator.web.page_controller import PageController
+
+NAME = "web"
+HELP = "live view in a browser: plots, the pool from above, maneuvers, finished reports"
+EXAMPLE = "./hindrax web\n  ./hindrax web --read-only --address 192.168.2.2"
+PORT = 8480
+JOIN_S, VEHICLE_S = 15.0, 10.0
+TURN_S = 0.1
+TOKEN_bytes = 24
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Where it is served, and what it may."""
+    parser.add_argument(
+        "--address",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="of this machine, in numbers; default 127.0.0.1, which only this machine reaches",
+    )
+    parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0: any free one")
+    parser.add_argument("--read-only", action="store_true", help="no orders from the page, for people who watch")
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        default=Path("runs"),
+        metavar="DIR",
+        help="folder of runs whose reports are shown; default runs",
+    )
+    add_stack(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Bind, join the graph, report the address, serve until Ctrl-C."""
+    if not 0 <= arguments.port < 1 << 16:
+        raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
+    access = Access(hosts_of(arguments.address), secrets.token_urlsafe(TOKEN_bytes))
+    from hindrax_control.maneuver.servable import servable_motions  # noqa: PLC0415  # help must not wait for numpy
+    from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
+    from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
+    from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
+    from hindrax_operator.web.summary import Chart  # noqa: PLC0415  # as above
+
+    found = presence_of(arguments)
+    vehicle = load_vehicle(Path(found.vehicle) if found else default_vehicle())
+    report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
+    chart = Chart(vehicle)
+    heartbeat = ViewerHeartbeat()
+    link = GraphLink(found, sim_time=arguments.sim_time, present=heartbeat.present)
+    reports = Reports(arguments.runs)
+    controller = PageController(link, chart, reports, heartbeat, read_only=arguments.read_only, log=report)
+    with asked_to_end() as over:
+        _serve(arguments, access, controller, link, over)
+    return 0
+
+
+def _serve(
+    arguments: argparse.Namespace, access: Access, controller: PageController, link: GraphLink, over: Callable[[], bool]
+) -> None:
+    from hindrax_operator.web.server import Server  # noqa: PLC0415  # only the command that serves pays for it
+
+    server = Server(arguments.address, arguments.port, access, controller)
+    link.start()
+    try:
+        _wait_for_vehicle(link, over)
+        server.start()
+        print(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only), flush=True)
+        while not over() and link.is_alive():
+            if not server.is_alive():
+                raise HindraxError(
+                    "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
+                )
+            time.sleep(TURN_S)
+    finally:
+        server.close()
+        link.close()
+    if link.error is not None:
+        raise link.error
+
+
+def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
+    """Wait for the vehicle's first word; HindraxError when there is none."""
+    link.wait(JOIN_S)
+    deadline = time.monotonic() + VEHICLE_S
+    while link.snapshot().silent_s > VEHICLE_S and not over():
+        if time.monotonic() > deadline:
+            raise HindraxError(
+                f"no vehicle is heard ({link.title}); start one with `./hindrax up`, or name the tether with --tether"
+            )
+        time.sleep(TURN_S)
+
+
+def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str:
+    """Return where the page is. The token stands behind the #, which a browser never sends anywhere."""
+    host = f"[{address}]" if ":" in address else address
+    lines = [f"web: http://{host}:{port}/#{token}", "  whoever has this address may watch"]
+    lines[1] += "" if read_only else ", fly while the vehicle is armed, and stop it"
+    if "localhost" in hosts_of(address):
+        lines.append(
+            f"  from another machine: ssh -L {port}:localhost:{port} THIS_MACHINE, then the same address there"
+        )
+    else:
+        lines.append("  it travels unencrypted: use it on a network of your own, such as the tether, or through ssh -L")
+    return "\n".join([*lines, "  Ctrl-C ends it"])

@@ -1,0 +1,73 @@
+"""`hindrax pool-test`: the main job, from arming to a report."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from pathlib import Path
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import FAULT_HELP, MockOptions
+from hindrax_cli.argument_types import pace, seed
+from hindrax_cli.health_checks.wires import require_ports
+from hindrax_control.maneuver.excitation import EXCITATIONS
+from hindrax_control.maneuver.maneuver import PLATEAUS
+from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_operator.pool_run import PoolOptions, run_pool_test
+
+NAME = "pool-test"
+HELP = "fly the maneuvers and identify the vehicle: the main job"
+EXAMPLE = "./hindrax pool-test --mock --dof surge --seed 7"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Vehicle or mock, motions, where to put the results."""
+    parser.add_argument("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine")
+    parser.add_argument(
+        "--dof",
+        nargs="+",
+        default=["surge"],
+        choices=[*MOTIONS, "all"],
+        help="default: surge; all: what its thrusters serve",
+    )
+    parser.add_argument("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1")
+    parser.add_argument(
+        "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
+    )
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
+    parser.add_argument(
+        "--on-cancel",
+        choices=("neutral", "hold"),
+        default="neutral",
+        help="how a guard ends it, before it is disarmed; default: neutral",
+    )
+    parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
+    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check the arguments, then fly."""
+    if not arguments.mock and (arguments.fault or arguments.rate):
+        raise UsageError("--fault and --rate are for --mock only")
+    if not arguments.mock:
+        require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    mock = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault)) if arguments.mock else None
+    return run_pool_test(
+        PoolOptions(
+            motions=tuple(arguments.dof),
+            vehicle_file=Path(arguments.vehicle),
+            mock=mock,
+            out=arguments.out,
+            seed=arguments.seed,
+            excitation=arguments.excitation,
+            on_cancel=arguments.on_cancel,
+            headless=arguments.headless or arguments.json,
+            json=arguments.json,
+        )
+    )

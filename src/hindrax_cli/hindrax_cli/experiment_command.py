@@ -1,0 +1,115 @@
+"""What the bench experiment commands share: options, reading a record, saving a plot."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
+from hindrax_analysis.experiments.least_squares import Array
+from hindrax_bag.read.bag_reader import messages
+from hindrax_core.errors import HindraxError, UsageError
+
+PLOT_KINDS = (".png", ".svg", ".pdf")
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Options of every experiment: --plot and --json."""
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"save a plot ({', '.join(PLOT_KINDS)})")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def add_record(parser: argparse.ArgumentParser, columns: Sequence[Column], nargs: str | None = None) -> None:
+    """The record itself (one, or as many as `nargs` says), and where in a bag its columns are."""
+    what = "CSV file with a header line, or a bag with --field"
+    parser.add_argument("record", type=Path, nargs=nargs, metavar="CSV_OR_BAG", help=what)
+    parser.add_argument(
+        "--field",
+        action="append",
+        default=[],
+        metavar="COLUMN=TOPIC:PATH",
+        help="where a column is in a bag, e.g. acceleration_mps2=/icm20948/imu:linear_acceleration.z",
+    )
+    parser.description = f"{parser.description}\n\ncolumns of the record:\n{describe(columns)}"
+
+
+def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) -> dict[str, Array]:
+    """Columns by name, each (n,) in SI, of a CSV file, or of a bag if fields are given. UsageError: cannot be read."""
+    if fields:
+        return _read_bag(path, fields, columns)
+    if path.is_dir() or path.suffix == ".mcap":
+        raise UsageError(f"{path}: is a bag; say with --field COLUMN=TOPIC:PATH where its columns are")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: cannot be read ({error})") from error
+    return read_columns(text, columns, str(path))
+
+
+def _read_bag(path: Path, fields: Sequence[str], columns: Sequence[Column]) -> dict[str, Array]:
+    """Columns by name, each (n,) in SI, from message fields; interpolated to the time base of the first field."""
+    places = [_place(field, columns) for field in fields]
+    series: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column, _, _ in places}
+    for message in messages(path, {topic for _, topic, _ in places}):
+        content = message.decoded()
+        for column, topic, words in places:
+            if topic == message.topic:
+                series[column][0].append(_stamp_s(content, message.received))
+                series[column][1].append(_follow(content, words, f"{path}, {topic}"))
+    empty = [topic for column, topic, _ in places if not series[column][0]]
+    if empty:
+        raise HindraxError(f"{path}: no message on {empty[0]}; `hindrax bag info {path}` lists the topics")
+    start = series[places[0][0]][0]
+    time = np.array(start) - start[0]
+    record = {"time_s": time}
+    for column, (stamps, values) in series.items():
+        record[column] = np.interp(time, np.array(stamps) - start[0], np.array(values))
+    return record
+
+
+def _place(field: str, columns: Sequence[Column]) -> tuple[str, str, list[str]]:
+    column, _, where = field.partition("=")
+    topic, _, words = where.partition(":")
+    if not (column and topic and words):
+        raise UsageError(f"--field {field}: wanted COLUMN=TOPIC:PATH")
+    if column not in [known.name for known in columns]:
+        raise UsageError(f"--field {field}: no column {column}; there are {', '.join(known.name for known in columns)}")
+    return column, topic, words.split(".")
+
+
+def _stamp_s(content: Any, received_ns: int) -> float:
+    """Time of the measurement where the message has a header, else of receipt."""
+    header = getattr(content, "header", None)
+    return header.stamp.sec + 1e-9 * header.stamp.nanosec if header is not None else 1e-9 * received_ns
+
+
+def _follow(content: Any, words: Sequence[str], where: str) -> float:
+    for word in words:
+        try:
+            content = content[int(word)] if word.isdigit() else getattr(content, word)
+        except (AttributeError, IndexError, TypeError):
+            raise HindraxError(f"{where}: no field {'.'.join(words)} (stopped at {word})") from None
+    return float(content)
+
+
+def save_plot(path: Path | None, name: str, *data: Any) -> None:
+    """Draw and save `experiments.plots.NAME(*data)` when asked to; the kind follows from the file's name.
+
+    UsageError for a kind that cannot be written. Imported here: matplotlib takes long, and only --plot needs it.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOT_KINDS:
+        raise UsageError(f"--plot {path}: found {path.suffix or 'no ending'}, wanted one of {', '.join(PLOT_KINDS)}")
+    figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        raise UsageError(f"--plot {path}: cannot be written ({error})") from error
+    print(f"plot: {path}", file=sys.stderr)

@@ -1,0 +1,202 @@
+"""Checks of the machine itself: Python and ROS, disk, time, groups, processes left behind. Nothing is changed."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import grp
+import importlib.util
+import os
+import platform
+import pwd
+import shutil
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hindrax_bag.run_folder import FREE_BYTES_WANTED
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.tether import Tether, address_of
+from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_core.errors import HindraxError
+
+LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "filterpy", "mcap")
+PYTHONS = ((3, 11), (3, 12))
+GROUPS = ("dialout", "i2c")
+FIRST_YEAR = 2025
+"""A clock before it was never set: a Raspberry Pi has no battery clock."""
+TIME_ERROR, STA_UNSYNC, MAX_ERROR_s = 5, 0x0040, 0.5
+NODE_WORDS = tuple(f"hindrax_{room}.nodes." for room in ("drivers", "control", "ident", "bag", "sim"))
+LAUNCHERS = ("hindrax", "ros2", "launch")
+
+
+def python() -> Check:
+    """Version of Python, and the libraries that the stack needs."""
+    version = f"Python {platform.python_version()} at {sys.executable}"
+    lacking = [name for name in LIBRARIES if importlib.util.find_spec(name) is None]
+    if sys.version_info[:2] not in PYTHONS:
+        return bad("python", version, "wanted Python 3.11 or 3.12; run ./hindrax setup")
+    if lacking:
+        return bad("python", f"{version}, without {', '.join(lacking)}", "run ./hindrax setup")
+    return good("python", f"{version}, {len(LIBRARIES)} libraries")
+
+
+def ros(environment: Mapping[str, str] = os.environ) -> Check:
+    """The client library and our own messages, and which graph this terminal would join."""
+    lacking = [name for name in ("rclpy", "hindrax_msgs") if importlib.util.find_spec(name) is None]
+    if lacking:
+        return bad("ros", f"no {' and no '.join(lacking)}", "run ./hindrax setup, and start tools with ./hindrax")
+    distribution = environment.get("ROS_DISTRO", "unknown distribution")
+    graph = f"domain {environment.get('ROS_DOMAIN_ID', '0')}"
+    middleware = environment.get("RMW_IMPLEMENTATION", "its default middleware")
+    if distribution != "jazzy":
+        return bad("ros", f"ROS 2 {distribution}", "wanted jazzy; open a terminal that sources no other ROS")
+    return good("ros", f"ROS 2 jazzy, {middleware}, {graph}")
+
+
+def disk(folder: Path) -> Check:
+    """Room for bags."""
+    free = shutil.disk_usage(folder).free
+    text = f"{free / 1e9:.1f} GB free at {folder}"
+    if free < FREE_BYTES_WANTED:
+        return bad("disk", text, f"wanted {FREE_BYTES_WANTED / 1e9:.1f} GB; move old bags away or use --out")
+    return good("disk", text)
+
+
+@dataclass(frozen=True, slots=True)
+class KernelTime:
+    """What the kernel knows of its clock: whether somebody disciplines it, and the bound of its error [s]."""
+
+    synchronized: bool
+    error_s: float
+
+
+class _Timex(ctypes.Structure):
+    """Return `struct timex` of Linux (adjtimex(2)), up to the fields that are read here."""
+
+    _fields_ = (
+        ("modes", ctypes.c_uint),
+        ("offset", ctypes.c_long),
+        ("frequency", ctypes.c_long),
+        ("max_error_us", ctypes.c_long),
+        ("estimated_error_us", ctypes.c_long),
+        ("status", ctypes.c_int),
+        ("rest", ctypes.c_byte * 512),
+    )
+
+
+def kernel_time() -> KernelTime:
+    """Ask the kernel; reading needs no rights."""
+    timex = _Timex()
+    state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(timex))
+    return KernelTime(0 <= state < TIME_ERROR and not timex.status & STA_UNSYNC, timex.max_error_us / 1e6)
+
+
+def clock(kernel: KernelTime, now_s: float) -> Check:
+    """Whether stamps of two machines can be compared: a request to arm that seems old is refused."""
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(now_s))
+    if time.gmtime(now_s).tm_year < FIRST_YEAR:
+        return bad("time", f"{date}: the clock was never set", "set it: connect a network with NTP, or `sudo date -s`")
+    if not kernel.synchronized:
+        remedy = "start chrony or systemd-timesyncd; without internet let the vehicle follow the topside computer"
+        return bad("time", f"{date}, not synchronized", remedy)
+    if kernel.error_s > MAX_ERROR_s:
+        return bad("time", f"{date}, error up to {kernel.error_s:.2f} s", f"wanted {MAX_ERROR_s:g} s; wait for NTP")
+    return good("time", f"{date}, synchronized, error at most {1e3 * kernel.error_s:.0f} ms")
+
+
+def groups() -> Check:
+    """Membership in the groups that own serial ports and I2C buses; root needs none."""
+    user = pwd.getpwuid(os.getuid()).pw_name
+    if os.getuid() == 0:
+        return good("groups", "root: may open everything")
+    existing = {group.gr_name for group in grp.getgrall()} & set(GROUPS)
+    mine = {grp.getgrgid(number).gr_name for number in os.getgroups() if _known(number)}
+    lacking = sorted(existing - mine)
+    if lacking:
+        remedy = f"sudo usermod -aG {','.join(lacking)} {user}, then log in again"
+        return bad("groups", f"{user} is not in {', '.join(lacking)}", remedy)
+    return good("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
+
+
+def _known(number: int) -> bool:
+    try:
+        grp.getgrgid(number)
+    except KeyError:
+        return False
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A process: id, parent, owner, words, and where it would look for running stacks (empty: in the usual place)."""
+
+    pid: int
+    parent: int
+    owner: int
+    words: str
+    place: str = ""
+
+
+def running(proc: Path = Path("/proc")) -> Iterator[Running]:
+    """Every process that can be seen."""
+    for folder in proc.iterdir():
+        if not folder.name.isdigit():
+            continue
+        try:
+            words = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            owner = folder.stat().st_uid
+        except (OSError, IndexError, ValueError):  # it has ended meanwhile
+            continue
+        yield Running(int(folder.name), parent, owner, words, _place(folder))
+
+
+def _place(process: Path) -> str:
+    with contextlib.suppress(OSError):  # it is somebody else's, or has ended meanwhile
+        for setting in (process / "environ").read_bytes().split(b"\0"):
+            name, _, value = setting.decode(errors="replace").partition("=")
+            if name == FOLDER:
+                return value
+    return ""
+
+
+def leftovers(found: list[Running], user: int, place: str = "") -> Check:
+    """Nodes of ours that lost whoever started them: they hold ports, and may answer in the wrong graph.
+
+    A parent with number 1 is the system's, unless that is our own tool, as in a container. Whose stacks are announced
+    elsewhere (another service, a test) is not ours to judge.
+    """
+    first = next((one.words for one in found if one.pid == 1), "")
+    if any(word in first for word in LAUNCHERS):
+        return good("processes", "looked after by the first process")
+    ours = [one for one in found if (one.owner, one.place) == (user, place)]
+    lost = [one for one in ours if one.parent == 1 and any(word in one.words for word in NODE_WORDS)]
+    if lost:
+        numbers = " ".join(str(one.pid) for one in lost)
+        return bad("processes", f"{len(lost)} left behind: {lost[0].words}", f"end them: kill {numbers}")
+    return good("processes", "none left behind")
+
+
+def machine(folder: Path) -> list[Check]:
+    """All checks of the machine that hold in mock too."""
+    return [python(), ros(), disk(folder), leftovers(list(running()), os.getuid(), os.environ.get(FOLDER, ""))]
+
+
+def tether(named: Tether | None) -> list[Check]:
+    """The interface to the other machine, where one is named."""
+    if named is None:
+        return []
+    try:
+        address = address_of(named.interface)
+    except HindraxError as error:
+        found, _, remedy = str(error).partition("; ")
+        return [bad("tether", found, remedy)]
+    return [good("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'anybody'}")]
+
+
+def vehicle_machine() -> list[Check]:
+    """Checks that only a machine with real devices must pass."""
+    return [clock(kernel_time(), time.time()), groups()]

@@ -1,0 +1,75 @@
+"""Checks of a running stack from its /diagnostics; its ports are not touched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_core.topics import THRUSTER_STATE
+from hindrax_core.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+LISTEN_S = 4.0
+OFFSET_s = 0.2
+"""A request to arm that seems a second old is refused, and a command half a second old."""
+NODES = ("thrusters", "navigator", "estimator_health", "pilot", "allocator", "identifier")
+
+
+def stack(operator: Operator, vehicle: Vehicle, title: str) -> list[Check]:
+    """Collect diagnostics for a while, then check every expected node."""
+    operator.pause(LISTEN_S)
+    return judged(operator.diagnostics, (*vehicle.sensors, *NODES), title)
+
+
+def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
+    """Compare the vehicle's stamps, received over the link, with the clock of this machine."""
+    from hindrax_core.events import seconds_between  # noqa: PLC0415  # with the next one, which needs ROS
+    from hindrax_ros.convert import stamp_from_msg  # noqa: PLC0415  # rclpy is loaded by then
+    from hindrax_ros.graph import subscription  # noqa: PLC0415  # as above
+
+    ages_s: list[float] = []
+
+    def on_state(message: Any) -> None:
+        ages_s.append(seconds_between(stamp_from_msg(message.header.stamp), operator.now()))
+
+    subscription(operator.node, THRUSTER_STATE, on_state)
+    operator.pause(seconds)
+    return clocks(ages_s)
+
+
+def clocks(ages_s: Sequence[float]) -> Check:
+    """Judge two clocks by how old stamps are on arrival [s]: the youngest is the offset and the least delay."""
+    if not ages_s:
+        return bad("clocks", "nothing is heard of the vehicle", "see `tether`, then `./hindrax doctor` on the vehicle")
+    least, most = min(ages_s), max(ages_s)
+    if abs(least) > OFFSET_s:
+        which = "behind" if least > 0.0 else "ahead of"
+        found = f"the vehicle's clock is {abs(least):.2f} s {which} this one"
+        return bad("clocks", found, "let the vehicle take its time from here: docs/how-to/two-machines.md")
+    return good("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
+
+
+def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) -> list[Check]:
+    """One check for the stack, one for each node."""
+    if not diagnostics:
+        return [bad("stack", f"{title}, but nobody reports", "end it and start it again; its logs tell why")]
+    by_name = {name.removeprefix("hindrax: "): one for name, one in diagnostics.items()}
+    return [good("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
+
+
+def _node(name: str, status: Any) -> Check:
+    if status is None:
+        return bad(name, "its node says nothing", "its process is down; see logs/ of the run, or start the stack again")
+    values = {pair.key: pair.value for pair in status.values}
+    rate = float(values.get("rate [Hz]", math.nan))
+    parts = [values.get("identity", ""), status.message, "" if math.isnan(rate) else f"{rate:.1f} Hz"]
+    found = ", ".join(part for part in parts if part)
+    if status.level == b"\x00":
+        return good(name, found)
+    trouble = values.get("last trouble", "")
+    remedy = f"last trouble: {trouble}" if trouble and trouble not in found else "check power, wiring and vehicle file"
+    return bad(name, found, remedy)

@@ -1,0 +1,187 @@
+"""Checks of buses, ports and devices through the drivers, with the stack down."""
+
+from __future__ import annotations
+
+import contextlib
+import grp
+import os
+import stat
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Identity, Output, Send, SerialDevice, Trouble
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamped, after, seconds_between
+from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_drivers.bus_capture import capture
+from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
+from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
+from hindrax_drivers.buses.ports import open_clock
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.output.output_ports import open_output
+from hindrax_sim.buses.fuse_i2c import is_mounted
+
+ANSWER_S = 4.0
+RATE_S = 1.0
+TURN_S = 0.05
+ABSENT = "not there"
+QUIET: Mapping[str, Mapping[str, object]] = {"dvl75": {"enable_tries": 0}}
+"""Knobs that keep a device as it is: the DVL would write an order to its flash."""
+
+Ports = Mapping[str, str]
+"""Port by the name of a sensor, or "thrusters"; where none is named, that of the vehicle file holds."""
+
+
+def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
+    """Every port once: whether it is there, what it is, and whether this user may open it."""
+    wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
+    wanted.append(instead.get("thrusters", vehicle.output.port))
+    return [address(path) if path.startswith(UDP_PREFIX) else port(path) for path in dict.fromkeys(wanted)]
+
+
+def require_ports(vehicle: Vehicle, file: str) -> None:
+    """HindraxError when a port of the vehicle file does not exist: nobody waits for a vehicle that is not here."""
+    checks = ports(vehicle, {})
+    missing = [one.name for one in checks if one.found == ABSENT]
+    if missing:
+        raise HindraxError(
+            f"{file}: found no {', '.join(missing)} on this machine, wanted all {len(checks)} ports of the vehicle; "
+            "check cable and power (`./hindrax doctor` has the remedy of each), or fly without a vehicle: --mock"
+        )
+
+
+def address(path: str) -> Check:
+    """An address of the network, which is there or not when it is listened at."""
+    return good(path, "an address to listen at; whether anybody speaks is seen below")
+
+
+def port(path: str) -> Check:
+    """Whether a port can be opened; a mock's socket, an I2C adapter or a serial port."""
+    file = Path(path.removeprefix(MOCK_PREFIX))
+    if not file.exists():
+        return bad(path, ABSENT, _absent(path))
+    if not os.access(file, os.R_OK | os.W_OK):
+        group = _group(file)
+        return bad(path, f"not allowed, it belongs to group {group}", f"sudo usermod -aG {group} $USER, log in again")
+    if path.startswith(MOCK_PREFIX):
+        return good(path, "socket of the mock")
+    if is_mounted(file):
+        return good(path, "bus of a mock")
+    if not stat.S_ISCHR(file.stat().st_mode):
+        return bad(path, "no device file", "check the port in the vehicle file")
+    return good(path, f"there{_speed(file)}" if file.resolve() == file else f"there, it is {file.resolve()}")
+
+
+def _absent(path: str) -> str:
+    if path.startswith(MOCK_PREFIX):
+        return "start the mock with ./hindrax mock"
+    if path.startswith("/dev/i2c"):
+        return "switch I2C on (raspi-config, or dtparam=i2c_arm=on in config.txt) and `sudo modprobe i2c-dev`"
+    return "check cable and power; install the udev rules that make this name"
+
+
+def _group(file: Path) -> str:
+    with contextlib.suppress(KeyError):
+        return grp.getgrgid(file.stat().st_gid).gr_name
+    return str(file.stat().st_gid)
+
+
+def _speed(file: Path) -> str:
+    """Clock of an I2C adapter as the device tree sets it, where it does."""
+    setting = Path("/sys/class/i2c-adapter") / file.name / "of_node/clock-frequency"
+    with contextlib.suppress(OSError):
+        return f", {int.from_bytes(setting.read_bytes()[:4], 'big') // 1000} kHz"
+    return ""
+
+
+def devices(vehicle: Vehicle, instead: Ports, clock: str) -> list[Check]:
+    """Every sensor and the output: its identity and rate."""
+    found = []
+    for name, mount in vehicle.sensors.items():
+        where = instead.get(name, mount.port)
+        found.append(_asked(name, where, partial(_sensor, where, mount, vehicle, clock)))
+    where = instead.get("thrusters", vehicle.output.port)
+    return [*found, _asked("thrusters", where, partial(_output, vehicle, where, clock))]
+
+
+def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
+    """Ask a device; an error becomes a failed check."""
+    if not where.startswith(UDP_PREFIX) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
+        return bad(name, f"not asked: {where} is not there", f"see {where}")
+    try:
+        return good(name, f"{ask()} at {where}")
+    except (DeviceError, HindraxError) as error:
+        return bad(name, str(error), "check power, wiring, and port and address in the vehicle file")
+
+
+def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
+    row = DEVICES[mount.device]
+    device = row.make(replace(row.knobs(), **QUIET.get(mount.device, {})), mount, vehicle)
+    if not row.serial:
+        heard = capture(where, device, RATE_S, lambda _part: None)
+        return f"{heard.identity}, {len({one.stamp for one in heard.readings}) / RATE_S:.0f} Hz"
+    clock = open_clock(clock_port, "doctor")
+    try:
+        return _serial(where, device, clock)
+    finally:
+        clock.close()
+
+
+def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
+    with contextlib.closing(open_line(path, device.baud, clock)) as line:
+        talk = _Talk(line, device)
+        talk.note(device.start(clock.now()))
+        end, identified = after(clock.now(), ANSWER_S), None
+        while (now := clock.now()) < end:
+            line.wait(min(after(now, TURN_S), end))
+            data, stamp = line.read()
+            if data:
+                talk.bytes += len(data)
+                talk.note(device.feed(data, stamp))
+            talk.note(device.tick(clock.now()))
+            if identified is None and talk.identity:
+                identified, talk.readings = stamp, 0
+                end = after(stamp, RATE_S)
+        if identified is None:
+            raise DeviceError(f"{path}: {talk.silence(device.baud)}")
+        return (
+            f"{talk.identity}, {talk.readings / max(TURN_S, seconds_between(identified, clock.now())):.0f} readings/s"
+        )
+
+
+class _Talk:
+    """Collects the outputs of a serial driver and sends its orders."""
+
+    def __init__(self, line: Line, device: SerialDevice) -> None:
+        self._line, self._device = line, device
+        self.identity, self.trouble = "", ""
+        self.readings, self.bytes = 0, 0
+
+    def note(self, outputs: Iterable[Output]) -> None:
+        for output in outputs:
+            if isinstance(output, Send):
+                self._line.send(output)
+            elif isinstance(output, Identity):
+                self.identity = output.text
+            elif isinstance(output, Trouble):
+                self.trouble = output.text
+            elif isinstance(output, Stamped):
+                self.readings += 1
+
+    def silence(self, baud: int) -> str:
+        """Reason for a missing identity."""
+        if not self.bytes:
+            return f"silence at {baud} baud"
+        return self.trouble or f"{self.bytes} bytes that make no sense at {baud} baud"
+
+
+def _output(vehicle: Vehicle, where: str, clock: str) -> str:
+    output = open_output(vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor")
+    try:
+        return output.set_up()
+    finally:
+        output.close()

@@ -1,0 +1,58 @@
+"""Changes one value of a vehicle file; comments, order and style stay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import parse_vehicle
+
+
+def set_key(file: Path, keys: Sequence[str], value: object) -> None:
+    """Set the value at a key path, adding the last key where it is missing; the file must be a valid vehicle after it.
+
+    UsageError when the file cannot be read or written, or holds no such block.
+    """
+    try:
+        text = file.read_text(encoding="utf-8")
+        changed = edited(text, keys, value, str(file))
+        parse_vehicle(yaml.safe_load(changed), str(file))
+        file.write_text(changed, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be changed ({error.strerror})") from error
+
+
+def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
+    """Return the text with the value at the key path set."""
+    node: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    for depth, key in enumerate(keys[:-1]):
+        node = _child(node, key)
+        if not isinstance(node, yaml.MappingNode):
+            raise UsageError(f"{source}: found no block {'.'.join(keys[: depth + 1])}, wanted it there to be changed")
+    found = _child(node, keys[-1])
+    written = yaml.safe_dump([value], default_flow_style=True, width=10_000).strip()[1:-1]
+    if found is not None:
+        return text[: found.start_mark.index] + written + _rest(text, found)
+    if node.flow_style:
+        end = node.end_mark.index - 1
+        separator = ", " if node.value else ""
+        return f"{text[:end]}{separator}{keys[-1]}: {written}{text[end:]}"
+    first = node.value[0][0].start_mark
+    return f"{text[: first.index]}{keys[-1]}: {written}\n{' ' * first.column}{text[first.index :]}"
+
+
+def _child(node: Any, key: str) -> Any:
+    pairs = node.value if isinstance(node, yaml.MappingNode) else []
+    return next((value for name, value in pairs if name.value == key), None)
+
+
+def _rest(text: str, node: Any) -> str:
+    """Text behind a value; a block that ends with its line keeps the end of that line."""
+    end = node.end_mark.index
+    while end > node.start_mark.index and text[end - 1] in " \n":
+        end -= 1
+    return text[end:]

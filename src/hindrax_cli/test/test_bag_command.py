@@ -1,0 +1,236 @@
+"""The words of `hindrax bag`, on a small bag and on one that was cut off."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shlex
+import stat
+import struct
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.write import limits
+from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.limits import BagLimits
+from hindrax_cli import command_line
+from hindrax_cli.commands.data import bag as command
+from hindrax_core.events import NS_PER_S
+
+POINT = Channel("/demo/point", "demo_msgs/msg/Point")
+WORD = Channel("/demo/word", "demo_msgs/msg/Word")
+TEXTS = {"Point": "float64 x\nfloat64[2] y\n", "Word": "string text\n"}
+
+
+@pytest.fixture
+def bag(tmp_path) -> Path:
+    made = BagWriter(tmp_path / "runs" / "bag", lambda _package, name: TEXTS[name], limits=BagLimits(keep_free_MB=0.0))
+    made.open()
+    made.attach("vehicle.yaml", "application/yaml", b"name: demo\n", 1)
+    for index in range(100):
+        stamp = NS_PER_S + index * NS_PER_S // 10
+        made.write(POINT, b"\x00\x01\x00\x00" + struct.pack("<3d", index, 2.0 * index, 0.5), stamp, stamp)
+        if index % 10 == 9:
+            made.write(WORD, b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00", stamp, stamp)
+            made.flush()
+    made.close()
+    return tmp_path / "runs" / "bag"
+
+
+def _json(capsys, *words) -> dict:
+    code = command_line.main(["bag", *map(str, words), "--json"])
+    assert code == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_info(bag, capsys):
+    document = _json(capsys, "info", bag)
+    assert document["messages"] == 110
+    assert document["seconds"] == pytest.approx(9.9)
+    assert document["attachments"] == ["vehicle.yaml"]
+    assert document["finished"]
+    assert document["topics"]["/demo/point"] == {
+        "type": "demo_msgs/msg/Point",
+        "count": 100,
+        "bytes": 2800,
+        "rate_Hz": 10.1,
+    }
+    assert command_line.main(["bag", "info", str(bag)]) == 0
+    assert "/demo/point" in capsys.readouterr().out
+
+
+def test_list_knows_the_unfinished(bag, capsys):
+    cut = bag.parent / "cut"
+    cut.mkdir()
+    (cut / "cut_0.mcap").write_bytes((bag / "bag_0.mcap").read_bytes()[:1500])
+    found = {Path(one["bag"]).name: one for one in _json(capsys, "list", bag.parent)["bags"]}
+    assert (found["bag"]["finished"], found["bag"]["messages"]) == (True, 110)
+    assert not found["cut"]["finished"]
+    assert command_line.main(["bag", "list", str(bag.parent)]) == 0
+    assert "unfinished" in capsys.readouterr().out
+
+
+def test_recover_says_what_the_contract_says(bag, capsys):
+    file = bag / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:2000])
+    left = len(list(messages(file)))
+    document = _json(capsys, "recover", bag, "--out", bag.parent / "whole")
+    assert document.keys() == {"recovered_messages", "lost_seconds", "output"}
+    assert document["recovered_messages"] == left > 0
+    assert 0.0 <= document["lost_seconds"] <= 1.0
+    assert _json(capsys, "info", document["output"])["finished"]
+    assert command_line.main(["bag", "recover", str(bag), "--out", str(bag.parent / "whole")]) == 2
+
+
+def test_extract_makes_tables(bag, tmp_path, capsys):
+    _json(capsys, "extract", bag, "--csv", tmp_path / "csv")
+    with (tmp_path / "csv" / "demo_point.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 100
+    assert rows[3] == {"time_s": "0.3", "stamp_ns": "1300000000", "x": "3.0", "y[0]": "6.0", "y[1]": "0.5"}
+    assert command_line.main(["bag", "extract", str(bag), "--csv", str(tmp_path / "c"), "--topics", "/none"]) == 2
+    assert "no message on /none" in capsys.readouterr().err
+
+
+def test_plot(bag, tmp_path, capsys):
+    out = tmp_path / "x.svg"
+    document = _json(capsys, "plot", bag, "/demo/point:x", "/demo/point:y[0]", "--out", out)
+    assert document["series"] == {"/demo/point:x": 100, "/demo/point:y[0]": 100}
+    assert "<svg" in out.read_text()
+    for wrong in ("/demo/point", "/demo/point:z", "/none:x"):
+        assert command_line.main(["bag", "plot", str(bag), wrong, "--out", str(out)]) == 2
+    assert "there is x, y[0], y[1]" in capsys.readouterr().err
+
+
+def test_export_keeps_topics_and_span(bag, tmp_path, capsys):
+    out = tmp_path / "small"
+    _json(capsys, "export", bag, "--topics", "/demo/point", "--from", "1", "--to", "2", "--out", out)
+    found = list(messages(out))
+    assert {one.topic for one in found} == {"/demo/point"}
+    assert [one.decoded().x for one in found] == [float(index) for index in range(10, 21)]
+    assert _json(capsys, "info", out)["attachments"] == ["vehicle.yaml"]
+    assert command_line.main(["bag", "export", str(bag), "--topics", "/none", "--out", str(tmp_path / "none")]) == 2
+
+
+def _fake_ssh(tmp_path) -> str:
+    """A stand-in for ssh: drops the name of the host and runs the line here."""
+    script = tmp_path / "ssh"
+    script.write_text('#!/bin/sh\nshift\nexec sh -c "$*"\n')
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    return str(script)
+
+
+def test_fetch_copies_resumes_and_verifies(bag, tmp_path, capsys):
+    out, remote = tmp_path / "here", bag.parent
+    words = ("fetch", "rov", "--ssh", _fake_ssh(tmp_path), "--remote", remote, "--out", out)
+    whole = (bag / "bag_0.mcap").read_bytes()
+    (out / "bag").mkdir(parents=True)
+    (out / "bag" / "bag_0.mcap.part").write_bytes(whole[:700])
+    document = _json(capsys, *words)
+    assert document["copied_bytes"] == len(whole) - 700 + (bag / "metadata.yaml").stat().st_size
+    assert (out / "bag" / "bag_0.mcap").read_bytes() == whole
+    assert _json(capsys, *words)["copied_bytes"] == 0
+    assert not list(out.rglob("*.part"))
+
+
+def test_fetch_starts_over_when_what_was_there_is_of_another_file(bag, tmp_path, capsys):
+    out = tmp_path / "here"
+    (out / "bag").mkdir(parents=True)
+    (out / "bag" / "bag_0.mcap.part").write_bytes(b"of another day")
+    _json(capsys, "fetch", f"{bag.parent}/", "--remote", "", "--out", out)
+    assert (out / "bag" / "bag_0.mcap").read_bytes() == (bag / "bag_0.mcap").read_bytes()
+
+
+def test_fetch_says_what_is_wrong(tmp_path, capsys):
+    assert command_line.main(["bag", "fetch", f"{tmp_path}/none", "--remote", "", "--out", str(tmp_path / "x")]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+    assert (
+        command_line.main(["bag", "fetch", "rov", "--ssh", str(tmp_path / "no-ssh"), "--out", str(tmp_path / "x")]) == 1
+    )
+    assert "cannot be run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", list(command.WORDS))
+def test_every_word_has_help_with_an_example(word, capsys):
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(["bag", word, "--help"])
+    assert ended.value.code == 0
+    assert f"./hindrax bag {word} " in capsys.readouterr().out
+
+
+SAID = [
+    ("info {dir}/none", 2, "does not exist, wanted a bag"),
+    ("info {dir}/empty", 2, "an empty folder"),
+    ("info {dir}/texts", 2, "a folder with a.txt"),
+    ("info {dir}/texts/a.txt", 2, "is no MCAP file"),
+    ("info {dir}/db3", 2, "cannot be read as a sqlite3 bag"),
+    ("info {dir}/runs", 0, "110 messages"),  # the folder of a run
+    ("list {dir}/none", 2, "is no folder"),
+    ("list {dir}/empty", 0, "no bags below"),
+    ("list {dir}/db3", 0, "x.db3 is no bag"),
+    ("list {dir}/moved", 0, "no metadata.yaml: bag info reads it"),
+    ("recover {dir}/texts/a.txt --out {dir}/new", 2, "is no MCAP file"),
+    ("recover {bag} --out {dir}/texts", 2, "exists already"),
+    ("recover {bag} --out /proc/new", 1, "cannot be written"),
+    ("extract {bag} --csv {dir}/new --topics /demo/point /none", 2, "no message on /none"),
+    ("extract {bag} --csv {dir}/texts/a.txt", 1, "cannot be written"),
+    ("extract {dir}/none --csv {dir}/new", 2, "does not exist"),
+    ("plot {bag} /demo/word:text --out {dir}/a.png", 2, "there is none in its messages"),
+    ("plot {bag} /demo/point:y --out {dir}/a.png", 2, "there is y[0], y[1]"),
+    ("plot {bag} /demo/point:x --out {dir}/none/a.png", 1, "cannot be written"),
+    ("plot {bag} /demo/point --out {dir}/a.png", 2, "wanted TOPIC:FIELD"),
+    ("export {bag} --topics /none --out {dir}/new", 2, "none of its messages was wanted"),
+    ("export {bag} --from 3 --to 1 --out {dir}/new", 2, "a span: --to after --from"),
+    ("fetch {dir}/none --remote '' --out {dir}/new", 1, "--remote names the folder"),
+    ("fetch {dir}/empty --remote '' --out {dir}/new", 1, "holds no file"),
+    ("fetch {dir}/runs/ --remote '' --out {dir}/texts/a.txt", 1, "name another with --out"),
+    ("fetch '' --out {dir}/new", 2, "HOST is empty"),
+    ("fetch rov --ssh 'sh -c \"exit 255\"' --out {dir}/new", 1, "is it on the network"),
+]
+
+
+@pytest.mark.parametrize("told", SAID, ids=[line for line, _, _ in SAID])
+def test_good_and_bad_use_is_told_in_a_sentence(bag, tmp_path, capsys, told):
+    line, code, said = told
+    for name in ("empty", "texts", "db3", "moved"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "texts" / "a.txt").write_text("a text that is no bag")
+    (tmp_path / "db3" / "x.db3").write_text("a text that is no bag")
+    (tmp_path / "moved" / "x.mcap").write_bytes((bag / "bag_0.mcap").read_bytes())
+    assert command_line.main(["bag", *shlex.split(line.format(dir=tmp_path, bag=bag))]) == code
+    captured = capsys.readouterr()
+    assert said in " ".join((captured.err if code else captured.out).split())
+    assert not (tmp_path / "new").exists() or not any((tmp_path / "new").iterdir())
+
+
+def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path, capsys):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "theirs", version=9, storage_plugin=StoragePlugin.SQLITE3) as theirs:
+        connection = theirs.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
+        theirs.write(connection, 5, b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00")
+    made = _json(capsys, "export", tmp_path / "theirs", "--out", tmp_path / "out")
+    (found,) = messages(made["output"])
+    assert (found.topic, found.received, found.decoded().data) == ("/chatter", 5, "hi")
+    assert (tmp_path / "out" / "out_0.mcap").is_file()
+
+
+def test_fetch_shows_a_bar_per_file(bag, tmp_path, capsys):
+    assert (
+        command_line.main(["bag", "fetch", f"{bag.parent}/", "--remote", bag.name, "--out", str(tmp_path / "here")])
+        == 0
+    )
+    shown = capsys.readouterr().err
+    assert "bag_0.mcap" in shown
+    assert "kB" in shown or "MB" in shown
+
+
+def test_a_pool_test_checks_the_disk_for_its_whole_length_before_it_starts(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(limits, "free_bytes", lambda _folder: 210_000_000)
+    words = ["pool-test", "--mock", "--dof", "surge", "--out", str(tmp_path / "run")]
+    assert command_line.main(words) == 1
+    assert "24 MB for 240 s of recording" in capsys.readouterr().err
+    assert not (tmp_path / "run" / "logs").exists()

@@ -1,0 +1,212 @@
+"""The bench experiment commands as an operator uses them: words in, tables or one JSON document out, exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mcap_ros2.writer import Writer
+
+from hindrax_analysis.experiments import pendulum, step
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli import command_line
+
+CFD = (6.204, 12.416, 18.636, 24.864, 31.1, 37.344, 43.596, 49.856, 56.124, 62.40)
+BENCH = ["--mass", "0.39", "--volume", "0.00056", "--stiffness", "1127.7"]
+
+
+def write_csv(path: Path, **columns: np.ndarray) -> str:
+    rows = zip(*columns.values(), strict=True)
+    path.write_text("\n".join([",".join(columns), *(",".join(f"{v:.9g}" for v in row) for row in rows)]))
+    return str(path)
+
+
+def plot(folder: Path, name: str) -> list[str]:
+    return ["--plot", str(folder / f"{name}.svg")]
+
+
+def decay() -> tuple[np.ndarray, np.ndarray]:
+    """Acceleration of a free decay with m_ad = 0.8289 kg and zeta = 0.06, at 330 Hz."""
+    time = np.arange(3300) / 330.0
+    natural, zeta = np.sqrt(1127.7 / (0.39 + 0.8289)), 0.06
+    damped = natural * np.sqrt(1.0 - zeta**2)
+    return time, -(natural**2) * 0.02 * np.exp(-zeta * natural * time) * (
+        np.cos(damped * time) - zeta * np.sin(damped * time)
+    )
+
+
+def run_json(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
+    code = command_line.main([*words, "--json"])
+    out = capsys.readouterr().out
+    assert code == 0
+    return json.loads(out)
+
+
+def test_papers_json_has_the_agreed_shape(capsys: pytest.CaptureFixture[str]) -> None:
+    cells = run_json(capsys, "papers")["cells"]
+    wanted = {"paper", "table", "row", "quantity", "printed", "recomputed", "verdict", "note"}
+    assert all(wanted <= set(cell) for cell in cells)
+    assert {cell["verdict"] for cell in cells} == {"agrees", "misprint", "does not follow"}
+    row = [
+        c
+        for c in cells
+        if c["paper"] == "B" and c["row"].startswith("heave 20 mm, k = 1127.7") and c["quantity"] == "m_ad (5)"
+    ]
+    assert [(c["table"], c["printed"], round(c["recomputed"], 4), c["verdict"]) for c in row] == [
+        ("4", 0.8289, 0.8355, "misprint")
+    ]
+
+
+def test_papers_table_names_every_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line.main(["papers"]) == 0
+    out = capsys.readouterr().out
+    assert "misprint" in out
+    assert "does not follow" in out
+
+
+def test_free_decay_from_an_accelerometer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time, acceleration = decay()
+    file = write_csv(tmp_path / "a.csv", time_s=time, acceleration_mps2=acceleration + 9.81 + 0.02 * time)
+    image = tmp_path / "a.png"
+    found = run_json(capsys, "free-decay", file, *BENCH, "--prototype-volume", "0.0153", "--plot", str(image))
+    assert found["added_mass_kg"]["value"] == pytest.approx(0.8289, rel=0.005)
+    assert found["prototype_added_mass_kg"]["value"] == pytest.approx(22.65, rel=0.005)
+    assert image.read_bytes().startswith(b"\x89PNG")
+
+
+def test_free_decay_from_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time, acceleration = decay()
+    bag = tmp_path / "bag.mcap"
+    with bag.open("wb") as stream:
+        writer = Writer(stream)
+        schema = writer.register_msgdef("geometry_msgs/msg/Vector3", "float64 x\nfloat64 y\nfloat64 z\n")
+        for t, a in zip(time, acceleration, strict=True):
+            stamp = int(1e9 * t)
+            writer.write_message("/accel", schema, {"x": 0.0, "y": 0.0, "z": a}, log_time=stamp, publish_time=stamp)
+        writer.finish()
+    found = run_json(capsys, "free-decay", str(bag), *BENCH, "--field", "acceleration_mps2=/accel:z")
+    assert found["added_mass_kg"]["value"] == pytest.approx(0.8289, rel=0.005)
+    assert command_line.main(["free-decay", str(bag), *BENCH]) == 2
+    assert "--field" in capsys.readouterr().err
+    assert command_line.main(["free-decay", str(bag), *BENCH, "--field", "acceleration_mps2=/accel:w"]) == 1
+    assert "no field w" in capsys.readouterr().err
+
+
+def test_forced_pendulum_and_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    time = np.arange(3000) / 100.0
+    files = []
+    for frequency in (0.2, 0.4):
+        z = 0.02 * np.sin(2.0 * np.pi * frequency * time)
+        force = (-86.7 - 78.0) * -((2.0 * np.pi * frequency) ** 2) * z
+        files.append(write_csv(tmp_path / f"{frequency}.csv", time_s=time, displacement_m=z, Z_N=force))
+    words = ["--motion", "heave", "--mass", "78", "--length", "0.875", *plot(tmp_path, "forced")]
+    found = run_json(capsys, "forced", *files, *words)
+    assert found["coefficients"]["Z_wdot"]["fourier"]["value"] == pytest.approx(-86.7, rel=1e-3)
+
+    clock = np.arange(0.0, 12.0, 0.02)
+    file = write_csv(
+        tmp_path / "p.csv", time_s=clock, theta_rad=pendulum.simulate(clock, np.array([-6.7, 0.4, 0.5]), 1.0)
+    )
+    words = ["--mass", "3.739", "--arm", "0.4", "--buoyancy-kgf", "2.24", *plot(tmp_path, "pendulum")]
+    found = run_json(capsys, "pendulum", file, *words)
+    assert found["output_error"]["gamma"]["value"] == pytest.approx(0.5, rel=1e-3)
+
+    plant, ticks = step.Plant(27.3, 1.25, 66.48), np.arange(0.0, 8.0, 0.05)
+    columns = [
+        np.concatenate([part(t) for t in (5.0, 20.0)])
+        for part in (lambda _: ticks, lambda t: plant.velocity_mps(ticks, t), lambda t: np.full(ticks.size, t))
+    ]
+    file = write_csv(tmp_path / "s.csv", time_s=columns[0], velocity_mps=columns[1], thrust_N=columns[2])
+    found = run_json(capsys, "step", file, "--mass", "15.22", *plot(tmp_path, "step"))
+    assert found["added_mass_kg"]["value"] == pytest.approx(12.08, rel=1e-3)
+    assert {file.stem for file in tmp_path.glob("*.svg")} == {"forced", "pendulum", "step"}
+
+
+def test_step_simulates_the_figures_of_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    found = run_json(capsys, "step", "--mass", "3.739", "--added-mass", "1.66", "--k-l", "61.89", "--k-q", "0.398")
+    assert [row["thrust_N"] for row in found["steps"]] == [5, 10, 15, 20, 25, 30]
+    speeds = [row["terminal_mps"] for row in found["steps"]]
+    assert np.all(np.diff(speeds) > 0.0)
+    assert all(abs(row["end_mps2"]) < 1e-6 for row in found["steps"])
+    assert command_line.main(["step", "--mass", "3.7"]) == 2
+
+
+def test_towing_and_bollard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = write_csv(tmp_path / "t.csv", speed_mps=np.arange(0.1, 1.01, 0.1), drag_N=np.array(CFD))
+    found = run_json(capsys, "towing", file, *plot(tmp_path, "towing"))
+    assert (found["k_l"]["value"], found["k_q"]["value"]) == pytest.approx((62.0, 0.4))
+
+    pulse = np.concatenate((np.arange(1100.0, 1470.0, 20.0), np.arange(1540.0, 1901.0, 20.0)))
+    file = write_csv(tmp_path / "b.csv", pulse_us=pulse, load_N=(pulse - 1500.0) / 26.0)
+    found = run_json(capsys, "bollard", file, "--lever-ratio", "2.0", "--supply", "14.8", *plot(tmp_path, "bollard"))
+    assert {file.stem for file in tmp_path.glob("*.svg")} == {"towing", "bollard"}
+    assert yaml.safe_load(found["block"])["curves"]["main"]["positive"]["to_us"] == 1900.0
+
+
+def test_estimate_from_dimensions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--length", "0.404", "--width", "0.108", "--height", "0.214", "--mass", "8", *plot(tmp_path, "estimate")]
+    found = run_json(capsys, "estimate", *words, "--front", "0.023112", "--side", "0.086456", "--top", "0.031663")
+    assert (tmp_path / "estimate.svg").is_file()
+    assert found["quadratic_drag"][:3] == pytest.approx([12.459, 83.2442, 19.2536], rel=0.002)
+    assert command_line.main(["estimate"]) == 2
+    assert "--length, --width, --height, --mass not given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "kind", ["gz", "gz-plugin", "stonefish", "stonefish-quadratic", "uuv", "python", "vehicle", "csv", "latex"]
+)
+def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump({"motions": dict.fromkeys(names, body)}))
+    out = tmp_path / "out"
+    assert command_line.main(["export", str(tmp_path), "--to", kind, "--out", str(out)]) == 0
+    assert out.stat().st_size > 200
+    assert command_line.main(["export", str(tmp_path), "--to", kind]) == 0
+    assert capsys.readouterr().out == out.read_text()
+
+
+def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")
+    file = tmp_path / "coefficients.yaml"
+    file.write_text(yaml.safe_dump({"conditions": {"vehicle": "other"}, "motions": dict.fromkeys(names, body)}))
+    assert command_line.main(["export", str(file), "--to", "gz"]) == 2
+    assert "the results are of other" in capsys.readouterr().err
+    assert command_line.main(["export", str(file), "--to", "gz", "--vehicle", str(default_vehicle())]) == 0
+    assert "note: the results are of other" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["towing", "nothing.csv"], 2, "nothing.csv: cannot be read"),
+        (["export", "nothing.yaml", "--to", "gz"], 2, "nothing.yaml: cannot be read"),
+        (["towing", "{}/bad.csv"], 1, "line 3, column drag_N: found 'x'"),
+        (["towing", "{}/good.csv", "--plot", "{}/a.bmp"], 2, "wanted one of .png"),
+        (["towing", "{}/good.csv", "--plot", "{}/no/a.png"], 2, "cannot be written"),
+    ],
+)
+def test_what_goes_wrong_is_one_sentence_and_an_exit_code(
+    words: list[str], code: int, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.csv").write_text("speed_mps,drag_N\n0.1,1\n0.2,x\n")
+    (tmp_path / "good.csv").write_text("speed_mps,drag_N\n0.1,1\n0.2,2.1\n0.3,3\n")
+    assert command_line.main([word.replace("{}", str(tmp_path)) for word in words]) == code
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize(
+    "name", ["papers", "free-decay", "forced", "pendulum", "bollard", "towing", "estimate", "step", "export"]
+)
+def test_every_command_has_help_with_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        command_line.main([name, "--help"])
+    assert stop.value.code == 0
+    assert f"./hindrax {name}" in capsys.readouterr().out

@@ -1,0 +1,110 @@
+"""`hindrax dvl` on a pty with the emulated DVL behind it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+import threading
+import time
+
+import pytest
+
+from hindrax_cli.command_line import main
+from hindrax_sim.buses.udp_line import UdpLine
+from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
+from hindrax_sim.ptys import Pty
+
+
+@pytest.fixture(params=["serial", "network"])
+def dvl(request, tmp_path):
+    """Yield a path and the emulator that answers on it."""
+    path, device = tmp_path / "dvl", Dvl75(settings=DvlSettings(speed_of_sound_mps=1500.0))
+    port, stop = Pty(path), threading.Event()
+    here, there = free_ports(2)
+    network = UdpLine(str(path), here, there) if request.param == "network" else None
+
+    def serve() -> None:
+        begun = time.monotonic()
+        while not stop.is_set():
+            now_s = time.monotonic() - begun
+            device.set_truth(DvlTruth())
+            port.write(device.step(now_s) + device.receive(port.read(), now_s))
+            if network:
+                network.turn()
+            stop.wait(0.005)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield f"udp://127.0.0.1:{here}" if network else str(path), device
+    stop.set()
+    thread.join()
+    if network:
+        network.close()
+    port.close()
+
+
+def free_ports(count: int) -> list[int]:
+    with contextlib.ExitStack() as stack:
+        held = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for one in held:
+            one.bind(("127.0.0.1", 0))
+        return [one.getsockname()[1] for one in held]
+
+
+def hindrax(capsys, *words: str) -> tuple[int, str, str]:
+    code = main(["dvl", *words])
+    found = capsys.readouterr()
+    return code, found.out, found.err
+
+
+def test_setup_sends_what_differs_and_verifies_it(dvl, capsys):
+    path, device = dvl
+    code, out, _ = hindrax(capsys, "setup", "--port", path, "--json")
+    report = json.loads(out)
+    assert code == 0
+    assert report["orders"] == ["SEND-DVPDL ON", "SET-SPEED-OF-SOUND 1484.0"]
+    assert (report["sent"], report["verified"]) == (True, True)
+    assert (device.settings.deltas, device.settings.speed_of_sound_mps) == (True, 1484.0)
+    code, out, _ = hindrax(capsys, "setup", "--port", path)
+    assert "nothing to change" in out
+
+
+def test_a_dry_run_changes_nothing(dvl, capsys):
+    path, device = dvl
+    before = device.settings
+    _, out, _ = hindrax(capsys, "setup", "--port", path, "--dry-run", "--velocity-adjustment", "1.01")
+    assert "would send: SET-VELOCITY-ADJUSTMENT 1.010" in out
+    assert device.settings == before
+
+
+def test_show_tells_who_and_what(dvl, capsys):
+    path, _ = dvl
+    _, out, _ = hindrax(capsys, "show", "--port", path)
+    assert "Cerulean DVL-75, firmware Oct 1 2021" in out
+    assert "Speed of sound: 1500.0" in out
+
+
+def test_a_silent_port_is_an_error_with_its_remedy(tmp_path, capsys):
+    port = Pty(tmp_path / "silent")
+    code, _, err = hindrax(capsys, "show", "--port", str(tmp_path / "silent"))
+    port.close()
+    assert code == 1
+    assert "found silence, wanted a DVL at 115200 baud; check power" in err
+
+
+def test_a_port_that_is_not_there(tmp_path, capsys):
+    code, _, err = hindrax(capsys, "show", "--port", os.fspath(tmp_path / "none"))
+    assert code == 1
+    assert "no such port" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [(("--speed-of-sound", "900"), "wanted 1100 to 1950"), (("--velocity-adjustment", "2"), "wanted 0.8 to 1.25")],
+)
+def test_settings_the_device_cannot_take_are_refused_before_it_is_asked(words, error, capsys):
+    code, _, err = hindrax(capsys, "setup", "--port", "/nowhere", *words)
+    assert code == 2
+    assert error in err

@@ -1,0 +1,597 @@
+"""`identify` over records of others: CSV, MCAP and sqlite3, topics and frames of any kind; never sure without cause."""
+
+import functools
+import json
+import math
+import re
+import sqlite3
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer
+from synthetic_runs import back_and_forth, fly
+
+from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
+from hindrax_bag.read.bag_reader import messages
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.command_line import main
+from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.model.motion_model import Model
+
+MASS_kg = 20.0
+TRUTH = {"k_q": 66.48, "k_l": 1.25, "added_mass": 12.0}
+SEPARATOR = "=" * 80
+HEADER = f"{SEPARATOR}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+TIME_PART = f"{SEPARATOR}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+VECTOR = f"{SEPARATOR}\nMSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
+WRENCH_PART = f"{SEPARATOR}\nMSG: geometry_msgs/Wrench\nVector3 force\nVector3 torque\n"
+TWIST_PART = f"{SEPARATOR}\nMSG: geometry_msgs/Twist\nVector3 linear\nVector3 angular\n"
+COVARIANCE_PART = f"{SEPARATOR}\nMSG: geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n"
+POSE_PART = (
+    f"{SEPARATOR}\nMSG: geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n"
+    f"{SEPARATOR}\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n"
+    f"{SEPARATOR}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
+    f"{SEPARATOR}\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+)
+DEFINITIONS = {
+    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\nWrench wrench\n"
+    + HEADER
+    + TIME_PART
+    + WRENCH_PART
+    + VECTOR,
+    "geometry_msgs/msg/Wrench": "Vector3 force\nVector3 torque\n" + VECTOR,
+    "geometry_msgs/msg/TwistStamped": "std_msgs/Header header\nTwist twist\n"
+    + HEADER
+    + TIME_PART
+    + TWIST_PART
+    + VECTOR,
+    "geometry_msgs/msg/TwistWithCovarianceStamped": "std_msgs/Header header\nTwistWithCovariance twist\n"
+    + HEADER
+    + TIME_PART
+    + COVARIANCE_PART
+    + TWIST_PART
+    + VECTOR,
+    "nav_msgs/msg/Odometry": "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+    "geometry_msgs/TwistWithCovariance twist\n"
+    + HEADER
+    + TIME_PART
+    + POSE_PART
+    + COVARIANCE_PART
+    + TWIST_PART
+    + VECTOR,
+}
+IDENTITY_POSE = {
+    "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}},
+    "covariance": [0.0] * 36,
+}
+START_S = 1_700_000_000.0
+
+
+@functools.cache
+def flight(levels, end_s, span_s, k_q):
+    theta = np.array([k_q, TRUTH["k_l"], 0.0, MASS_kg + TRUTH["added_mass"]])
+    return fly(Model(0, MASS_kg), theta, back_and_forth(levels, span_s, end_s), 0.0)
+
+
+def flown(
+    *, levels=(3.0, 6.0, 10.0, 14.0), noise=0.01, gain=1.0, current=0.0, seed=0, end_s=80.0, span_s=5.0, k_q=66.48
+):
+    """Times and velocities at 10 Hz, times and forces at 25 Hz, of a vehicle that the model describes."""
+    true = flight(levels, end_s, span_s, k_q)
+    rng = np.random.default_rng(seed)
+    t, v = true.grid.times_s[::20], true.path.v[::20]
+    return (t, v + current + noise * rng.standard_normal(len(v))), (true.times_s[::2], gain * true.commands[::2])
+
+
+def as_csv(path, velocities, forces, names=("u", "X")):
+    rows = [(t, f"{v:.6f}", "") for t, v in zip(*velocities, strict=True)]
+    rows += [(t, "", f"{f:.6f}") for t, f in zip(*forces, strict=True)]
+    lines = [f"{t:.4f},{a},{b}" for t, a, b in sorted(rows, key=lambda row: row[0])]
+    path.write_text("\n".join([f"t,{names[0]},{names[1]}", *lines]))
+    return path
+
+
+@pytest.fixture
+def small(tmp_path):
+    """The smallest vehicle file there is."""
+    file = tmp_path / "small.yaml"
+    file.write_text(f"name: small\nmass_kg: {MASS_kg}\nvolume_m3: 0.0203\nenvelope_m: [0.6, 0.5, 0.4]\n")
+    return file
+
+
+def identified(capsys, *words):
+    assert main(["identify", *map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def refused(capsys, *words):
+    code = main(["identify", *map(str, words)])
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("hindrax identify: ")
+    assert "\n" not in said
+    return code, said
+
+
+def is_true(surge, sigmas=4.0):
+    return all(abs(surge[name]["value"] - TRUTH[name]) < sigmas * surge[name]["std"] for name in TRUTH)
+
+
+def force_at(surge, speed):
+    return surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
+
+
+# ---- CSV
+
+
+def test_csv_gives_the_truth_with_the_smallest_vehicle_file(tmp_path, small, capsys):
+    document = identified(capsys, as_csv(tmp_path / "a.csv", *flown()), "--vehicle", small)
+    surge = document["motions"]["surge"]
+    assert surge["identifiable"]
+    assert is_true(surge)
+    assert document["aborted"] is None
+    assert document["report"] is None
+    assert set(document["motions"]) == {"surge"}
+
+
+def test_a_report_and_a_file_are_left_where_asked(tmp_path, small, capsys):
+    page, file = tmp_path / "a.html", tmp_path / "a.yaml"
+    words = [as_csv(tmp_path / "a.csv", *flown()), "--vehicle", small, "--report", page, "--coefficients", file]
+    document = identified(capsys, *words)
+    assert document["report"] == str(page)
+    assert "Online estimate of k_q" in page.read_text()
+    assert "small" in file.read_text()
+
+
+def test_the_table_says_what_is_known_and_what_is_not(tmp_path, small, capsys):
+    record = as_csv(tmp_path / "a.csv", *flown(levels=(0.3, 0.5), noise=0.003))
+    assert main(["identify", str(record), "--vehicle", str(small)]) == 0
+    said = capsys.readouterr().out
+    assert "surge: not identifiable" in said
+    assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", said)
+    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come -?0\.\d\d s late", said)
+    assert "COB-2023" not in said
+
+
+def test_a_part_of_a_record_is_taken(tmp_path, small, capsys):
+    record = as_csv(tmp_path / "a.csv", *flown())
+    whole = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
+    part = identified(capsys, record, "--vehicle", small, "--from", 15, "--to", 65)["motions"]["surge"]
+    assert part["samples"] < 0.8 * whole["samples"]
+    assert is_true(part)
+
+
+def test_another_axis_has_its_units(tmp_path, small, capsys):
+    record = as_csv(tmp_path / "a.csv", *flown(), names=("r", "N"))
+    yaw = identified(capsys, record, "--vehicle", small)["motions"]["yaw"]
+    assert yaw["k_q"]["unit"] == "N m s^2"
+
+
+# ---- never sure without cause
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        {"levels": (0.05, 0.1), "noise": 0.03},
+        {"levels": (0.15,), "noise": 0.02},
+        {"levels": (3.0,), "end_s": 6.0},
+        {"gain": -1.0},
+        {"gain": 0.0},
+        {"levels": (8.0,), "span_s": 1000.0},
+    ],
+    ids=["drowned in noise", "one slow speed", "too short", "wrong sign", "no thrust", "thrust never changes"],
+)
+def test_what_cannot_be_known_is_called_so(tmp_path, small, capsys, record):
+    surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(**record)), "--vehicle", small)["motions"]["surge"]
+    assert not surge["identifiable"]
+    assert surge["reasons"]
+
+
+def test_the_wrong_sign_is_named(tmp_path, small, capsys):
+    surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(gain=-1.0)), "--vehicle", small)["motions"]["surge"]
+    assert any("sign" in reason for reason in surge["reasons"])
+
+
+@pytest.mark.parametrize("current", [0.03, 0.1])
+def test_a_current_is_seen_or_its_harm_lies_within_the_band(tmp_path, small, capsys, current):
+    surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(current=current)), "--vehicle", small)["motions"][
+        "surge"
+    ]
+    assert not surge["identifiable"] or is_true(surge)
+
+
+def test_motion_that_has_nothing_to_do_with_the_thrust(tmp_path, small, capsys):
+    (t, _), forces = flown()
+    wander = np.cumsum(np.random.default_rng(3).standard_normal(len(t))) * 0.02
+    surge = identified(capsys, as_csv(tmp_path / "a.csv", (t, wander), forces), "--vehicle", small)["motions"]["surge"]
+    assert not surge["identifiable"]
+
+
+def test_a_slow_record_still_tells_the_drag_over_its_speeds(tmp_path, small, capsys):
+    record = as_csv(tmp_path / "a.csv", *flown(levels=(0.3, 0.5), noise=0.003))
+    surge = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
+    band = surge["drag_force"]
+    truth = [TRUTH["k_q"] * u * u + TRUTH["k_l"] * u for u in band["speed"]]
+    pairs = zip(band["force"], band["std"], truth, strict=True)
+    assert all(abs(force - true) < 4.0 * std for force, std, true in pairs)
+
+
+def test_pauses_part_the_record(tmp_path, small, capsys):
+    (t, v), forces = flown()
+    keep = (t < 30.0) | (t > 40.0)
+    surge = identified(capsys, as_csv(tmp_path / "a.csv", (t[keep], v[keep]), forces), "--vehicle", small)["motions"][
+        "surge"
+    ]
+    assert surge["identifiable"]
+    assert is_true(surge)
+
+
+@pytest.mark.parametrize(("speed", "force"), [(1000.0, 1.0), (1.0, 0.01), (0.01, 1.0)])
+def test_wrong_units_are_suspected(tmp_path, small, capsys, speed, force):
+    (t, v), (t_w, w) = flown()
+    record = as_csv(tmp_path / "a.csv", (t, speed * v), (t_w, force * w))
+    surge = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
+    assert not surge["identifiable"]
+    assert any("check the units" in reason for reason in surge["reasons"])
+
+
+@pytest.mark.parametrize(("words", "share"), [([], 0.1), (["--gain-sigma", 0.2], 0.2)])
+def test_the_gain_of_a_wrench_is_never_taken_as_exact(tmp_path, small, capsys, words, share):
+    record = as_csv(tmp_path / "a.csv", *flown(gain=1.15, end_s=60.0))
+    document = identified(capsys, record, "--vehicle", small, *words)
+    k_q = document["motions"]["surge"]["k_q"]
+    assert k_q["std_calibrated"] == pytest.approx(math.hypot(k_q["std"], share * k_q["value"]), rel=0.1)
+    assert any("--gain-sigma" in one for one in document["assumptions"])
+
+
+def test_stamps_of_others_leave_the_added_mass_in_doubt(tmp_path, small, capsys):
+    (t, v), forces = flown()
+    late = identified(capsys, as_csv(tmp_path / "a.csv", (t + 0.1, v), forces), "--vehicle", small)["motions"]["surge"]
+    assert abs(late["added_mass"]["value"] - TRUTH["added_mass"]) < 3.0 * late["added_mass"]["std"]
+
+
+# ---- several records
+
+
+def test_several_records_are_pooled_and_their_spread_is_shown(tmp_path, small, capsys):
+    records = [as_csv(tmp_path / f"{seed}.csv", *flown(seed=seed)) for seed in range(3)]
+    document = identified(capsys, *records, "--vehicle", small)
+    pooled, runs = document["motions"]["surge"], [run["motions"]["surge"] for run in document["runs"]]
+    assert is_true(pooled)
+    assert len(runs) == 3
+    assert pooled["samples"] > 2.5 * runs[0]["samples"]
+    assert pooled["k_q"]["std"] < max(run["k_q"]["std"] for run in runs)
+    assert document["spread"]["surge"]["k_q"]["runs"] == 3
+
+
+def test_records_that_disagree_widen_the_band(tmp_path, small, capsys):
+    records = [as_csv(tmp_path / "a.csv", *flown()), as_csv(tmp_path / "b.csv", *flown(k_q=90.0))]
+    document = identified(capsys, *records, "--vehicle", small)
+    pooled = document["motions"]["surge"]["k_q"]
+    assert document["spread"]["surge"]["k_q"]["ratio"] > 3.0
+    assert abs(pooled["value"] - 78.0) < 15.0
+    assert pooled["std"] > 3.0 * document["runs"][0]["motions"]["surge"]["k_q"]["std"]
+
+
+# ---- bags
+
+
+def stamp_of(t_s):
+    return {"sec": int(t_s), "nanosec": int((t_s % 1.0) * 1e9)}
+
+
+def six(axis, value):
+    flat = [value if i == axis else 0.0 for i in range(6)]
+    names = ("x", "y", "z")
+    return dict(zip(names, flat[:3], strict=True)), dict(zip(names, flat[3:], strict=True))
+
+
+def velocity_message(kind, t_s, axis, value, frame, *, variance=0.0):
+    linear, angular = six(axis, value)
+    twist = {"linear": linear, "angular": angular}
+    header = {"stamp": stamp_of(t_s), "frame_id": frame}
+    covariance = [variance if i % 7 == 0 else 0.0 for i in range(36)]
+    if kind.endswith("Odometry"):
+        inner = {"twist": twist, "covariance": covariance}
+        return {"header": header | {"frame_id": "odom"}, "child_frame_id": frame, "pose": IDENTITY_POSE, "twist": inner}
+    if kind.endswith("TwistStamped"):
+        return {"header": header, "twist": twist}
+    return {"header": header, "twist": {"twist": twist, "covariance": covariance}}
+
+
+def wrench_message(kind, t_s, axis, value, frame):
+    force, torque = six(axis, value)
+    wrench = {"force": force, "torque": torque}
+    return (
+        wrench
+        if kind.endswith("/Wrench")
+        else {"header": {"stamp": stamp_of(t_s), "frame_id": frame}, "wrench": wrench}
+    )
+
+
+ODOMETRY = ("nav_msgs/msg/Odometry", "/odom", "base_link")
+THRUST = ("geometry_msgs/msg/WrenchStamped", "/thrust", "base_link")
+
+
+def as_bag(path, velocity=ODOMETRY, wrench=THRUST, *, axis=0, signs=(1.0, 1.0), extra=(), variance=0.0, **record):
+    (t_v, v), (t_w, w) = flown(**record)
+    rows = [(t, 0, value) for t, value in zip(t_v, v, strict=True)]
+    rows += [(t, 1, value) for t, value in zip(t_w, w, strict=True)]
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        kinds = {velocity[0], wrench[0], *(kind for kind, _ in extra)}
+        schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in kinds}
+        for kind, topic in extra:
+            content = velocity_message(kind, START_S, 0, 0.0, "base_link")
+            first = int(START_S * 1e9)
+            writer.write_message(topic, schemas[kind], content, log_time=first, publish_time=first)
+        for t, which, value in sorted(rows):
+            kind, topic, frame = (velocity, wrench)[which]
+            at = START_S + float(t)
+            signed = float(value) * signs[which]
+            if which:
+                content = wrench_message(kind, at, axis, signed, frame)
+            else:
+                content = velocity_message(kind, at, axis, signed, frame, variance=variance)
+            received = int(at * 1e9)
+            writer.write_message(topic, schemas[kind], content, log_time=received, publish_time=received)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "velocity",
+    ["nav_msgs/msg/Odometry", "geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"],
+)
+def test_every_type_of_velocity_serves(tmp_path, small, capsys, velocity):
+    bag = as_bag(tmp_path / "a.mcap", (velocity, "/a/velocity", "rov/base_link"))
+    document = identified(capsys, bag, "--vehicle", small, "--dof", "surge")
+    assert document["motions"]["surge"]["identifiable"]
+    assert is_true(document["motions"]["surge"])
+    assert any("REP-103" in one for one in document["assumptions"])
+
+
+def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(tmp_path, small, capsys):
+    bag = as_bag(tmp_path / "a.mcap", wrench=("geometry_msgs/msg/Wrench", "/thrust", ""))
+    document = identified(capsys, bag, "--vehicle", small)
+    assert is_true(document["motions"]["surge"])
+    assert any("receipt" in one for one in document["assumptions"])
+
+
+@pytest.mark.parametrize(
+    ("frame", "sign"), [("base_link", -1.0), ("base_link_fsd", 1.0), ("rov_frd", 1.0), ("body_ned", 1.0)]
+)
+def test_frames_are_turned_into_sname(tmp_path, frame, sign):
+    bag = as_bag(tmp_path / "a.mcap", ("nav_msgs/msg/Odometry", "/odom", frame), axis=1, end_s=10.0)
+    found = read_bag(bag, TopicSelection(), topics_of(bag))
+    (_, v), (_, w) = flown(end_s=10.0)
+    assert found.velocity[:, 1] == pytest.approx(sign * v)
+    assert found.wrench[:, 1] == pytest.approx(-w)
+
+
+def test_mixed_frames_agree_after_turning(tmp_path, small, capsys):
+    fsd = ("geometry_msgs/msg/WrenchStamped", "/thrust", "base_link_fsd")
+    bag = as_bag(tmp_path / "a.mcap", wrench=fsd, axis=1, signs=(-1.0, 1.0))
+    sway = identified(capsys, bag, "--vehicle", small)["motions"]["sway"]
+    assert is_true(sway)
+
+
+def test_a_frame_can_be_told(tmp_path, capsys, small):
+    world = ("geometry_msgs/msg/TwistStamped", "/velocity", "odom")
+    bag = as_bag(tmp_path / "a.mcap", world)
+    code, said = refused(capsys, bag, "--vehicle", small)
+    assert code == 2
+    assert "--frame" in said
+    assert is_true(identified(capsys, bag, "--vehicle", small, "--frame", "flu")["motions"]["surge"])
+
+
+@pytest.mark.parametrize(("variance", "known"), [(0.01, True), (-1.0, False), (1e6, False)])
+def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path, variance, known):
+    kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
+    bag = as_bag(tmp_path / "a.mcap", (kind, "/velocity", "base_link"), end_s=5.0, variance=variance)
+    assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag)).velocity).all() == known
+
+
+def test_several_topics_are_ambiguous_until_one_is_named(tmp_path, capsys, small):
+    bag = as_bag(tmp_path / "a.mcap", extra=[("geometry_msgs/msg/TwistStamped", "/cmd_vel")])
+    code, said = refused(capsys, bag, "--vehicle", small)
+    assert code == 2
+    assert "/cmd_vel" in said
+    assert "/odom" in said
+    assert "--odometry" in said
+    assert is_true(identified(capsys, bag, "--vehicle", small, "--odometry", "/odom")["motions"]["surge"])
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [(["--odometry", "/nothing"], "no such topic"), (["--wrench", "/odom"], "nav_msgs/msg/Odometry")],
+)
+def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(tmp_path, capsys, words, wanted):
+    bag = as_bag(tmp_path / "a.mcap", end_s=5.0)
+    code, said = refused(capsys, bag, *words)
+    assert code == 2
+    assert wanted in said
+    assert "/thrust" in said
+
+
+def test_a_bag_without_forces_lists_what_it_holds(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        schema = writer.register_msgdef("nav_msgs/msg/Odometry", DEFINITIONS["nav_msgs/msg/Odometry"])
+        content = velocity_message("nav_msgs/msg/Odometry", START_S, 0, 0.1, "base_link")
+        writer.write_message("/odom", schema, content, log_time=1, publish_time=1)
+        writer.finish()
+    code, said = refused(capsys, path)
+    assert code == 2
+    assert "no topic holds the force" in said
+    assert "/odom (nav_msgs/msg/Odometry)" in said
+
+
+def test_sqlite_bags_open_too(tmp_path, small, capsys):
+    mcap = as_bag(tmp_path / "a.mcap")
+    bag = tmp_path / "a.db3"
+    with sqlite3.connect(bag) as base:
+        base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+        base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+        base.execute(
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding TEXT, "
+            "encoded_message_definition TEXT)"
+        )
+        numbers = {}
+        for message in messages(mcap):
+            if message.topic not in numbers:
+                numbers[message.topic] = len(numbers) + 1
+                row = (numbers[message.topic], message.topic, message.type)
+                base.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr')", row)
+                text = (row[0], message.type, DEFINITIONS[message.type])
+                base.execute("INSERT INTO message_definitions VALUES(?, ?, 'ros2msg', ?)", text)
+            row = (numbers[message.topic], message.received, message.data)
+            base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", row)
+    from_mcap = identified(capsys, mcap, "--vehicle", small)["motions"]["surge"]
+    from_sqlite = identified(capsys, bag, "--vehicle", small)["motions"]["surge"]
+    assert from_sqlite["k_q"]["value"] == pytest.approx(from_mcap["k_q"]["value"], rel=1e-9)
+
+
+# ---- what is not there can be made
+
+
+def bag_of(path, topics):
+    """Bag of topics, each (name, type, definition, [(seconds, content)])."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        rows = []
+        for name, kind, definition, told in topics:
+            schema = writer.register_msgdef(kind, definition)
+            rows += [(t, name, schema, content) for t, content in told]
+        for t, name, schema, content in sorted(rows, key=lambda row: row[0]):
+            at = int((START_S + t) * 1e9)
+            writer.write_message(name, schema, content, log_time=at, publish_time=at)
+        writer.finish()
+    return path
+
+
+def thrusts(forces):
+    kind = "geometry_msgs/msg/WrenchStamped"
+    told = [(t, wrench_message(kind, START_S + t, 0, float(f), "base_link")) for t, f in zip(*forces, strict=True)]
+    return "/thrust", kind, DEFINITIONS[kind], told
+
+
+RC_OUT = ("/mavros/rc/out", "mavros_msgs/msg/RCOut", f"std_msgs/Header header\nuint16[] channels\n{HEADER}{TIME_PART}")
+
+
+def pulses_bag(path, channels):
+    """Velocities, and pulses in place of forces."""
+    velocities, forces = flown(end_s=10.0)
+    kind = "nav_msgs/msg/Odometry"
+    moved = [
+        (t, velocity_message(kind, START_S + t, 0, float(v), "base_link")) for t, v in zip(*velocities, strict=True)
+    ]
+    told = [(t, {"header": {"stamp": stamp_of(START_S + t), "frame_id": ""}, "channels": channels}) for t in forces[0]]
+    return bag_of(path, [("/odom", kind, DEFINITIONS[kind], moved), (*RC_OUT, told)])
+
+
+def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path):
+    bag = pulses_bag(tmp_path / "a.mcap", [1700, 1700, 0, 0, 1500, 1500, 1500, 1500])
+    vehicle = load_vehicle(default_vehicle())
+    found = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
+    branch = vehicle.curves["main"].negative
+    assert found.wrench[:, 0] == pytest.approx(-2.0 * math.cos(math.radians(55.0)) * branch.force_N(1300.0))
+    assert found.wrench[:, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("channels", "words", "wanted"),
+    [
+        ([1700] * 8, [], "name it with --wrench"),
+        ([1700] * 8, ["--wrench", "/mavros/rc/out"], "name a vehicle file with thrusters"),
+        ([1700] * 6, ["--wrench", "/mavros/rc/out", "--vehicle", default_vehicle()], "holds 6 channels, wanted 8"),
+        ([1] * 8, ["--wrench", "/mavros/rc/out", "--vehicle", default_vehicle()], "wanted pulses of 500 to 2500 us"),
+    ],
+)
+def test_pulses_that_do_not_serve_are_refused_with_the_remedy(tmp_path, capsys, channels, words, wanted):
+    code, said = refused(capsys, pulses_bag(tmp_path / "a.mcap", channels), *words)
+    assert code == 2
+    assert wanted in said
+
+
+def test_poses_alone_give_the_velocity(tmp_path, small, capsys):
+    true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
+    _, forces = flown()
+    half = math.radians(30.0)
+    rows = zip(true.grid.times_s[::4].tolist(), true.path.s[::4].tolist(), strict=True)
+    told = [
+        (t, {
+            "header": {"stamp": stamp_of(START_S + t), "frame_id": "mocap"},
+            "pose": {
+                "position": {"x": s * math.cos(2.0 * half), "y": s * math.sin(2.0 * half), "z": 0.0},
+                "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+            },
+        })
+        for t, s in rows
+    ]  # fmt: skip
+    kind = "geometry_msgs/msg/PoseStamped"
+    definition = "std_msgs/Header header\ngeometry_msgs/Pose pose\n" + HEADER + TIME_PART + POSE_PART
+    bag = bag_of(tmp_path / "a.mcap", [("/mocap/rov", kind, definition, told), thrusts(forces)])
+    code, said = refused(capsys, bag, "--vehicle", small)
+    assert code == 2
+    assert "--odometry" in said
+    surge = identified(capsys, bag, "--vehicle", small, "--odometry", "/mocap/rov")["motions"]["surge"]
+    assert surge["identifiable"]
+    assert force_at(surge, 0.4) == pytest.approx(force_at({k: {"value": v} for k, v in TRUTH.items()}, 0.4), rel=0.02)
+
+
+def world_message(t, s, v):
+    """Odometry whose velocity is in the axes of the world, while its frames say that it is not."""
+    east = {"x": 0.0, "y": float(v), "z": 0.0}
+    still = {"x": 0.0, "y": 0.0, "z": 0.0}
+    pose = {"position": {"x": 0.0, "y": float(s), "z": 0.0}}
+    pose["orientation"] = {"x": 0.0, "y": 0.0, "z": math.sqrt(0.5), "w": math.sqrt(0.5)}
+    zeros = [0.0] * 36
+    twist = {"twist": {"linear": east, "angular": still}, "covariance": zeros}
+    header = {"stamp": stamp_of(START_S + t), "frame_id": "odom"}
+    return {
+        "header": header,
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose, "covariance": zeros},
+        "twist": twist,
+    }
+
+
+def test_velocities_in_the_axes_of_the_world_are_found_out(tmp_path, small, capsys):
+    true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
+    (t, v), forces = flown()
+    told = [(one, world_message(one, s, u)) for one, s, u in zip(t.tolist(), true.path.s[::20], v, strict=True)]
+    kind = "nav_msgs/msg/Odometry"
+    bag = bag_of(tmp_path / "a.mcap", [("/odom", kind, DEFINITIONS[kind], told), thrusts(forces)])
+    document = identified(capsys, bag, "--vehicle", small)
+    assert is_true(document["motions"]["surge"])
+    assert any("axes of the world" in one for one in document["assumptions"])
+
+
+# ---- wrong use
+
+
+def test_a_record_that_does_not_exist(tmp_path, capsys):
+    code, said = refused(capsys, tmp_path / "none.mcap")
+    assert code == 2
+    assert "does not exist" in said
+
+
+def test_a_span_beyond_the_record(tmp_path, capsys):
+    code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 50)
+    assert code == 2
+    assert "the record lasts" in said
+
+
+def test_a_span_that_is_none(tmp_path, capsys):
+    code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 5, "--to", 2)
+    assert code == 2
+    assert "--to" in said
+
+
+def test_without_a_vehicle_file_the_assumption_is_said(tmp_path, capsys):
+    document = identified(capsys, as_csv(tmp_path / "a.csv", *flown()))
+    assert any("--vehicle" in one for one in document["assumptions"])
+    assert "added_mass" not in document["motions"]["surge"]
+    assert math.isclose(document["motions"]["surge"]["k_q"]["value"], TRUTH["k_q"], rel_tol=0.05)

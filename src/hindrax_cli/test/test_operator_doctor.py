@@ -1,0 +1,204 @@
+"""The doctor: every problem has its remedy, with devices, without, and with a stack that is up."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import tty
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace as Message
+
+import pytest
+
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions, Stack, environment
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_cli.command_line import main
+from hindrax_cli.health_checks import machine, nodes, wires
+from hindrax_cli.health_checks.machine import KernelTime, Running
+from hindrax_core.vehicle import load_vehicle
+
+NOW_s = 1_767_225_600.0  # 2026-01-01
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
+
+
+def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path, capsys):
+    file = tmp_path / "vehicle.yaml"
+    text = default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/dev/")
+    file.write_text(text, encoding="utf-8")
+    assert main(["doctor", "--json", "--vehicle", str(file)]) == 1
+    checks = json.loads(capsys.readouterr().out)["checks"]
+    assert all(set(one) == {"name", "ok", "found", "remedy"} for one in checks)
+    assert all(one["found"] and bool(one["remedy"]) is not one["ok"] for one in checks)
+    by_name = {one["name"]: one for one in checks}
+    assert {"python", "ros", "disk", "time", "groups", "processes"} <= set(by_name)
+    for name in ("dvl75", "ping1d", "icm20948", "ms5837", "thrusters", f"{tmp_path}/dev/i2c-1"):
+        assert not by_name[name]["ok"], name
+
+
+def test_people_get_the_same_as_lines(tmp_path, capsys):
+    file = tmp_path / "vehicle.yaml"
+    file.write_text(default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/"), encoding="utf-8")
+    assert main(["doctor", "--vehicle", str(file)]) == 1
+    said = capsys.readouterr().out
+    assert "-> check cable and power" in said
+    assert "checks found a problem" in said
+
+
+def test_the_clock():
+    good = machine.clock(KernelTime(True, 0.02), NOW_s)
+    assert (good.ok, good.found) == (True, "2026-01-01 00:00 UTC, synchronized, error at most 20 ms")
+    assert "was never set" in machine.clock(KernelTime(True, 0.0), 3600.0).found
+    assert "chrony" in machine.clock(KernelTime(False, 16.0), NOW_s).remedy
+    assert "wait for NTP" in machine.clock(KernelTime(True, 3.0), NOW_s).remedy
+
+
+def test_the_kernel_can_be_asked():
+    assert machine.kernel_time().error_s >= 0.0
+
+
+def test_room_for_bags(monkeypatch, tmp_path):
+    assert machine.disk(tmp_path).ok
+    monkeypatch.setattr(machine.shutil, "disk_usage", lambda _path: Message(free=10_000_000))
+    assert "wanted 0.5 GB" in machine.disk(tmp_path).remedy
+
+
+def test_another_ros_is_named():
+    found = machine.ros({"ROS_DISTRO": "humble"})
+    assert not found.ok
+    assert found.found == "ROS 2 humble" or found.found.startswith("no ")
+
+
+def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not():
+    node = "python -m hindrax_drivers.nodes.thrusters --ros-args"
+    init, tool = Running(1, 0, 0, "/sbin/init"), Running(50, 20, 7, "python -m hindrax_cli.command_line up")
+    cared, lost, foreign = Running(51, 50, 7, node), Running(60, 1, 7, node), Running(61, 1, 8, node)
+    assert machine.leftovers([init, tool, cared, foreign], 7).ok
+    found = machine.leftovers([init, tool, cared, lost, foreign], 7)
+    assert not found.ok
+    assert found.remedy == "end them: kill 60"
+    assert machine.leftovers([init, lost], 7, "/run/another").ok
+
+
+def test_in_a_container_our_own_tool_may_be_the_first_process():
+    first = Running(1, 0, 7, "python -m hindrax_cli.command_line up")
+    assert machine.leftovers([first, Running(9, 1, 7, "python -m hindrax_sim.nodes.mock")], 7).ok
+
+
+def test_processes_are_read_as_the_kernel_tells_them():
+    mine = next(one for one in machine.running() if one.pid == os.getpid())
+    assert (mine.parent, mine.owner) == (os.getppid(), os.getuid())
+    assert "py" in mine.words
+    with subprocess.Popen(["sleep", "60"], env={"HOME": "/", FOLDER: "/run/there"}) as child:
+        places = {one.pid: one.place for one in machine.running()}
+        child.kill()
+    assert places[child.pid] == "/run/there"
+
+
+def test_ports(tmp_path, monkeypatch):
+    assert wires.port("/dev/null").ok
+    assert "raspi-config" in wires.port("/dev/i2c-77").remedy
+    assert "./hindrax mock" in wires.port("mock:/nowhere/i2c").remedy
+    (tmp_path / "file").write_text("")
+    assert wires.port(str(tmp_path / "file")).found == "no device file"
+    monkeypatch.setattr(wires, "is_mounted", lambda file: file == tmp_path / "file")
+    assert wires.port(str(tmp_path / "file")).found == "bus of a mock"
+    link = tmp_path / "dvl"
+    link.symlink_to("/dev/null")
+    assert wires.port(str(link)).found == "there, it is /dev/null"
+
+
+@pytest.mark.skipif(os.getuid() == 0, reason="root may open everything")
+def test_a_port_of_another_group_names_it(tmp_path):
+    path = tmp_path / "port"
+    path.write_text("")
+    path.chmod(0)
+    assert "usermod" in wires.port(str(path)).remedy
+
+
+def test_every_port_is_looked_at_once():
+    vehicle = load_vehicle(default_vehicle())
+    names = [one.name for one in wires.ports(vehicle, {"thrusters": "mock:/x/i2c"})]
+    assert names == ["/dev/hindrax/dvl", "/dev/hindrax/ping", "/dev/i2c-1", "mock:/x/i2c"]
+
+
+def test_an_address_of_the_network_is_asked_and_not_looked_for(monkeypatch):
+    monkeypatch.setattr(wires, "ANSWER_S", 0.2)
+    network = {"dvl75": "udp://127.0.0.1:9999"}
+    vehicle = load_vehicle(default_vehicle())
+    assert wires.ports(vehicle, network)[0].ok
+    found = next(one for one in wires.devices(vehicle, network, "system") if one.name == "dvl75")
+    assert not found.ok
+    assert "silence" in found.found
+
+
+def status(level: bytes, message: str, **values: str) -> Message:
+    pairs = [Message(key=key.replace("_", " "), value=value) for key, value in values.items()]
+    return Message(level=level, message=message, values=pairs)
+
+
+def test_a_stack_that_is_up_is_asked_instead_of_its_wires():
+    diagnostics = {
+        "hindrax: dvl75": status(b"\x00", "measuring", identity="DVL-75", last_trouble="slow once"),
+        "hindrax: ping1d": status(b"\x02", "no reading for 3.0 s", last_trouble="Errno 5"),
+    }
+    diagnostics["hindrax: dvl75"].values.append(Message(key="rate [Hz]", value="20.04"))
+    up, dvl, ping, pilot = nodes.judged(diagnostics, ("dvl75", "ping1d", "pilot"), "vehicle")
+    assert up.ok
+    assert (dvl.ok, dvl.found) == (True, "DVL-75, measuring, 20.0 Hz")
+    assert (ping.ok, ping.remedy) == (False, "last trouble: Errno 5")
+    assert pilot.found == "its node says nothing"
+
+
+def test_a_stack_of_which_nobody_reports_is_a_problem():
+    (only,) = nodes.judged({}, ("dvl75",), "vehicle")
+    assert not only.ok
+
+
+def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports):
+    vehicle = load_vehicle(default_vehicle())
+    found = wires.ports(vehicle, mock_ports) + wires.devices(vehicle, mock_ports, mock_ports["clock"])
+    assert [one.name for one in found if not one.ok] == []
+    by_name = {one.name: one.found for one in found}
+    assert by_name["dvl75"].startswith("Cerulean DVL-75")
+    assert by_name["thrusters"].startswith("PCA9685 at 0x40")
+    assert "Ping" in by_name["ping1d"]
+
+
+def test_a_silent_device_is_a_problem_with_its_line(mock_ports):
+    vehicle = load_vehicle(default_vehicle())
+    only = replace(vehicle, sensors={"dvl75": vehicle.sensors["dvl75"]})
+    silent, end = os.openpty()
+    tty.setraw(end)  # or it would echo
+    try:
+        ports = mock_ports | {"dvl75": os.ttyname(end)}
+        found = {one.name: one for one in wires.devices(only, ports, "system")}
+        assert not found["dvl75"].ok
+        assert "silence" in found["dvl75"].found
+    finally:
+        os.close(silent)
+        os.close(end)
+
+
+@pytest.fixture
+def mock_ports(tmp_path):
+    """Ports of a mock vehicle in a process of its own, without ROS."""
+    if importlib.util.find_spec("rclpy") is None:
+        pytest.skip("the mock's process imports rclpy")
+    folder = RunFolder(Path(tmp_path / "run"))
+    folder.path.mkdir()
+    shutil.copyfile(default_vehicle(), folder.vehicle)
+    with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
+        stack = Stack(folder, load_vehicle(folder.vehicle), supervisor)
+        stack.start_mock(MockOptions(), "--no-ros")
+        yield {**stack.mock_facts["ports"], "clock": stack.mock_facts["clock"]}

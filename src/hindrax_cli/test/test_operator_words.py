@@ -1,0 +1,313 @@
+"""The operator's commands: what their words mean, what is refused before the vehicle is asked, what is said."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import signal
+import threading
+from pathlib import Path
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+import yaml
+
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions
+from hindrax_bringup.stack_lock import FOLDER, StackLock
+from hindrax_bringup.stack_runner import asked_to_end, health_changes, startup_text
+from hindrax_cli import mock_devices
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate import hold, lights, wrench
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_operator.one_thruster import pulses_of
+from hindrax_operator.pool_run import FlownManeuver, finish
+
+OPERATOR = (
+    *("arm", "disarm", "stop", "hold", "wrench", "thruster", "lights", "joystick"),
+    *("up", "monitor", "mock", "doctor"),
+)
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
+
+
+@pytest.mark.parametrize("name", OPERATOR)
+def test_every_command_has_help_with_an_example(name, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([name, "--help"])
+    assert ended.value.code == 0
+    assert f"./hindrax {name}" in capsys.readouterr().out
+
+
+# ---- lights
+
+
+def test_one_brightness_goes_for_every_lamp():
+    assert lights.parse(["0.5"], 2) == [0.5, 0.5]
+    assert lights.parse(["1", "0"], 2) == [1.0, 0.0]
+    assert lights.parse(["off"], 2) == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("words", [["2"], ["-0.1"], ["nan"], ["bright"], ["1", "1", "1"]])
+def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(words, capsys):
+    assert main(["lights", *words]) == 2
+    assert "wanted one or 2 numbers from 0 to 1, or `off`" in capsys.readouterr().err
+
+
+# ---- hold
+
+
+def test_angles_are_given_in_degrees_and_distances_in_meters():
+    assert hold.parse("heading", "90") == (("heading",), pytest.approx(math.pi / 2), True)
+    assert hold.parse("depth", "0.8") == (("depth",), 0.8, True)
+
+
+def test_without_a_value_the_vehicle_holds_where_it_is():
+    axes, value, engaged = hold.parse("altitude", None)
+    assert (axes, engaged) == (("altitude",), True)
+    assert math.isnan(value)
+
+
+def test_off_lets_go_of_one_or_all():
+    assert hold.parse("roll", "off")[::2] == (("roll",), False)
+    assert hold.parse("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude"), False)
+
+
+@pytest.mark.parametrize(
+    ("axis", "text"), [("all", "3"), ("all", None), ("depth", "deep"), ("depth", "nan"), ("roll", "inf")]
+)
+def test_what_cannot_be_held_is_refused_with_what_was_wanted(axis, text, capsys):
+    assert main(["hold", axis, *([text] if text else [])]) == 2
+    assert f"hold {axis}: " in capsys.readouterr().err
+
+
+def test_headings_are_shown_from_0_to_360():
+    assert hold.shown("heading", math.radians(-90.0)) == "270.0 deg"
+    assert hold.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
+    assert hold.shown("depth", 0.8) == "0.80 m"
+
+
+# ---- joystick
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("dead_man", "--set dead_man: wanted NAME:=VALUE"),
+        ("nobody:=4", "--set.nobody: unknown key, wanted one of dead_man, "),
+        ("dead_man:=banana", "--set.dead_man: found 'banana', wanted a whole number"),
+        ("dead_man:=99", "--set.dead_man: found 99, wanted 0 to 63"),
+    ],
+)
+def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(word, reason, capsys):
+    assert main(["joystick", "--set", word]) == 2
+    assert reason in capsys.readouterr().err
+
+
+# ---- wrench
+
+
+def test_a_wrench_is_six_finite_numbers(capsys):
+    assert wrench.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
+    assert main(["wrench", "1", "0", "nan", "0", "0", "0"]) == 2
+    assert "wrench Z: found nan, wanted a finite number" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["wrench", "1", "0"])
+
+
+def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused():
+    limits = load_vehicle(default_vehicle()).limits.wrench
+    wrench.require_within(limits, limits)
+    with pytest.raises(UsageError, match=r"wrench N: found -500, wanted -\d+ to \d+ "):
+        wrench.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
+
+
+def test_what_came_of_a_wrench_names_what_lacks():
+    plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
+    said = wrench.outcome_text(plan)
+    assert said == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
+    assert wrench.wrench_text([0.01] * 6) == "nothing"
+
+
+# ---- thruster
+
+
+VEHICLE = load_vehicle(default_vehicle())
+
+
+@pytest.mark.parametrize("name", ["3", "T3"])
+def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name):
+    index, pulses = pulses_of(VEHICLE, name, -4.0)
+    assert index == 2
+    assert 1100.0 < pulses[2] < 1475.0
+    assert [pulse for at, pulse in enumerate(pulses) if at != 2] == [1500.0] * 7
+    assert pulses_of(VEHICLE, name, 4.0)[1][2] > 1525.0
+
+
+@pytest.mark.parametrize(
+    ("name", "force", "words"),
+    [
+        ("0", 1.0, "has T1, T2, T3, T4, T5, T6, T7, T8, or 1 to 8"),
+        ("9", 1.0, "not of this vehicle"),
+        ("T9", 1.0, "not of this vehicle"),
+        ("1", 1e3, "wanted -15"),
+        ("1", math.nan, "found nan N"),
+        ("1", 0.05, "less than it can give"),
+    ],
+)
+def test_a_thruster_that_cannot_do_it_says_what_it_can(name, force, words):
+    with pytest.raises(UsageError, match=words):
+        pulses_of(VEHICLE, name, force)
+
+
+def test_no_force_is_rest():
+    assert pulses_of(VEHICLE, "1", 0.0)[1] == [1500.0] * 8
+
+
+@pytest.mark.parametrize("words", [["3"], ["fit"], ["disable"], ["3", "T4", "--force", "1"], ["fly", "--force", "1"]])
+def test_words_about_thrusters_that_make_no_sense_are_refused(words, capsys):
+    assert main(["thruster", *words]) == 2
+    assert "hindrax thruster: thruster " in capsys.readouterr().err
+
+
+def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path, capsys):
+    file, sweep = tmp_path / "vehicle.yaml", tmp_path / "sweep.csv"
+    file.write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
+    pulses = np.r_[np.linspace(1100, 1470, 12), np.linspace(1530, 1900, 12)]
+    loads = 2e-7 * (pulses - 1500) ** 3 + 4e-3 * (pulses - 1500)
+    rows = [f"{pulse},{load},15.2" for pulse, load in zip(pulses, loads, strict=True)]
+    sweep.write_text("\n".join(["pulse_us,load_N,supply_V", *rows]), encoding="utf-8")
+    words = ["thruster", "fit", str(sweep), "--lever-ratio", "2", "--vehicle", str(file)]
+    assert main(words) == 0
+    assert "--write puts it into" in capsys.readouterr().out
+    assert load_vehicle(file).curves["main"].supply_V == 14.8
+    assert main([*words, "--write"]) == 0
+    curve = load_vehicle(file).curves["main"]
+    assert curve.supply_V == 15.2
+    assert curve.positive is not None
+    assert curve.positive.force_N(1800.0) == pytest.approx(2 * (2e-7 * 300**3 + 4e-3 * 300), rel=1e-6)
+    before, after = (yaml.safe_load(path.read_text(encoding="utf-8")) for path in (default_vehicle(), file))
+    assert {key: value for key, value in after.items() if key != "curves"} == {
+        key: value for key, value in before.items() if key != "curves"
+    }
+
+
+@pytest.mark.parametrize(
+    ("offset_N", "volts", "reason"),
+    [
+        (
+            3.0,
+            15.2,
+            "negative branch gives 0.8.* N at 1470 us, wanted a negative force; tare the load cell, .* outliers",
+        ),
+        (0.0, 15200.0, "curves.main.supply_V: found 15200, wanted 5 to 60 .*; look for another unit"),
+    ],
+)
+def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(tmp_path, capsys, offset_N, volts, reason):
+    sweep = tmp_path / "sweep.csv"
+    pulses = np.r_[np.linspace(1100, 1470, 12), np.linspace(1530, 1900, 12)]
+    loads = 2e-7 * (pulses - 1500) ** 3 + 0.07 * (pulses - 1500) + offset_N
+    rows = [f"{pulse},{load},{volts}" for pulse, load in zip(pulses, loads, strict=True)]
+    sweep.write_text("\n".join(["pulse_us,load_N,supply_V", *rows]), encoding="utf-8")
+    assert main(["thruster", "fit", str(sweep)]) == 1
+    assert re.search(reason, capsys.readouterr().err)
+
+
+# ---- pool-test
+
+
+def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path, capsys):
+    nothing = Message(results=Message(motions={}))
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}))
+    assert capsys.readouterr().err == ""
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 2}))
+    assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
+
+
+# ---- up and mock
+
+
+@pytest.mark.parametrize("option", [["--rate", "2"], ["--seed", "2"], ["--fault", "absent:dvl75@1+2"]])
+def test_options_of_the_mock_need_the_mock(option, capsys):
+    assert main(["up", *option]) == 2
+    assert "for --mock only" in capsys.readouterr().err
+
+
+def test_up_says_how_to_reach_it(tmp_path):
+    presence = StackLock(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
+    said = startup_text(presence, RunFolder(tmp_path), record=True)
+    assert "export ROS_DOMAIN_ID=7\n" in said
+    assert str(tmp_path / "bag") in said
+    assert "bag" not in startup_text(presence, RunFolder(Path("x")), record=False)
+
+
+def test_only_what_changes_is_news():
+    assert health_changes({}, {"dvl75": "no answer for 1.2 s", "pilot": ""}) == [
+        "dvl75: no answer for 1.2 s",
+        "pilot: well",
+    ]
+    assert health_changes({"dvl75": "no answer for 1.2 s"}, {"dvl75": "no answer for 2.2 s"}) == []
+    assert health_changes({"dvl75": "no answer for 1.2 s"}, {"dvl75": ""}) == ["dvl75: well"]
+    assert health_changes({"dvl75": ""}, {"dvl75": ""}) == []
+
+
+def test_a_signal_is_noted_and_interrupts_nothing():
+    with asked_to_end() as over:
+        assert not over()
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert over()
+
+
+def test_the_devices_alone_lie_at_stable_paths_and_only_once(tmp_path, capsys):
+    told, asked = {}, threading.Event()
+    folder = tmp_path / "runtime" / "mock"
+
+    def tell(found) -> None:
+        told.update(found)
+        assert main(["mock"]) == 1
+        asked.set()
+
+    options = mock_devices.DeviceOptions(default_vehicle(), MockOptions(rate=1.0))
+    mock_devices.serve(options, tell, asked.is_set)
+    assert told["dvl75"] == str(folder / "dvl75")
+    assert told["icm20948"] == told["clock"] == f"mock:{folder / 'i2c'}"
+    assert "a mock runs there already" in capsys.readouterr().err
+    assert not (folder / "dvl75").exists()
+
+
+def test_ports_are_told_to_people_scripts_and_programs():
+    found = {"dvl75": "/run/dvl75", "clock": "mock:/run/i2c"}
+    assert mock_devices.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
+    assert json.loads(mock_devices.document(found)) == {"ports": found}
+    assert "  dvl75  /run/dvl75" in mock_devices.table(found)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["mock", "--folder", str(tmp_path / "file" / "mock")]) == 2
+    assert "choose another with --folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["pool-test", "up", "mock"])
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--rate", "nan"], "--rate: found nan, wanted 0 (no bound) or more"),
+        (["--rate", "-1"], "--rate: found -1, wanted"),
+        (["--seed", "-1"], "--seed: found -1, wanted 0 to 4294967295"),
+        (["--seed", str(1 << 32)], "--seed: found 4294967296"),
+    ],
+)
+def test_neither_a_pace_nor_a_seed_is_refused_before_anything_starts(command, words, reason, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([command, *([] if command == "mock" else ["--mock"]), *words])
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err

@@ -1,0 +1,64 @@
+"""`hindrax ping` on a pty with the emulated sonar behind it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+
+import pytest
+
+from hindrax_cli.command_line import main
+from hindrax_sim.devices.ping1d import Ping1d, PingTruth
+from hindrax_sim.ptys import Pty
+
+
+@pytest.fixture
+def sonar(tmp_path):
+    """Yield a path on which a sonar hears the bottom at 1.8 m."""
+    path, device = tmp_path / "ping", Ping1d(noise=0.0)
+    port, stop = Pty(path), threading.Event()
+
+    def serve() -> None:
+        begun = time.monotonic()
+        while not stop.is_set():
+            now_s = time.monotonic() - begun
+            device.set_truth(PingTruth(1.8))
+            port.write(device.step(now_s) + device.receive(port.read(), now_s))
+            stop.wait(0.005)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield str(path)
+    stop.set()
+    thread.join()
+    port.close()
+
+
+def test_a_profile_is_asked_for_and_told(sonar, capsys):
+    assert main(["ping", "profile", "--port", sonar, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["distance_m"] == pytest.approx(1.8, abs=0.002)
+    assert found["confidence"] == 1.0
+    assert found["identity"].startswith("Blue Robotics Ping sonar")
+    assert found["round_trip_s"] > 0.0
+    start, end = found["scan_m"]
+    loudest = found["strength"].index(max(found["strength"]))
+    assert start + (end - start) * loudest / len(found["strength"]) == pytest.approx(1.8, abs=0.05)
+
+
+def test_a_profile_is_drawn(sonar, capsys):
+    assert main(["ping", "profile", "--port", sonar]) == 0
+    head, found, *rows = capsys.readouterr().out.splitlines()
+    assert "answered in" in head
+    assert found.startswith("1.80")
+    longest = max(rows, key=lambda row: row.count("#"))
+    assert float(longest.split()[0]) == pytest.approx(1.8, abs=0.2)
+
+
+def test_silence_is_told_with_its_remedy(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hindrax_cli.commands.machine.ping.PATIENCE_S", 0.3)
+    port = Pty(tmp_path / "ping")
+    assert main(["ping", "profile", "--port", str(port.path)]) == 1
+    assert "no profile in 0.3 s (silence); check power, cable and speed" in capsys.readouterr().err
+    port.close()

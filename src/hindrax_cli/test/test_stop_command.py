@@ -1,0 +1,34 @@
+"""What `hindrax stop` says of the pulses of a stack that did not obey: what the heartbeat of the dead man tells."""
+
+import math
+import time
+
+import pytest
+
+from hindrax_bringup.stack_lock import FOLDER, StackLock
+from hindrax_cli.commands.operate.stop import on_the_wire
+
+STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
+
+
+@pytest.mark.parametrize(
+    ("age_s", "said"),
+    [
+        (0.5, "its dead man lives: half a second after the last command they are neutral"),
+        (30.0, "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"),
+        (math.inf, "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"),
+    ],
+)
+def test_the_heartbeat_of_the_dead_man_tells(tmp_path, monkeypatch, age_s, said):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    heartbeat = tmp_path / f"{STACK.pid}-abc.beats" / "thrusters"
+    heartbeat.parent.mkdir()
+    heartbeat.write_text("" if math.isinf(age_s) else str(time.monotonic() - age_s))
+    assert on_the_wire(STACK).startswith(said)
+    assert "cut the power" in on_the_wire(STACK)
+
+
+def test_without_a_heartbeat_nothing_is_promised(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    for stack in (None, STACK):
+        assert on_the_wire(stack) == "nothing here tells whether its thrusters turn; if they do, cut the power"

@@ -1,0 +1,147 @@
+"""Wrong use costs one sentence that names the word, with the one that was perhaps meant, and exit code 2."""
+
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import yaml
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli import command_line
+from hindrax_cli.commands.develop import test as test_command
+from hindrax_cli.commands.operate import arm
+from hindrax_cli.commands.pool import pool_test
+from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import load_vehicle
+
+
+def refused(capsys, *words: str) -> str:
+    try:
+        code = command_line.main(words)
+    except SystemExit as end:
+        code = end.code
+    said = capsys.readouterr()
+    assert code == 2
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+    return said.err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["pooltest"], "no command 'pooltest' (did you mean pool-test?); ./hindrax --help lists all"),
+        (["pool_test"], "did you mean pool-test?"),
+        (["frobnicate"], "no command 'frobnicate'; ./hindrax --help lists all"),
+        (["pool-test", "--mok"], "no option '--mok' (did you mean --mock?); ./hindrax pool-test --help shows how"),
+        (["pool-test", "--dof", "surg"], "invalid choice: 'surg' (choose from 'surge', 'sway'"),
+        (["pool-test", "--mock", "--excitation", "sinus"], "invalid choice: 'sinus' (choose from 'plateaus'"),
+        (["pool-test", "--seed", "x"], "--seed: invalid seed value: 'x'"),
+        (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere cannot be written"),
+        (["bag", "inof"], "invalid choice: 'inof'"),
+        (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
+        (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),
+        (["hold", "depht"], "invalid choice: 'depht'"),
+    ],
+)
+def test_one_sentence(capsys, words, sentence):
+    assert sentence in refused(capsys, *words)
+
+
+def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(capsys, tmp_path):
+    lines = default_vehicle().read_text(encoding="utf-8").splitlines(keepends=True)
+    six, out = tmp_path / "six.yaml", tmp_path / "run"
+    six.write_text("".join(line for line in lines if "name: T7" not in line and "name: T8" not in line))
+    words = ["pool-test", "--mock", "--vehicle", str(six), "--out", str(out), "--dof"]
+    said = refused(capsys, *words, "surge", "pitch")
+    assert "pitch: no thruster serves it independently of " in said
+    assert "wanted some of surge, sway, heave, roll, yaw" in said
+    assert not out.exists()
+
+
+def test_no_word_at_all_shows_every_command(capsys):
+    assert command_line.main([]) == 2
+    said = capsys.readouterr().out
+    assert all(f"  {name.replace('_', '-')} " in said for name in command_line.module_names())
+
+
+@pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])
+def test_options_of_pytest_reach_pytest(monkeypatch, words):
+    called = []
+    child = SimpleNamespace(wait=lambda: 0)
+    monkeypatch.setattr(test_command.subprocess, "Popen", lambda command, **_: called.append(command) or child)
+    assert command_line.main(["test", *words]) == 0
+    assert called == [[sys.executable, "-m", "pytest", *words]]
+
+
+@pytest.mark.parametrize("buffered", [{}, {"PYTHONUNBUFFERED": "1"}])
+def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered):
+    tool = [sys.executable, "-m", "hindrax_cli.command_line", "--help"]
+    here, there = os.pipe()
+    os.close(here)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        tool, stdout=there, stderr=subprocess.PIPE, env=environment | buffered, timeout=60, check=False
+    )
+    os.close(there)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_control_c_while_a_command_is_loaded_is_one_sentence(monkeypatch, capsys):
+    def interrupted(_name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command_line, "load", interrupted)
+    assert command_line.main(["papers"]) == 130
+    assert capsys.readouterr().err == "hindrax: stopped by Ctrl-C\n"
+
+
+@pytest.fixture
+def at_a_desk(tmp_path):
+    """A vehicle file with one port that exists (a bus) and four that do not."""
+    vehicle = yaml.safe_load(Path(default_vehicle()).read_text(encoding="utf-8"))
+    (tmp_path / "i2c").touch()
+    for name, mount in vehicle["sensors"].items():
+        mount["port"] = str(tmp_path / name)
+    vehicle["output"]["port"] = str(tmp_path / "i2c")
+    file = tmp_path / "vehicle.yaml"
+    file.write_text(yaml.safe_dump(vehicle), encoding="utf-8")
+    return file
+
+
+def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(capsys, monkeypatch, at_a_desk):
+    monkeypatch.setattr(pool_test, "run_pool_test", lambda options: pytest.fail(f"flown: {options}"))
+    assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 1
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1
+    sensors = load_vehicle(at_a_desk).sensors
+    assert all(mount.port in said for mount in sensors.values())
+    assert str(at_a_desk.parent / "i2c") not in said
+    assert f"wanted all {len(sensors) + 1} ports" in said
+    assert said.strip().endswith("or fly without a vehicle: --mock")
+
+
+def test_ports_that_are_there_but_silent_get_their_time(monkeypatch, at_a_desk):
+    flown = []
+    monkeypatch.setattr(pool_test, "run_pool_test", lambda options: flown.append(options) or 0)
+    for mount in load_vehicle(at_a_desk).sensors.values():
+        Path(mount.port).touch()
+    assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 0
+    assert len(flown) == 1
+
+
+def test_arm_warns_only_of_thrusters_that_can_be_armed(capsys, monkeypatch):
+    class NoStack:
+        def wait_for_thrusters(self):
+            raise HindraxError("waited 5 s for the thrusters node")
+
+        def arm(self, **_):
+            self.wait_for_thrusters()
+
+    monkeypatch.setattr(arm, "operator_of", lambda _: contextlib.nullcontext(NoStack()))
+    assert command_line.main(["arm"]) == 1
+    assert capsys.readouterr().out == ""

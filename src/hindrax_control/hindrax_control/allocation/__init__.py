@@ -1,0 +1,1 @@
+"""From a wrench to pulses: guard, effectiveness, exact bounded allocation, thrust curves, faults of thrusters."""

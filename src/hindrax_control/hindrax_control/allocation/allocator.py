@@ -1,0 +1,267 @@
+"""From a wrench to forces and pulses: exact where it can be had, by stated priority where it cannot.
+
+Policy for a wrench out of reach: the axes of the first priority (default: heave, roll, pitch, yaw) keep the direction
+of their common part and lose magnitude only as far as they must; then the next (surge, sway) keep theirs and take what
+is left. See `bounded_allocation.py` for how that part is found. A failed thruster is a column taken out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_control.allocation.bounded_allocation import AttainableSet
+from hindrax_control.allocation.deadband_bias import ROUNDING_N, DeadbandBias, Interval
+from hindrax_control.allocation.effectiveness import checked_effectiveness
+from hindrax_control.allocation.thrust_curve import ThrustCurve
+from hindrax_control.allocation.thruster_layout import ThrusterLayout, thruster_layout
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6, Allocation
+from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, Vehicle
+
+LARGEST = 1e12
+"""No vehicle reaches this wrench [N, Nm]; beyond it squares would overflow."""
+
+KEPT_LAYOUTS = 32
+
+NO_FORCES = "wrench: found no forces within limits, wanted its largest part; check the thrust curves"
+
+
+@dataclass(frozen=True, slots=True)
+class AllocationKnobs:
+    """How the allocator weighs one thing against another."""
+
+    priority: tuple[int, int, int, int, int, int] = knob(
+        (2, 2, 1, 1, 1, 1), 1, 2, "order in which axes are served when not all can be, 1 first [-]"
+    )
+    idle_bias_N: float = knob(2.0, 0.0, 20.0, "force that idle thrusters hold against each other, 0: none [N]")
+    hop_N: float = knob(1.0, 0.0, 20.0, "gain for which this force jumps to another stretch [N]")
+    dead_band_margin_us: float = knob(2.0, 0.0, 50.0, "distance kept from the dead band [us]")
+
+
+@dataclass(frozen=True, slots=True)
+class _Setup:
+    """What one set of thrusters at one supply voltage needs; lists are by thruster of the vehicle file."""
+
+    layout: ThrusterLayout
+    running: tuple[ThrustCurve, ...]
+    """Curves with the dead band widened by the margin: they choose the pulse."""
+    true: tuple[ThrustCurve, ...]
+    """Curves as they are: they say what a pulse gives."""
+    inside_N: tuple[Interval, ...]
+    """Between these a force stands at no limit."""
+    unchecked: tuple[tuple[int, float, float], ...]
+    """Thrusters in use, with their limits, that the spreads do not keep within them."""
+    spreads: tuple[DeadbandBias, ...]
+    attainable: AttainableSet
+    disabled: tuple[str, ...]
+    unknown: tuple[str, ...]
+    """A sentence for each disabled thruster that does not exist."""
+
+
+class Allocator:
+    """Allocates wrenches about the center of mass (X Y Z K M N, SNAME) to the thrusters of one vehicle.
+
+    The same arguments always give the same answer; layouts are worked out when first needed and kept.
+    """
+
+    def __init__(self, vehicle: Vehicle, knobs: AllocationKnobs | None = None) -> None:
+        self.vehicle = vehicle
+        self.knobs = knobs or AllocationKnobs()
+        self.B = checked_effectiveness(vehicle)
+        self.names = tuple(thruster.name for thruster in vehicle.thrusters)
+        self._none_us = (0.0,) * len(self.names)
+        self._setups: dict[tuple[frozenset[str], float], _Setup] = {}
+        self._asked = (frozenset[str](), vehicle.supply_V)
+        self._latest = self._kept(*self._asked)
+
+    def allocate(
+        self,
+        wrench: Vec6,
+        disabled: frozenset[str] = frozenset(),
+        previous_us: Sequence[float] = (),
+        supply_V: float | None = None,
+    ) -> Allocation:
+        """Return the integer pulses for a wrench [N, Nm], and what they really give.
+
+        An axis that is not finite is refused and counts as zero; the others are served. A wrench of exactly zero
+        stops every thruster. `previous_us` (the pulses sent before, in the order of the vehicle file) steadies
+        thrusters near their dead band; `supply_V` is the measured voltage, None for the nominal one.
+        """
+        accepted, refused = finite_axes(wrench)
+        setup = self._setup(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
+        forces, exact = self._forces(setup, accepted, previous_us)
+        pulses = tuple(
+            [
+                round(curve.pulse(force, before))
+                for curve, force, before in zip(setup.running, forces, previous_us or self._none_us, strict=True)
+            ]
+        )
+        applied = tuple([curve.force(pulse) for curve, pulse in zip(setup.true, pulses, strict=True)])
+        X, Y, Z, K, M, N = self.B.dot(applied).tolist()
+        achieved = (X, Y, Z, K, M, N)
+        return Allocation(
+            wanted=accepted,
+            achieved=achieved,
+            shortfall=_difference(accepted, achieved),
+            forces_N=applied,
+            pulses_us=pulses,
+            saturated=tuple(
+                [not least < force < most for force, (least, most) in zip(forces, setup.inside_N, strict=True)]
+            ),
+            disabled=setup.disabled,
+            lost_axes=setup.layout.lost_axes,
+            refused=refused + setup.unknown + (() if exact else (NO_FORCES,)),
+            exact=exact,
+        )
+
+    def forces(
+        self, wrench: Vec6, disabled: frozenset[str] = frozenset(), previous_us: Sequence[float] = ()
+    ) -> tuple[float, ...]:
+        """Forces [N] for a finite wrench at the nominal supply, before pulses are rounded: for planning and tests."""
+        forces, exact = self._forces(self._setup(disabled, self.vehicle.supply_V), wrench, previous_us)
+        if not exact:
+            raise HindraxError(f"{wrench}: {NO_FORCES}")
+        return tuple(forces)
+
+    def reach(self, axis: str, sign: float, disabled: frozenset[str] = frozenset()) -> float:
+        """Largest wrench [N, Nm] along one axis alone, in the direction of `sign`."""
+        index = AXES.index(axis)
+        wanted = tuple(sign * LARGEST if one == index else 0.0 for one in range(6))
+        given = self.B @ np.array(self.forces(_wrench(wanted), disabled))
+        return abs(float(given[index]))
+
+    def lost_axes(self, disabled: frozenset[str]) -> tuple[str, ...]:
+        """Axes that cannot be served without the disabled thrusters."""
+        return self._setup(disabled, self.vehicle.supply_V).layout.lost_axes
+
+    def _forces(self, setup: _Setup, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
+        """Forces of all thrusters [N], and whether they give the largest part of the wrench that can be had."""
+        used = setup.layout.used
+        if wrench == ZERO6 or not used:
+            return [0.0] * len(self.names), True
+        forces, exact = _used_forces(setup, wrench, previous_us)
+        if len(used) == len(self.names):
+            return forces, exact
+        everything = [0.0] * len(self.names)
+        for index, force in zip(used, forces, strict=True):
+            everything[index] = force
+        return everything, exact
+
+    def _setup(self, disabled: frozenset[str], supply_V: float) -> _Setup:
+        asked = (disabled, supply_V)
+        if asked != self._asked:
+            self._latest = self._kept(disabled, supply_V)
+            self._asked = asked
+        return self._latest
+
+    def _kept(self, disabled: frozenset[str], supply_V: float) -> _Setup:
+        if not (math.isfinite(supply_V) and supply_V > 0.0):
+            raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
+        key = (disabled, round(supply_V, 1))
+        found = self._setups.get(key)
+        if found is None:
+            if len(self._setups) >= KEPT_LAYOUTS:
+                self._setups.clear()
+            found = self._setups[key] = self._worked_out(*key)
+        return found
+
+    def _worked_out(self, disabled: frozenset[str], supply_V: float) -> _Setup:
+        knobs = self.knobs
+        used = tuple(index for index, name in enumerate(self.names) if name not in disabled)
+        mine = thruster_layout(self.B, used, knobs.priority)
+        true, running = self._curves(supply_V, 0.0), self._curves(supply_V, knobs.dead_band_margin_us)
+        limits = tuple(curve.range_N for curve in true)
+        avoided = [running[i].gap_N if knobs.idle_bias_N else (0.0, 0.0) for i in used]
+        own_limits = [limits[i] for i in used]
+        spreads = tuple(DeadbandBias(one, own_limits, avoided, knobs.idle_bias_N, knobs.hop_N) for one in mine.patterns)
+        attainable = AttainableSet(mine, own_limits)
+        inside = tuple((least + ROUNDING_N, most - ROUNDING_N) for least, most in limits)
+        out = tuple(name for name in self.names if name in disabled)
+        unknown = tuple(f"{name}: no such thruster" for name in sorted(disabled - set(self.names)))
+        return _Setup(mine, running, true, inside, _unchecked(mine, own_limits), spreads, attainable, out, unknown)
+
+    def _curves(self, supply_V: float, margin_us: float) -> tuple[ThrustCurve, ...]:
+        return tuple(
+            ThrustCurve(
+                replace(curve, dead_band_us=curve.dead_band_us + margin_us),
+                supply_V,
+                mirrored=thruster.reversed,
+                name=f"curves.{thruster.curve} ({thruster.name})",
+            )
+            for thruster in self.vehicle.thrusters
+            for curve in (self.vehicle.curves[thruster.curve],)
+        )
+
+
+def _unchecked(mine: ThrusterLayout, limits_N: Sequence[Interval]) -> tuple[tuple[int, float, float], ...]:
+    """Thrusters that are in no pattern, or in more than one: a later pattern may push them out again."""
+    turns = [index for pattern in mine.patterns for index, _ in pattern.shares]
+    return tuple(
+        (index, least - ROUNDING_N, most + ROUNDING_N)
+        for index, (least, most) in enumerate(limits_N)
+        if turns.count(index) != 1
+    )
+
+
+def _used_forces(setup: _Setup, wrench: Vec6, previous_us: Sequence[float]) -> tuple[list[float], bool]:
+    """Forces of the thrusters in use: as the wrench has them, else its largest part; patterns that overlap last."""
+    forces: list[float] = setup.layout.pseudo_inverse.dot(wrench).tolist()
+    if _spread(setup, forces, previous_us):
+        return forces, True
+    least = setup.attainable.forces(wrench)
+    forces = least.copy()
+    if _spread(setup, forces, previous_us):
+        return forces, True
+    # One pattern may have taken the room that another one needs.
+    fitted, exact = setup.attainable.fitted(least)
+    forces = fitted.copy()
+    return (forces, exact) if _spread(setup, forces, previous_us) else (fitted, exact)
+
+
+def _spread(setup: _Setup, forces: list[float], previous_us: Sequence[float]) -> bool:
+    """Add patterns without wrench so that every force is within limits and, where possible, out of its gap."""
+    for spread in setup.spreads:
+        if not spread.add_preferred(forces) and not spread.add_nearest(
+            forces, _size_before(setup, spread, previous_us)
+        ):
+            return False
+    for index, least, most in setup.unchecked:  # noqa: SIM110  # a generator costs more than most sets have thrusters
+        if not least <= forces[index] <= most:
+            return False
+    return True
+
+
+def _size_before(setup: _Setup, spread: DeadbandBias, previous_us: Sequence[float]) -> float:
+    if not previous_us:
+        return spread.preferred_N
+    return spread.pattern.size_in([setup.true[i].force(previous_us[i]) for i in setup.layout.used])
+
+
+def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+    """Return the wrench with zero where it is not finite, and "axis: reason" for each axis that was refused."""
+    if math.isfinite(sum(wrench)) and max(wrench) < LARGEST and min(wrench) > -LARGEST:
+        return wrench, ()
+    refused = tuple(
+        f"{symbol}: found {value}, wanted a finite number"
+        for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
+        if not math.isfinite(value)
+    )
+    kept = tuple(max(-LARGEST, min(LARGEST, value)) if math.isfinite(value) else 0.0 for value in wrench)
+    return _wrench(kept), refused
+
+
+def _wrench(values: Iterable[float]) -> Vec6:
+    X, Y, Z, K, M, N = (float(value) for value in values)
+    return (X, Y, Z, K, M, N)
+
+
+def _difference(wanted: Vec6, achieved: Vec6) -> Vec6:
+    a, b, c, d, e, f = wanted
+    A, B, C, D, E, F = achieved
+    return (a - A, b - B, c - C, d - D, e - E, f - F)

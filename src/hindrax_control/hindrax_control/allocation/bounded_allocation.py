@@ -1,0 +1,181 @@
+"""The largest part of a wrench that the thrusters can give within their limits, in order of priority.
+
+The axes of the first priority want the wrench w_1, those of the second w_2. Wanted: first the largest s_1, then the
+largest s_2, both between 0 and 1, for which forces within their limits give s_1 w_1 + s_2 w_2. Each priority keeps its
+direction and loses magnitude only as far as it must.
+
+Such forces exist exactly where every facet of the attainable set is kept. A facet is a sum y'f over as few thrusters
+as a sum can have that no pattern without wrench changes: the wrench alone decides it, and it must lie between the
+least and the most that the limits allow. Every other such sum is one of these without cancellation (elementary vectors
+of a subspace, Rockafellar 1969), so it is kept with them. The facets are worked out once for a set of thrusters; each
+demand leaves a linear program in two unknowns: see `_newton`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import TypeAlias
+
+import numpy as np
+
+from hindrax_control.allocation.deadband_bias import Interval
+from hindrax_control.allocation.effectiveness import Matrix
+from hindrax_control.allocation.thruster_layout import ThrusterLayout
+
+DEPENDENT = 1e-9
+"""Thrusters whose shares in the patterns depend on each other up to this make no facet of their own: others decide the
+same to this fraction of a force."""
+
+DIGITS = 12
+"""Decimals of a facet, whose largest entry is one: rounding leaves a few 1e-16 where geometry has zero."""
+
+SLACK_N = 1e-9
+"""By so much a facet may be passed to serve the first priority, and by so much again for the second. Else rounding
+(1e-12 N) would decide where a demand lies on a facet: all of the second, or nothing. Small against `ROUNDING_N`."""
+
+FITTED_N = 1e-6
+"""Forces closer to their limits than this are at them: a pulse's rounding is 1e4 times as large."""
+
+Row: TypeAlias = tuple[float, float, float, float]
+"""low <= a s_1 + b s_2 <= high, as (a, b, low, high), b not below zero."""
+
+
+def facets(patterns: Matrix) -> Matrix:
+    """Facets (F, m), rows [-], of thrusters whose patterns without wrench are the columns (m, k) [-]."""
+    m, k = patterns.shape
+    if k == 0:
+        return np.eye(m)
+    chosen = np.array(list(combinations(range(m), k + 1)))
+    left, singular, _ = np.linalg.svd(patterns[chosen])
+    rows = np.zeros((len(chosen), m))
+    np.put_along_axis(rows, chosen, left[:, :, -1], axis=1)
+    rows = rows[singular[:, -1] > DEPENDENT]
+    largest = np.take_along_axis(rows, np.argmax(np.abs(rows), axis=1)[:, None], axis=1)
+    # Minus zero and zero are different bytes to `unique`.
+    found: Matrix = np.unique(np.round(rows / largest, DIGITS) + 0.0, axis=0)
+    return found
+
+
+class AttainableSet:
+    """All wrenches that the thrusters of one layout can give within their limits, which include zero force."""
+
+    def __init__(self, layout: ThrusterLayout, limits_N: Sequence[Interval]) -> None:
+        self._limits = np.array(limits_N, dtype=float).reshape(-1, 2).T
+        patterns = _columns(layout)
+        rows = facets(patterns)
+        low, high = _ranges(rows, self._limits)
+        low, high = low - SLACK_N, high + SLACK_N
+        first, second = (_of_group(layout, group) for group in (*layout.groups, (), ())[:2])
+        a, b = np.round(rows @ first, DIGITS), np.round(rows @ second, DIGITS)
+        shared = np.any(b, axis=1)
+        alone = [a[~shared] / end[~shared, None] for end in (low, high)]  # one is the limit
+        parts = [np.zeros((1, 6)), *alone, a[shared], b[shared], first, second]
+        self._ends = np.cumsum([len(part) for part in parts])[2:5].tolist()
+        self._gains = np.ascontiguousarray(np.vstack(parts))
+        self._ranges = list(zip(low[shared].tolist(), high[shared].tolist(), strict=True))
+        self._stages = [
+            _stage(pattern, facets(patterns[:, j + 1 :]), self._limits) for j, pattern in enumerate(patterns.T)
+        ]
+
+    def forces(self, wrench: Sequence[float]) -> list[float]:
+        """Return the least forces that give the largest part of a wrench [N, Nm] that can be had."""
+        values: list[float] = self._gains.dot(wrench).tolist()
+        alone, shared, seconds = self._ends
+        most = max(values[:alone])
+        first = 1.0 / most if most > 1.0 else 1.0
+        rows = []
+        for a, b, (low, high) in zip(values[alone:shared], values[shared:seconds], self._ranges, strict=True):
+            if b >= 0.0:
+                if a + b > high or b > high or a < low:
+                    rows.append((a, b, low, high))
+            elif a + b < low or b < low or a > high:
+                rows.append((-a, -b, -high, -low))
+        first, second = _largest(first, rows)
+        middle = (len(values) + seconds) // 2
+        return [
+            first * one + second * other for one, other in zip(values[seconds:middle], values[middle:], strict=True)
+        ]
+
+    def fitted(self, forces_N: Sequence[float]) -> tuple[list[float], bool]:
+        """Return forces within limits with the wrench of these, and whether there are any; else as near as can be.
+
+        Pattern by pattern the size that moves least, among those that leave the later patterns a way.
+        """
+        forces = np.array(forces_N)
+        for pattern, rows, slopes, low, high in self._stages:
+            at = rows @ forces
+            ends = (low - at) / slopes, (high - at) / slopes
+            least, most = np.max(np.minimum(*ends)), np.min(np.maximum(*ends))
+            forces += pattern * min(max(0.0, least), most)
+        least_N, most_N = self._limits
+        clipped = np.clip(forces, least_N, most_N)
+        found: list[float] = clipped.tolist()
+        return found, bool(np.max(np.abs(clipped - forces), initial=0.0) <= FITTED_N)
+
+
+def _largest(first: float, rows: Sequence[Row]) -> tuple[float, float]:
+    """Return the largest s_1 up to `first` that leaves room for an s_2 between 0 and 1, and the largest such s_2."""
+    for a, _, low, high in [row for row in rows if row[1] <= SLACK_N]:  # the second part has no say here
+        if a * first > high:
+            first = high / a
+        elif a * first < low:
+            first = low / a
+    return _newton(first, [row for row in rows if row[1] > SLACK_N])
+
+
+def _newton(first: float, steep: Sequence[Row]) -> tuple[float, float]:
+    """Return the largest s_1 up to `first` that leaves room for s_2, and the largest s_2 there.
+
+    The room is the least upper less the greatest lower bound of s_2: concave in s_1, in straight pieces, not negative
+    at zero. Newton's method from above goes to where two of the bounds meet, each time to the left of the last, so no
+    two bounds come twice: it ends after as many steps as there are pieces, usually one or two. The bounds meet without
+    the slack by which they are compared: what has met counts as met, whatever the rounding.
+    """
+    while True:
+        most, a_most, b_most, c_most = 1.0, 0.0, 1.0, 1.0
+        least, a_least, b_least, c_least = 0.0, 0.0, 1.0, 0.0
+        for a, b, low, high in steep:
+            at = a * first
+            bound = (high + SLACK_N - at) / b
+            if bound < most:
+                most, a_most, b_most, c_most = bound, a, b, high
+            bound = (low - SLACK_N - at) / b
+            if bound > least:
+                least, a_least, b_least, c_least = bound, a, b, low
+        slope = b_least * a_most - b_most * a_least
+        if least <= most or slope <= 0.0:
+            break
+        meeting = (b_least * c_most - b_most * c_least) / slope
+        if not 0.0 <= meeting < first:  # only where the limits leave nothing at all
+            break
+        first = meeting
+    return first, max(0.0, most)
+
+
+def _columns(layout: ThrusterLayout) -> Matrix:
+    """Patterns without wrench as columns: (m, k) [-]."""
+    columns = np.zeros((len(layout.used), len(layout.patterns)))
+    for j, pattern in enumerate(layout.patterns):
+        for index, share in pattern.shares:
+            columns[index, j] = share
+    return columns
+
+
+def _of_group(layout: ThrusterLayout, group: Sequence[int]) -> Matrix:
+    """Least forces per unit wrench on the axes of one group: (m, 6), columns [-]*3, [1/m]*3."""
+    return np.where(np.isin(np.arange(6), group), layout.pseudo_inverse, 0.0)
+
+
+def _ranges(rows: Matrix, limits: Matrix) -> tuple[Matrix, Matrix]:
+    """Lower and upper bounds [N] of each facet, two arrays (F,), for facets (F, m) [-] and limits (2, m) [N]."""
+    ends = rows * limits[:, None, :]
+    low, high = np.minimum(*ends).sum(axis=1), np.maximum(*ends).sum(axis=1)
+    return low, high
+
+
+def _stage(pattern: Matrix, rows: Matrix, limits: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
+    """Pattern (m,), the facets (G, m) that limit its size, their slopes (G,) [-], and their bounds (G,), (G,) [N]."""
+    slopes = rows @ pattern
+    limiting = np.abs(slopes) > DEPENDENT
+    return (pattern, rows[limiting], slopes[limiting], *_ranges(rows[limiting], limits))

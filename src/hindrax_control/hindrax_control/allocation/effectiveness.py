@@ -1,0 +1,99 @@
+"""What thrusters can do: the effectiveness matrix, its rank and condition, and the axes that are lost without some."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, Vehicle
+
+Matrix: TypeAlias = npt.NDArray[np.float64]
+
+INDEPENDENT = 1e-3
+"""An axis is served when at least this fraction of its row is independent of the rows served before it."""
+
+WORST_CONDITION = 1e4
+"""Beyond this the thrusters fight each other for next to nothing; well-built vehicles stay below a hundred."""
+
+NEED = (2, 5, 0, 1, 3, 4)
+"""Axes as a statically stable vehicle needs them: of two that depend on each other, the later is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How good a thruster layout is: its rank, the condition of the scaled matrix, the axes it cannot serve."""
+
+    rank: int
+    condition: float
+    lost_axes: tuple[str, ...]
+
+
+def effectiveness(vehicle: Vehicle) -> Matrix:
+    """Wrench about the center of mass per newton of each thruster: (6, n), rows [-]*3, [m]*3. COB-2023-1394 eq. 9."""
+    columns = np.zeros((6, len(vehicle.thrusters)))
+    for index, thruster in enumerate(vehicle.thrusters):
+        arm_m = np.subtract(thruster.position_m, vehicle.center_of_mass_m)
+        columns[:3, index] = thruster.direction
+        columns[3:, index] = np.cross(arm_m, thruster.direction)
+    # What geometry makes zero must be zero: rounding would pass for a lever arm.
+    columns[np.abs(columns) < 1e-12] = 0.0
+    return columns
+
+
+def served_axes(B: Matrix, order: Sequence[int] = NEED) -> tuple[int, ...]:
+    """Indices of the axes that can be served independently of each other, taken in this order.
+
+    Gram-Schmidt over the rows of B (6, n): a row that depends on those before it is an axis that is lost to them.
+    """
+    kept: list[int] = []
+    directions: list[Matrix] = []
+    for axis in order:
+        row = B[axis]
+        length = float(np.linalg.norm(row))
+        rest = row.copy()
+        for direction in directions * 2:  # twice, so that rounding does not pass for independence
+            rest = rest - float(direction @ rest) * direction
+        rest_length = float(np.linalg.norm(rest))
+        if rest_length > INDEPENDENT * max(length, 1e-9):
+            kept.append(axis)
+            directions.append(rest / rest_length)
+    return tuple(sorted(kept))
+
+
+def quality(B: Matrix) -> Quality:
+    """Judge a layout (6, n); moments are scaled by the mean lever arm, so that newtons compare with newton meters."""
+    served = served_axes(B)
+    lost = tuple(name for index, name in enumerate(AXES) if index not in served)
+    if not served:
+        return Quality(0, float("inf"), lost)
+    arm_m = float(np.max(np.abs(B[3:]), initial=0.0)) or 1.0
+    scaled = B / np.array([1.0, 1.0, 1.0, arm_m, arm_m, arm_m])[:, None]
+    singular = np.linalg.svd(scaled[list(served)], compute_uv=False)
+    return Quality(len(served), float(singular[0] / singular[-1]), lost)
+
+
+def checked_effectiveness(vehicle: Vehicle) -> Matrix:
+    """Effectiveness (6, n), rows [-]*3, [m]*3, if the thrusters serve any axis; UsageError names what is wrong."""
+    B = effectiveness(vehicle)
+    if not vehicle.thrusters:
+        raise UsageError(f"{vehicle.name}: thrusters: found none, wanted at least one")
+    found = quality(B)
+    if found.rank == 0:
+        raise UsageError(f"{vehicle.name}: thrusters: no axis can be served; check positions and angles")
+    if found.condition > WORST_CONDITION:
+        raise UsageError(
+            f"{vehicle.name}: thrusters: condition of the effectiveness matrix is {found.condition:.3g},"
+            f" wanted at most {WORST_CONDITION:g}; check positions and angles"
+        )
+    return B
+
+
+def signs(B: Matrix, axis: str, columns: Sequence[int]) -> str:
+    """Signs with which the given thrusters act on an axis: a string of +, - and 0."""
+    row = B[AXES.index(axis), list(columns)]
+    return "".join("0" if value == 0.0 else "+" if value > 0.0 else "-" for value in row)

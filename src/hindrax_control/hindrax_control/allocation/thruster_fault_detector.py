@@ -1,0 +1,133 @@
+"""Thruster fault detector: detects a thruster that does not push although it is commanded to.
+
+The prior's momentum balance, filtered so that nothing is differentiated, leaves a residual wrench. A dead thruster
+leaves one of a known direction, proportional to its commanded force; a current or a wrong drag coefficient does not.
+For each thruster the part of its force that is missing is fitted; the one that explains most of a residual too large
+for the model's own errors, for long enough, is suspected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix, effectiveness
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import AXES, Vehicle
+
+LONGEST_STEP_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class FaultDetectorKnobs:
+    """Thresholds of suspicion."""
+
+    filter_s: float = knob(0.6, 0.1, 10.0, "time constant of the filter of the momentum balance [s]")
+    memory_s: float = knob(2.5, 0.2, 60.0, "time over which evidence is gathered [s]")
+    patience_s: float = knob(1.5, 0.0, 60.0, "time for which the evidence must hold [s]")
+    missing: float = knob(0.6, 0.1, 1.0, "share of its force that must be missing [-]")
+    explained: float = knob(0.65, 0.1, 1.0, "share of the residual that one thruster must explain [-]")
+    surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
+    sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
+    sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectedFault:
+    """A thruster and the share of its force that seems to be missing."""
+
+    name: str
+    missing: float
+
+    @property
+    def sentence(self) -> str:
+        """Message for the operator."""
+        return f"{self.name}: {100.0 * self.missing:.0f} % of its thrust is missing"
+
+
+class ThrusterFaultDetector:
+    """Monitors all thrusters of one vehicle, from the forces that the applied pulses should give."""
+
+    def __init__(self, vehicle: Vehicle, knobs: FaultDetectorKnobs | None = None) -> None:
+        self._knobs = knobs or FaultDetectorKnobs()
+        self._names = tuple(thruster.name for thruster in vehicle.thrusters)
+        self._lag_s = np.array([max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters])
+        self._B: Matrix = effectiveness(vehicle)
+        found = prior_dynamics(vehicle)
+        self._freedoms = tuple(found[axis] for axis in AXES)
+        self._inertia = np.array([one.inertia for one in self._freedoms])
+        self._masses = tuple(one.inertia for one in self._freedoms[:3])
+        self._last: Stamp | None = None
+        self._clear()
+
+    def _clear(self) -> None:
+        count = len(self._names)
+        self._thrust: Matrix = np.zeros(count)
+        self._slow_thrust: Matrix = np.zeros(count)
+        self._slow_rates: Matrix | None = None
+        self._slow_model: Matrix = np.zeros(6)
+        self._along, self._power, self._residual, self._weight = np.zeros(count), np.zeros(count), 0.0, 0.0
+        self._since_s: Matrix = np.zeros(count)
+
+    def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> SuspectedFault | None:
+        """Update with a state and the forces [N] commanded since the last; returns the suspected thruster, if any."""
+        dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
+        self._last = stamp
+        rates = np.array((*navigation.velocity_mps, *navigation.rate_radps))
+        if not (0.0 < dt <= LONGEST_STEP_S and navigation.dvl_locked and np.all(np.isfinite(rates))):
+            self._clear()
+            return None
+        drag = np.array([one.drag_force(rate) for one, rate in zip(self._freedoms, rates.tolist(), strict=True)])
+        return self._judge(self._residual_of(navigation, rates, drag, np.asarray(forces_N), dt), drag, dt)
+
+    def _residual_of(self, navigation: Navigation, rates: Matrix, drag: Matrix, forces_N: Matrix, dt: float) -> Matrix:
+        """Residual wrench (6,) [N, Nm] of the filtered momentum balance, beyond model and thrust."""
+        if self._slow_rates is None:
+            self._slow_rates = rates.copy()
+        keep = -math.expm1(-dt / self._knobs.filter_s)
+        model = self._statics(navigation) + self._munk(rates) - drag
+        self._thrust = self._thrust + (forces_N - self._thrust) * -np.expm1(-dt / self._lag_s)
+        self._slow_thrust += (self._thrust - self._slow_thrust) * keep
+        self._slow_model += (model - self._slow_model) * keep
+        self._slow_rates += (rates - self._slow_rates) * keep
+        momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
+        return np.asarray(momentum - self._slow_model - self._B @ self._slow_thrust)
+
+    def _statics(self, navigation: Navigation) -> Matrix:
+        """Righting moments and net buoyancy in body axes: (6,) [N, Nm]. Fossen 2011 eq. 4.6."""
+        roll, pitch, _ = navigation.attitude_rad
+        lift, righting = self._freedoms[2].bias, self._freedoms[3].restoring
+        sin_p, sideways, upright = math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)
+        return np.array([lift * sin_p, -lift * sideways, -lift * upright, -righting * sideways, -righting * sin_p, 0.0])
+
+    def _munk(self, rates: Matrix) -> Matrix:
+        """Coriolis and Munk terms of a diagonal mass matrix: (6,) [N, Nm]. Fossen 2011 eq. 6.43."""
+        u, v, w, p, q, r = rates.tolist()
+        mx, my, mz = self._masses
+        X, Y, Z = mx * u, my * v, mz * w
+        return np.array([r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u])
+
+    def _judge(self, residual: Matrix, drag: Matrix, dt: float) -> SuspectedFault | None:
+        knobs = self._knobs
+        weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag))
+        signature = -(self._B * self._slow_thrust) * weight[:, None]
+        surprise = residual * weight
+        keep = -math.expm1(-dt / knobs.memory_s)
+        self._along += (signature.T @ surprise - self._along) * keep
+        self._power += (np.sum(signature * signature, axis=0) - self._power) * keep
+        self._residual += (float(surprise @ surprise) - self._residual) * keep
+        missing = self._along / np.maximum(self._power, 1e-9)
+        explained = self._along * missing / max(self._residual, 1e-9)
+        suspect = (missing > knobs.missing) & (explained > knobs.explained) & (self._residual > knobs.surprise)
+        self._since_s = np.where(suspect, self._since_s + dt, 0.0)
+        index = int(np.argmax(np.where(self._since_s > knobs.patience_s, explained, -1.0)))
+        if self._since_s[index] <= knobs.patience_s:
+            return None
+        return SuspectedFault(self._names[index], float(min(1.0, missing[index])))

@@ -1,0 +1,101 @@
+"""The wrench guard: which wrenches may reach the allocator, and what of them.
+
+A wrench that is stale, from the future, out of order or in a foreign frame is refused whole; an axis that is not finite
+is refused alone; an axis beyond the vehicle's limits is brought back to them. Every refusal says why.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec6
+from hindrax_core.stamp_window import StampWindow
+from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
+
+FSD = "base_link_fsd"
+FLU = "base_link"
+
+LIMITED_TOGETHER = ((0, 1), (2,), (3,), (4,), (5,))
+"""Surge and sway shrink together, so that the direction of travel stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchGuardKnobs:
+    """When a wrench is too old, or too far ahead of its time."""
+
+    max_age_s: float = knob(0.5, 0.02, 5.0, "age at which a wrench is refused [s]")
+    max_lead_s: float = knob(0.1, 0.0, 5.0, "lead of a stamp over the clock at which a wrench is refused [s]")
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """What the guard lets through: a finite wrench in base_link_fsd [N, Nm], or None; and why not all of it."""
+
+    wrench: Vec6 | None
+    refused: tuple[str, ...] = ()
+
+
+class WrenchGuard:
+    """Judges one wrench after the other; keeps only the stamp of the last one it let through."""
+
+    def __init__(self, vehicle: Vehicle, knobs: WrenchGuardKnobs | None = None) -> None:
+        self._limits = vehicle.limits.wrench
+        knobs = knobs or WrenchGuardKnobs()
+        self._window = StampWindow(knobs.max_age_s, knobs.max_lead_s)
+        self._last: Stamp | None = None
+
+    def step(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Accepted:
+        """Judge a wrench [N, Nm] about the center of mass, made at `stamp` in the axes of `frame`."""
+        reason = self._untimely(stamp, now) or _foreign(frame)
+        if reason:
+            return Accepted(None, (reason,))
+        self._last = stamp
+        finite, refused = _finite(half_turn(wrench) if frame == FLU else wrench)
+        limited, clipped = _limited(finite, self._limits)
+        return Accepted(limited, refused + clipped)
+
+    def _untimely(self, stamp: Stamp, now: Stamp) -> str:
+        untimely = self._window.judge(stamp, now)
+        if untimely is not None:
+            return f"wrench: {untimely.sentence}"
+        if self._last is not None and stamp < self._last:
+            return (
+                f"wrench: {seconds_between(stamp, self._last):.2f} s older than the one before it, wanted a newer one"
+            )
+        return ""
+
+
+def half_turn(wrench: Vec6) -> Vec6:
+    """Between base_link (x forward, y left, z up) and base_link_fsd: half a turn about x, its own inverse."""
+    X, Y, Z, K, M, N = wrench
+    return (X, -Y, -Z, K, -M, -N)
+
+
+def _foreign(frame: str) -> str:
+    return "" if frame in (FSD, FLU) else f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
+
+
+def _finite(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+    refused = tuple(
+        f"{symbol}: found {value}, wanted a finite number"
+        for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
+        if not math.isfinite(value)
+    )
+    X, Y, Z, K, M, N = (value if math.isfinite(value) else 0.0 for value in wrench)
+    return (X, Y, Z, K, M, N), refused
+
+
+def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+    values, notes = list(wrench), []
+    for axes in LIMITED_TOGETHER:
+        kept = min((limits[axis] / abs(wrench[axis]) for axis in axes if abs(wrench[axis]) > limits[axis]), default=1.0)
+        if kept < 1.0:
+            for axis in axes:
+                values[axis] = wrench[axis] * kept
+            over = [axis for axis in axes if abs(wrench[axis]) > limits[axis]]
+            notes += [f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}" for i in over]
+    X, Y, Z, K, M, N = values
+    return (X, Y, Z, K, M, N), tuple(notes)

@@ -1,0 +1,1 @@
+"""Holds of heading, roll, pitch, depth and altitude, and station keeping."""

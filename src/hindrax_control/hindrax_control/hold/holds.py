@@ -1,0 +1,293 @@
+"""Heading, roll, pitch, depth and altitude holds: each owns its axis and leaves the others alone.
+
+Gains follow from the vehicle file (see `regulator.py`), so a second vehicle needs none. A hold begins where the vehicle
+is and moves its reference to the setpoint at a bounded rate; changing between depth and altitude keeps the effort. An
+altitude hold whose sonar falls silent holds the depth it has, says so, and returns when the sonar does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from hindrax_control.hold.regulator import LoopTuning, Regulator
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.signals import NAN, ZERO6, Navigation
+from hindrax_core.vehicle import Vehicle
+
+HOLDS = ("heading", "roll", "pitch", "depth", "altitude")
+SNAME_OF = {"heading": "yaw", "roll": "roll", "pitch": "pitch", "depth": "heave", "altitude": "heave"}
+ALTIMETERS = ("ping1d", "ping2")
+
+
+@dataclass(frozen=True, slots=True)
+class HoldKnobs:
+    """How briskly the holds act; their gains follow from the vehicle file."""
+
+    heading_bandwidth_radps: float = knob(2.0, 0.1, 5.0, "bandwidth of the heading hold [rad/s]")
+    tilt_bandwidth_radps: float = knob(1.8, 0.1, 8.0, "bandwidth of the roll and pitch holds [rad/s]")
+    vertical_bandwidth_radps: float = knob(1.0, 0.1, 5.0, "bandwidth of the depth and altitude holds [rad/s]")
+    damping: float = knob(1.0, 0.4, 3.0, "damping ratio of every hold [-]")
+    integral_s: float = knob(4.0, 0.5, 60.0, "time in which the integral part repeats the proportional one [s]")
+    turn_radps: float = knob(0.5, 0.01, 3.0, "rate at which angles go to their setpoint [rad/s]")
+    climb_mps: float = knob(0.25, 0.01, 1.0, "rate at which depth and altitude go to their setpoint [m/s]")
+    integral_N: float = knob(15.0, 0.0, 500.0, "largest integral part of the depth and altitude holds [N]")
+    integral_Nm: float = knob(5.0, 0.0, 500.0, "largest integral part of the angle holds [N m]")
+    shortfall_N: float = knob(2.5, 0.0, 100.0, "shortfall of heave that stops its integral [N]")
+    shortfall_Nm: float = knob(1.0, 0.0, 100.0, "shortfall of a moment that stops its integral [N m]")
+    silent_s: float = knob(1.0, 0.1, 10.0, "age of the sonar at which altitude falls back to depth [s]")
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """An event: engage or move a hold (NaN: to where the vehicle is), or release it. Radians and meters."""
+
+    axis: str
+    engaged: bool = True
+    value: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class HoldState:
+    """One hold: whether it acts, its setpoint, its error (setpoint - estimate), and why it acts less or not."""
+
+    axis: str
+    engaged: bool
+    setpoint: float = NAN
+    error: float = NAN
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldsOutput:
+    """Wrench of all engaged holds [N, Nm], zero on the axes of the others; and the state of each hold."""
+
+    wrench: Vec6
+    states: tuple[HoldState, ...]
+
+
+@dataclass(slots=True)
+class _Loop:
+    """What one axis keeps between steps."""
+
+    regulator: Regulator
+    limit: float
+    """Shortfall below which the integral goes on."""
+    setpoint: float = NAN
+    engaged: bool = False
+    started: bool = False
+    note: str = field(default="")
+
+
+class Holds:
+    """All holds of one vehicle. Setpoints are events; `step` is called for every new Navigation."""
+
+    def __init__(self, vehicle: Vehicle, knobs: HoldKnobs | None = None) -> None:
+        self._knobs = knobs = knobs or HoldKnobs()
+        self._tilt_rad = math.radians(vehicle.limits.tilt_deg)
+        self._depth_m = vehicle.depth_rating_m
+        self._altimeters = altimeters(vehicle)
+        self._freedoms = prior_dynamics(vehicle)
+        bandwidths = {
+            "yaw": knobs.heading_bandwidth_radps,
+            "roll": knobs.tilt_bandwidth_radps,
+            "pitch": knobs.tilt_bandwidth_radps,
+        }
+        self._loops = {
+            axis: _Loop(self._regulator(axis, bandwidth, knobs.turn_radps, knobs.integral_Nm), knobs.shortfall_Nm)
+            for axis, bandwidth in bandwidths.items()
+        }
+        self._vertical = self._loops["heave"] = _Loop(
+            self._regulator("heave", knobs.vertical_bandwidth_radps, knobs.climb_mps, knobs.integral_N),
+            knobs.shortfall_N,
+        )
+        self._mode = "depth"
+        self._measured = "depth"
+        self._floor_m = NAN
+        self._last: Stamp | None = None
+
+    def _regulator(self, axis: str, bandwidth: float, rate: float, authority: float) -> Regulator:
+        tuning = LoopTuning(bandwidth, self._knobs.damping, self._knobs.integral_s, rate, authority)
+        return Regulator(self._freedoms[axis], tuning)
+
+    # ---- events
+
+    def set(self, setpoint: Setpoint) -> str:
+        """Engage, move or release one hold; returns why it is refused, or nothing.
+
+        Depth and altitude replace each other.
+        """
+        reason = self._unfit(setpoint)
+        if reason:
+            return reason
+        loop = self._loops[SNAME_OF[setpoint.axis]]
+        if loop is self._vertical and setpoint.axis != self._mode:
+            if not setpoint.engaged:
+                return ""
+            self._mode = setpoint.axis
+        loop.started = loop.started and setpoint.engaged
+        loop.engaged, loop.setpoint = setpoint.engaged, setpoint.value
+        return ""
+
+    def release(self) -> None:
+        """Release every hold."""
+        for loop in self._loops.values():
+            loop.engaged = loop.started = False
+
+    def _unfit(self, setpoint: Setpoint) -> str:
+        axis, value = setpoint.axis, setpoint.value
+        if axis not in HOLDS:
+            return f"hold {axis!r}: unknown, wanted one of {', '.join(HOLDS)}"
+        if not setpoint.engaged or math.isnan(value):
+            return ""
+        low, high = {
+            "heading": (-1e6, 1e6),
+            "roll": (-self._tilt_rad, self._tilt_rad),
+            "pitch": (-self._tilt_rad, self._tilt_rad),
+            "depth": (0.0, self._depth_m),
+            "altitude": (0.0, self._depth_m),
+        }[axis]
+        if low <= value <= high:
+            return ""
+        unit, scale = ("m", 1.0) if axis in ("depth", "altitude") else ("deg", math.degrees(1.0))
+        return f"hold {axis}: found {value * scale:g} {unit}, wanted {low * scale:g} to {high * scale:g} {unit}"
+
+    # ---- time
+
+    def step(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6 = ZERO6, *, armed: bool = True) -> HoldsOutput:
+        """Wrench of the holds for this state; `shortfall` is what the allocator could not give of the last wrench.
+
+        A disarmed vehicle releases its holds: it shall not dive to an old setpoint when it is armed again.
+        """
+        if not armed:
+            self.release()
+        dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
+        self._last = stamp
+        roll, pitch, yaw = navigation.attitude_rad
+        p, q, r = navigation.rate_radps
+        K = self._turn("roll", roll, p, dt, shortfall[3])
+        M = self._turn("pitch", pitch, q, dt, shortfall[4])
+        N = self._turn("yaw", yaw, r, dt, shortfall[5])
+        K_munk, M_munk, N_munk = self._overturning(navigation)
+        Z = self._climb(navigation, dt, shortfall[2])
+        values = {"heading": yaw, "roll": roll, "pitch": pitch}
+        states = [self._state(axis, value) for axis, value in values.items()]
+        states += [self._vertical_state("depth", navigation), self._vertical_state("altitude", navigation)]
+        return HoldsOutput((0.0, 0.0, Z, K - K_munk, M - M_munk, N - N_munk), tuple(states))
+
+    def _overturning(self, navigation: Navigation) -> Vec3:
+        """Munk moments [Nm] on the axes that are held: a hull that moves askew is turned across its way.
+
+        Fossen 2011 eq. 6.43 for a diagonal mass matrix.
+        """
+        u, v, w = (value if math.isfinite(value) else 0.0 for value in navigation.velocity_mps)
+        mx, my, mz = (self._freedoms[axis].inertia for axis in ("surge", "sway", "heave"))
+        moments = {"roll": (my - mz) * v * w, "pitch": (mz - mx) * w * u, "yaw": (mx - my) * u * v}
+        K, M, N = (moment if self._loops[axis].started else 0.0 for axis, moment in moments.items())
+        return (K, M, N)
+
+    def _turn(self, axis: str, value: float, rate: float, dt: float, shortfall: float) -> float:
+        loop = self._loops[axis]
+        if not self._ready(loop, value, rate):
+            return 0.0
+        regulator = loop.regulator
+        shortfall = shortfall if abs(shortfall) > loop.limit else 0.0
+        to_goal = wrapped(loop.setpoint - regulator.ramp.value)
+        effort = regulator.step(to_goal, wrapped(regulator.ramp.value - value), rate, dt, shortfall)
+        return effort + self._freedoms[axis].restoring * math.sin(regulator.ramp.value)
+
+    def _climb(self, navigation: Navigation, dt: float, shortfall: float) -> float:
+        loop = self._vertical
+        value, rate = self._downward(navigation)
+        if not self._ready(loop, value, rate):
+            return 0.0
+        regulator = loop.regulator
+        goal = -loop.setpoint if self._measured == "altitude" else loop.setpoint
+        if self._measured != self._mode:
+            goal = regulator.ramp.value
+        shortfall = shortfall if abs(shortfall) > loop.limit else 0.0
+        effort = regulator.step(goal - regulator.ramp.value, regulator.ramp.value - value, rate, dt, shortfall)
+        roll, pitch, _ = navigation.attitude_rad
+        return (effort + self._freedoms["heave"].bias) / max(0.5, math.cos(roll) * math.cos(pitch))
+
+    def _downward(self, navigation: Navigation) -> tuple[float, float]:
+        """Coordinate that grows downward, and its rate; changes between depth and altitude keep the reference."""
+        measured = self._mode
+        self._vertical.note = ""
+        age_s = silence_s(navigation.ages_s, self._altimeters)
+        if math.isnan(navigation.altitude_m) or age_s > self._knobs.silent_s:
+            if measured == "altitude":
+                measured = "depth"
+                self._vertical.note = f"altitude unknown for {age_s:.1f} s: holding depth"
+        elif not math.isnan(navigation.depth_m + navigation.altitude_m):
+            self._floor_m = navigation.depth_m + navigation.altitude_m
+        if measured != self._measured and self._vertical.started:
+            self._vertical.regulator.ramp.value += self._floor_m if measured == "depth" else -self._floor_m
+        self._measured = measured
+        value = navigation.depth_m if measured == "depth" else -navigation.altitude_m
+        return value, down_rate(navigation)
+
+    def _ready(self, loop: _Loop, value: float, rate: float) -> bool:
+        """Whether a loop acts; one that is engaged starts as soon as its coordinate is known."""
+        if loop is not self._vertical:
+            loop.note = ""
+        if not loop.engaged:
+            return False
+        if math.isnan(value) or math.isnan(rate):
+            loop.note = "not measured: no effort"
+            loop.started = False
+            return False
+        if not loop.started:
+            loop.regulator.start(value, rate)
+            loop.started = True
+        if math.isnan(loop.setpoint) and (loop is not self._vertical or self._measured == self._mode):
+            loop.setpoint = -value if loop is self._vertical and self._measured == "altitude" else value
+        return True
+
+    # ---- what is told
+
+    def _state(self, axis: str, value: float) -> HoldState:
+        loop = self._loops[SNAME_OF[axis]]
+        if not loop.engaged:
+            return HoldState(axis, engaged=False)
+        return HoldState(axis, True, loop.setpoint, wrapped(loop.setpoint - value), loop.note)
+
+    def _vertical_state(self, axis: str, navigation: Navigation) -> HoldState:
+        loop = self._vertical
+        if not loop.engaged or self._mode != axis:
+            return HoldState(axis, engaged=False)
+        value = navigation.depth_m if axis == "depth" else navigation.altitude_m
+        return HoldState(axis, True, loop.setpoint, loop.setpoint - value, loop.note)
+
+
+def wrapped(angle_rad: float) -> float:
+    """The same angle within [-pi, pi]."""
+    return math.remainder(angle_rad, math.tau)
+
+
+def altimeters(vehicle: Vehicle) -> tuple[str, ...]:
+    """Names of the sensors that measure the altitude."""
+    return tuple(name for name, mount in vehicle.sensors.items() if mount.device in ALTIMETERS)
+
+
+def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:
+    """Age of the newest measurement of some sensors; infinite if none was ever heard, zero if there are none."""
+    known = [ages_s[name] for name in names if name in ages_s]
+    return min(known) if known else (math.inf if names else 0.0)
+
+
+def down_rate(navigation: Navigation) -> float:
+    """Rate of depth [m/s]: the third row of the rotation from body to north-east-down (Fossen 2011 eq. 2.18).
+
+    Surge and sway, where unknown, count as zero: they matter only to a tilted vehicle.
+    """
+    roll, pitch, _ = navigation.attitude_rad
+    u, v, w = navigation.velocity_mps
+    rate = math.cos(roll) * math.cos(pitch) * w
+    if not math.isnan(u + v):
+        rate += math.sin(roll) * math.cos(pitch) * v - math.sin(pitch) * u
+    return rate

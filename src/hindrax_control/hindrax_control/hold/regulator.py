@@ -1,0 +1,105 @@
+"""One axis under control: a reference that moves no faster than allowed, and a PI-D law around it.
+
+Gains by pole placement: with inertia M, drag slope d and restoring k, the gains M w^2 - k and 2 z w M - d put both
+poles of M x'' + d x' + k x at w, damped by z. The derivative acts on the measured rate, never on an error that jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_control.prior_dynamics import PriorDynamics
+
+LONGEST_STEP_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class LoopTuning:
+    """What a loop is asked for: bandwidth, damping, how fast the integral acts and the reference moves, authority."""
+
+    bandwidth_radps: float
+    damping: float
+    integral_s: float
+    rate: float
+    """Largest rate of the reference [m/s, rad/s]."""
+    authority: float
+    """Largest size of the integral part [N, Nm]."""
+
+
+class Ramp:
+    """A reference that follows its goal at a bounded rate and can always stop at it."""
+
+    __slots__ = ("_bandwidth", "_most", "rate", "speed", "value")
+
+    def __init__(self, bandwidth_radps: float, speed: float) -> None:
+        self._bandwidth, self.speed = bandwidth_radps, speed
+        self._most = 1.5 * bandwidth_radps * speed
+        self.value = self.rate = 0.0
+
+    def start(self, value: float, rate: float) -> None:
+        """Begin where the vehicle is, moving as it moves."""
+        self.value, self.rate = value, rate
+
+    def step(self, distance: float, dt: float) -> float:
+        """Move by `dt` seconds towards a goal that lies at a (signed) distance; returns the acceleration."""
+        if dt <= 0.0:
+            return 0.0
+        # The fastest approach from which the reference can still stop at the goal.
+        speed = min(self._bandwidth * abs(distance), math.sqrt(self._most * abs(distance)), self.speed)
+        change = math.copysign(speed, distance) - self.rate
+        change = max(-self._most * dt, min(self._most * dt, change))
+        self.rate += change
+        self.value += self.rate * dt
+        return change / dt
+
+
+class Regulator:
+    """Holds one coordinate of one degree of freedom.
+
+    While the allocator falls short in the direction of the error, the integral part stands still (anti-windup) and the
+    reference is not left far behind.
+    """
+
+    def __init__(self, freedom: PriorDynamics, tuning: LoopTuning) -> None:
+        self._freedom, self._tuning = freedom, tuning
+        self.proportional, self.derivative = gains(freedom, tuning.bandwidth_radps, tuning.damping)
+        self._integral_gain = self.proportional / tuning.integral_s
+        self.ramp = Ramp(tuning.bandwidth_radps, tuning.rate)
+        self.integral = 0.0
+
+    def start(self, value: float, rate: float) -> None:
+        """Begin where the vehicle is, moving as it moves, with nothing in the integral part."""
+        self.ramp.start(value, rate)
+        self.integral = 0.0
+
+    def step(self, to_goal: float, error: float, rate: float, dt: float, shortfall: float = 0.0) -> float:
+        """Return the effort [N, Nm] beyond bias and restoring.
+
+        `to_goal` is goal - reference and `error` reference - value, both already wrapped where they are angles;
+        `shortfall` is what the allocator could not give of the last effort.
+        """
+        dt = min(max(dt, 0.0), LONGEST_STEP_S)
+        acceleration = self.ramp.step(to_goal, dt)
+        error += self.ramp.rate * dt
+        if shortfall * error > 0.0:
+            error = self._let_go(error)
+        else:
+            integral = self.integral + self._integral_gain * error * dt
+            self.integral = max(-self._tuning.authority, min(self._tuning.authority, integral))
+        forward = self._freedom.inertia * acceleration + self._freedom.drag_force(self.ramp.rate)
+        return self.proportional * error + self.derivative * (self.ramp.rate - rate) + self.integral + forward
+
+    def _let_go(self, error: float) -> float:
+        """Pull the reference along when the vehicle is carried away, so that it comes back at its usual rate."""
+        leash = self._tuning.rate / self._tuning.bandwidth_radps
+        kept = max(-leash, min(leash, error))
+        self.ramp.value += kept - error
+        return kept
+
+
+def gains(freedom: PriorDynamics, bandwidth_radps: float, damping: float) -> tuple[float, float]:
+    """Proportional and derivative gain [N/m, N s/m; Nm/rad, Nm s/rad]; a fifth of the stiffness is always ours."""
+    stiffness = freedom.inertia * bandwidth_radps * bandwidth_radps
+    derivative = 2.0 * damping * bandwidth_radps * freedom.inertia - freedom.drag_slope(0.0)
+    return max(stiffness - freedom.restoring, 0.2 * stiffness), max(derivative, 0.0)

@@ -1,0 +1,102 @@
+"""Keeping station in the pool: surge and sway force that bring the vehicle to a point and hold it there.
+
+A two-dimensional PI-D law in pool axes, turned into the body by the heading, so that a current, which pushes the same
+way whatever the heading, stays in the integral part while the vehicle turns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_control.hold.regulator import LONGEST_STEP_S, Ramp, gains
+from hindrax_control.pool_bounds import PoolPosition
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.knobs import knob
+from hindrax_core.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class StationKeepingKnobs:
+    """How briskly station is kept; gains follow from the vehicle file."""
+
+    bandwidth_radps: float = knob(0.6, 0.05, 3.0, "bandwidth of station keeping [rad/s]")
+    damping: float = knob(1.0, 0.4, 3.0, "damping ratio of station keeping [-]")
+    integral_s: float = knob(6.0, 0.5, 60.0, "time in which the integral part repeats the proportional one [s]")
+    speed_mps: float = knob(0.3, 0.02, 2.0, "speed of a transit [m/s]")
+    integral_N: float = knob(8.0, 0.0, 500.0, "largest integral part [N]")
+
+
+class StationKeeping:
+    """Goes to a goal in the pool and stays there; one axis may be left to someone else."""
+
+    def __init__(self, vehicle: Vehicle, knobs: StationKeepingKnobs | None = None) -> None:
+        self._knobs = knobs = knobs or StationKeepingKnobs()
+        found = prior_dynamics(vehicle)
+        self._surge, self._sway = found["surge"], found["sway"]
+        self._gains = tuple(gains(one, knobs.bandwidth_radps, knobs.damping) for one in (self._surge, self._sway))
+        self._x, self._y = (Ramp(knobs.bandwidth_radps, knobs.speed_mps) for _ in range(2))
+        self._push = [0.0, 0.0]
+        self.goal_m: tuple[float, float] | None = None
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed of a transit."""
+        return self._knobs.speed_mps
+
+    def start(self, place: PoolPosition) -> None:
+        """Take the present place as goal, moving as the vehicle moves; what holds against a current is kept."""
+        self._x.start(place.x_m, place.vx_mps)
+        self._y.start(place.y_m, place.vy_mps)
+        self.goal_m = (place.x_m, place.y_m)
+
+    def step(
+        self, place: PoolPosition, dt: float, *, left_free: str = "", held_back: bool = False
+    ) -> tuple[float, float]:
+        """Surge and sway force [N]; zero while the place or the velocity is unknown.
+
+        `left_free` ("x" or "y") names the pool axis along which someone else drives: the goal follows the vehicle
+        there. With `held_back` the allocator cannot give what was asked: the integral part stands still.
+        """
+        if not math.isfinite(place.x_m + place.y_m + place.vx_mps + place.vy_mps):
+            self.goal_m = None
+            return (0.0, 0.0)
+        if self.goal_m is None:
+            self.start(place)
+        goal_x, goal_y = self.goal_m or (place.x_m, place.y_m)
+        if left_free == "x":
+            goal_x = place.x_m
+            self._x.start(place.x_m, place.vx_mps)
+        elif left_free == "y":
+            goal_y = place.y_m
+            self._y.start(place.y_m, place.vy_mps)
+        self.goal_m = (goal_x, goal_y)
+        dt = min(max(dt, 0.0), LONGEST_STEP_S)
+        self._x.step(goal_x - self._x.value, dt)
+        self._y.step(goal_y - self._y.value, dt)
+        return self._force(place, dt, held_back=held_back)
+
+    def _force(self, place: PoolPosition, dt: float, *, held_back: bool) -> tuple[float, float]:
+        cos, sin = math.cos(place.heading_rad), math.sin(place.heading_rad)
+        error_x, error_y = self._x.value - place.x_m, self._y.value - place.y_m
+        (stiff_u, damp_u), (stiff_v, damp_v) = self._gains
+        if not held_back:
+            self._integrate(0, error_x, stiff_u, dt)
+            self._integrate(1, error_y, stiff_u, dt)
+
+        def turned(x: float, y: float) -> tuple[float, float]:
+            return cos * x + sin * y, cos * y - sin * x
+
+        error_u, error_v = turned(error_x, error_y)
+        wanted_u, wanted_v = turned(self._x.rate, self._y.rate)
+        lag_u, lag_v = turned(self._x.rate - place.vx_mps, self._y.rate - place.vy_mps)
+        push_u, push_v = turned(self._push[0], self._push[1])
+        return (
+            stiff_u * error_u + damp_u * lag_u + push_u + self._surge.drag_force(wanted_u),
+            stiff_v * error_v + damp_v * lag_v + push_v + self._sway.drag_force(wanted_v),
+        )
+
+    def _integrate(self, axis: int, error: float, stiffness: float, dt: float) -> None:
+        most = self._knobs.integral_N
+        pushed = self._push[axis] + stiffness / self._knobs.integral_s * error * dt
+        self._push[axis] = max(-most, min(most, pushed))

@@ -1,0 +1,1 @@
+"""Guarded maneuvers: plan, legs, excitation, stages, guards."""

@@ -1,0 +1,311 @@
+"""Guarded maneuvers: a goal becomes stages, stages become wrenches; guards and cancel end them at any moment.
+
+Pure: `step(navigation, stamp)` in, what to do out. Setpoints engage the holds; the pilot applies them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.hold.holds import Setpoint, altimeters, silence_s
+from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
+from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
+from hindrax_control.maneuver.leg import LegController
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
+from hindrax_control.maneuver.plan import CHARACTERS, MOTIONS, Plan, PlanKnobs, Planner
+from hindrax_control.maneuver.servable import require_servable
+from hindrax_control.maneuver.stages import (
+    RELEASED,
+    BrakeAndHold,
+    ExciteMotion,
+    Hover,
+    Pose,
+    SettleAtPose,
+    Stage,
+    StageInput,
+    StageOutput,
+)
+from hindrax_control.pool_bounds import PoolBounds
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import NAN, ZERO6, Navigation, Phase
+from hindrax_core.vehicle import Vehicle
+
+ENDINGS = ("hold", "neutral")
+PLATEAUS = "plateaus"
+MOST_MOTIONS = 12
+"""Limit per goal: planning blocks the control cycle."""
+LATE = "late"
+"""Guard of goals that arrive late; the client may send them again."""
+SETTLING_s = 3.5
+"""Time to come to rest at a place, beside the way to it."""
+SILENT_s = 1.0
+"""Age of the last echo beyond which a maneuver uses the depth instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverKnobs:
+    """Limits of maneuvers beyond their plans."""
+
+    excitation_s: float = knob(60.0, 5.0, 600.0, "duration of an excitation of one motion [s]")
+    overtime: float = knob(1.6, 1.0, 10.0, "share of the planned time after which a maneuver is given up [-]")
+    overtime_s: float = knob(90.0, 0.0, 3600.0, "time on top of that share [s]")
+    shortfall_N: float = knob(3.0, 0.0, 100.0, "shortfall of surge or sway that stops the station's integral [N]")
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends."""
+
+    motions: tuple[str, ...]
+    excitation: str = PLATEAUS
+    seed: int = 0
+    on_cancel: str = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverOutput:
+    """Output of one maneuver step.
+
+    `wrench` [N, Nm] adds to that of the holds; `setpoints` are events for the holds; `force` and `velocity` are
+    along the motion; `wall_distance_m` is ahead of the hull; `aborted` is "guard: sentence", once `done`, and `neutral`
+    says whether it has ended without holding anything.
+    """
+
+    wrench: Vec6
+    setpoints: tuple[Setpoint, ...]
+    phase: Phase
+    progress: float
+    remaining_s: float
+    wall_distance_m: float = NAN
+    force: float = 0.0
+    velocity: float = 0.0
+    done: bool = False
+    aborted: str = ""
+    neutral: bool = False
+
+
+def abandoned(reason: str) -> ManeuverOutput:
+    """Output of a maneuver that ends without a vehicle state."""
+    return ManeuverOutput(ZERO6, RELEASED, Phase("", "aborted"), 0.0, 0.0, done=True, aborted=reason, neutral=True)
+
+
+class Maneuver:
+    """One goal, from its first step to its end. UsageError when the goal cannot be flown at all."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        allocator: Allocator,
+        goal: Goal,
+        box: PoolBounds,
+        *,
+        knobs: ManeuverKnobs | None = None,
+        plan_knobs: PlanKnobs | None = None,
+        station_knobs: StationKeepingKnobs | None = None,
+        safety_knobs: ManeuverGuardKnobs | None = None,
+        disabled: frozenset[str] = frozenset(),
+    ) -> None:
+        check_goal(goal)
+        require_servable(goal.motions, vehicle, disabled)
+        self.goal, self._box = goal, box
+        self._knobs = knobs or ManeuverKnobs()
+        self.station = StationKeeping(vehicle, station_knobs)
+        self._altimeters = altimeters(vehicle)
+        self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
+        self._safety = ManeuverGuards(vehicle, safety_knobs)
+        self.plans = tuple(self._planner.plan(motion, box) for motion in goal.motions)
+        self._stages: list[Stage] = self._all_stages()
+        self._stages.append(BrakeAndHold(goal.motions[-1], self.station, neutral=False))
+        self._seconds = [stage.seconds for stage in self._stages]
+        self._at = -1
+        self._entered_s = 0.0
+        self._begun: Stamp | None = None
+        self._last: Stamp | None = None
+        self._turned_rad = 0.0
+        self._passed = 0.0
+        self._aborted = ""
+        self._stopping = self._neutral = False
+        self._said: ManeuverOutput | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Planned duration [s]."""
+        return sum(self._seconds)
+
+    @property
+    def done(self) -> bool:
+        """Whether it is over."""
+        return self._said is not None and self._said.done
+
+    @property
+    def last(self) -> ManeuverOutput | None:
+        """Its last output; None before its first step."""
+        return self._said
+
+    def keep(self, navigation: Navigation, stamp: Stamp) -> Vec6:
+        """Station-keeping wrench after the end [N, Nm], in surge and sway."""
+        moment = self._moment(navigation, stamp, ZERO6)
+        X, Y = self.station.step(moment.place, moment.dt)
+        return (X, Y, 0.0, 0.0, 0.0, 0.0)
+
+    def cancel(self, reason: str = "cancelled: by the operator", ending: str = "") -> None:
+        """Stop now; ends in a hold or neutral as `ending` says (default: as the goal says)."""
+        if self._stopping or self.done:
+            return
+        self._neutral = (ending or self.goal.on_cancel) == "neutral"
+        motion = self._stages[self._at].motion if self._at >= 0 else ""
+        self._aborted, self._stopping = reason, True
+        self._stages, self._at = [BrakeAndHold(motion, self.station, neutral=self._neutral)], -1
+
+    def step(
+        self,
+        navigation: Navigation,
+        stamp: Stamp,
+        *,
+        shortfall: Vec6 = ZERO6,
+        lost_axes: Sequence[str] = (),
+        battery_V: float = NAN,
+    ) -> ManeuverOutput:
+        """Fly one cycle, given the state at `stamp` and the shortfall of the last wrench [N, Nm]."""
+        if self._said is not None and self._said.done:
+            return self._said
+        moment = self._moment(navigation, stamp, shortfall)
+        if not self._stopping:
+            wrong = self._safety.step(self._situation(moment, tuple(lost_axes), battery_V))
+            if wrong:
+                self.cancel(wrong[0])
+        setpoints: tuple[Setpoint, ...] = ()
+        if self._at < 0:
+            setpoints = self._next(moment)
+        act = self._stages[self._at].step(moment)
+        if act.trouble and not self._stopping:
+            self.cancel(act.trouble)
+            setpoints += self._next(moment)
+            act = self._stages[self._at].step(moment)
+        return self._told(act, setpoints, moment)
+
+    def _told(self, act: StageOutput, setpoints: tuple[Setpoint, ...], moment: StageInput) -> ManeuverOutput:
+        done = act.finished and self._at == len(self._stages) - 1
+        if act.finished and not done:
+            setpoints += self._next(moment)
+        neutral = done and self._neutral
+        if neutral:
+            setpoints += RELEASED
+        motion = self._stages[self._at].motion
+        phase = ("aborted" if self._aborted else "done") if done else act.phase
+        progress, remaining_s = self._progress(moment.time_s)
+        self._said = ManeuverOutput(
+            wrench=act.wrench,
+            setpoints=setpoints,
+            phase=Phase("" if done else motion, phase),
+            progress=1.0 if done and not self._aborted else progress,
+            remaining_s=0.0 if done else remaining_s,
+            wall_distance_m=self._box.ahead_m(moment.place),
+            force=act.force,
+            velocity=act.velocity,
+            done=done,
+            aborted=self._aborted if done else "",
+            neutral=neutral,
+        )
+        return self._said
+
+    def _next(self, moment: StageInput) -> tuple[Setpoint, ...]:
+        self._at += 1
+        self._entered_s = moment.time_s
+        return self._stages[self._at].begin(moment)
+
+    def _moment(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> StageInput:
+        self._begun = stamp if self._begun is None else self._begun
+        dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
+        self._last = stamp
+        place = self._box.place(navigation)
+        if math.isfinite(place.heading_rad):
+            self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
+        held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
+        heard = math.isfinite(navigation.altitude_m) and silence_s(navigation.ages_s, self._altimeters) <= SILENT_s
+        return StageInput(
+            navigation, place, seconds_between(self._begun, stamp), dt, self._turned_rad, held_back, heard
+        )
+
+    def _situation(self, moment: StageInput, lost_axes: tuple[str, ...], battery_V: float) -> Situation:
+        motion = self._stages[max(self._at, 0)].motion
+        return Situation(
+            navigation=moment.navigation,
+            place=moment.place,
+            walls_m=self._box.walls_m(moment.place),
+            time_s=moment.time_s,
+            battery_V=battery_V,
+            deadline_s=self.seconds * self._knobs.overtime + self._knobs.overtime_s,
+            lost_axes=lost_axes,
+            needed_axes=("heave" if motion.startswith("heave") else motion, "heave"),
+        )
+
+    def _progress(self, time_s: float) -> tuple[float, float]:
+        if self._stopping:
+            return self._passed, max(0.0, self._stages[0].seconds - time_s + self._entered_s)
+        inside_s = min(time_s - self._entered_s, self._seconds[self._at])
+        passed_s = sum(self._seconds[: self._at]) + inside_s
+        self._passed = passed_s / self.seconds
+        return self._passed, self.seconds - passed_s
+
+    # ---- from plans to stages
+
+    def _all_stages(self) -> list[Stage]:
+        stages: list[Stage] = []
+        place_m = self._box.start_m
+        for plan in self.plans:
+            stages += self._stages_of(plan, place_m)
+            place_m = plan.end_m
+        return stages
+
+    def _stages_of(self, plan: Plan, before_m: tuple[float, float]) -> list[Stage]:
+        """Stages of a plan that begins where the one before it ended."""
+        pose = Pose(self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
+        seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
+        begin: list[Stage] = [SettleAtPose(plan.motion, self.station, plan.start_m, pose, seconds=seconds)]
+        if plan.hover_s > 0.0:
+            begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))
+        if self.goal.excitation != PLATEAUS:
+            return [*begin, self._excite(plan, pose)]
+        freedom = self._planner.freedoms[plan.motion]
+        drives: list[Stage] = [
+            ExciteMotion(leg.axis, LegController(leg), freedom, self.station, pose) for leg in plan.legs
+        ]
+        return [*begin, *drives]
+
+    def _excite(self, plan: Plan, pose: Pose) -> Stage:
+        """Excite about the middle of the legs' room, no faster and no stronger than the fastest leg."""
+        freedom = self._planner.freedoms[plan.motion]
+        ends = [end for leg in plan.legs for end in (leg.start, leg.end)]
+        fastest = max(plan.legs, key=lambda leg: abs(leg.rate))
+        bounds = Bounds(
+            force=abs(fastest.level) + freedom.inertia * abs(fastest.rate) / (4.0 * CHARACTERS[plan.motion].boost_s),
+            rate=abs(fastest.rate),
+            middle=0.5 * (min(ends) + max(ends)),
+            room=0.5 * (max(ends) - min(ends)),
+            inertia=freedom.inertia,
+        )
+        wanted = signal(self.goal.excitation, self.goal.seed, self._knobs.excitation_s, bounds.slowest_Hz)
+        driver = Excite(wanted, bounds, self._knobs.excitation_s)
+        return ExciteMotion(plan.motion, driver, freedom, self.station, pose)
+
+
+def check_goal(goal: Goal) -> None:
+    """UsageError that names what is invalid in a goal."""
+    if not goal.motions:
+        raise UsageError(f"goal: no motion, wanted some of {', '.join(MOTIONS)}")
+    if len(goal.motions) > MOST_MOTIONS:
+        raise UsageError(f"goal: {len(goal.motions)} motions, wanted at most {MOST_MOTIONS}; fly the rest after them")
+    for motion in goal.motions:
+        if motion not in MOTIONS:
+            raise UsageError(f"goal: motion {motion!r} unknown, wanted one of {', '.join(MOTIONS)}")
+    if goal.excitation not in (PLATEAUS, *EXCITATIONS):
+        raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
+    if goal.on_cancel not in ENDINGS:
+        raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")

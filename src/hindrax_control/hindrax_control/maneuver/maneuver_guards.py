@@ -1,0 +1,176 @@
+"""The guards of a maneuver: from before arming to after disarming, each with a name and a sentence.
+
+A guard looks at one thing and says what it found and what it wanted, or nothing. Guards of things that flicker must
+find the same for a while before they count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hindrax_control.maneuver.plan import LAG_S
+from hindrax_control.pool_bounds import PoolPosition
+from hindrax_core.knobs import knob
+from hindrax_core.signals import NAN, Navigation
+from hindrax_core.vehicle import Vehicle
+
+INERTIAL = ("icm20948",)
+VELOCITY = ("dvl75",)
+DEPTH = ("ms5837",)
+
+REMEDIES: Mapping[str, str] = {
+    "pool_box": "bring it to the middle of the pool, or correct `pool` in the vehicle file",
+    "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
+    "altitude_band": "let it rise (`./hindrax hold altitude`)",
+    "battery": "charge the battery",
+    "time_out": "look for what held it back (a current, a cable, a weak thruster) and fly it again",
+    "thrusters": "mend them and `./hindrax thruster enable` them, or fly other motions",
+    "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
+    "speed": "let it come to rest, and see whether the DVL tells the truth (`./hindrax monitor`)",
+    "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
+    "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",
+}
+"""What the operator can do about each guard."""
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverGuardKnobs:
+    """Where each guard draws its line; limits of the vehicle itself stand in its file."""
+
+    wall_m: float = knob(0.3, 0.0, 10.0, "least distance between hull and wall, after braking [m]")
+    surface_m: float = knob(-0.3, -1.0, 10.0, "least depth of the hull's top; it floats before a dive [m]")
+    floor_m: float = knob(0.15, 0.0, 10.0, "least distance between hull and floor [m]")
+    unlocked_s: float = knob(5.0, 0.1, 60.0, "longest time without a bottom lock of the DVL [s]")
+    inertial_age_s: float = knob(0.2, 0.01, 10.0, "oldest inertial sample [s]")
+    depth_age_s: float = knob(1.0, 0.05, 10.0, "oldest depth [s]")
+    braking_mps2: float = knob(0.35, 0.01, 10.0, "deceleration that can be counted on [m/s^2]")
+    patience_s: float = knob(0.3, 0.0, 10.0, "time for which tilt, speed and age must be wrong [s]")
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the guards look at, besides what they remember."""
+
+    navigation: Navigation
+    place: PoolPosition | None
+    """None before the pool's axes are known."""
+    walls_m: Mapping[str, float]
+    """Distance from the hull to each wall of the pool."""
+    time_s: float
+    battery_V: float = NAN
+    """NaN where there is no battery sensor."""
+    deadline_s: float = math.inf
+    """Time at which the maneuver should long be over."""
+    lost_axes: tuple[str, ...] = ()
+    needed_axes: tuple[str, ...] = ()
+
+
+class ManeuverGuards:
+    """All guards of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle, knobs: ManeuverGuardKnobs | None = None) -> None:
+        self._vehicle, self._knobs = vehicle, knobs or ManeuverGuardKnobs()
+        self._half_height_m = 0.5 * vehicle.envelope_m[2]
+        self._inertial = _sensors(vehicle, INERTIAL)
+        self._depth = _sensors(vehicle, DEPTH)
+        self._velocity = _sensors(vehicle, VELOCITY)
+        self._wrong_since_s: dict[str, float] = {}
+
+    def step(self, situation: Situation) -> tuple[str, ...]:
+        """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
+        at_once = {
+            "pool_box": self._pool_box(situation.place, situation.walls_m),
+            "depth_band": self._depth_band(situation.navigation),
+            "altitude_band": self._altitude_band(situation.navigation),
+            "battery": self._battery(situation.battery_V),
+            "time_out": self._time_out(situation),
+            "thrusters": self._thrusters(situation),
+        }
+        lasting = {
+            "attitude": self._attitude(situation.navigation),
+            "speed": self._speed(situation.navigation),
+            "sensor_age": self._sensor_age(situation.navigation),
+            "dvl_lock": self._dvl_lock(situation),
+        }
+        found = {name: text for name, text in at_once.items() if text}
+        found |= {name: text for name, text in lasting.items() if self._lasts(name, text, situation.time_s)}
+        return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in found.items())
+
+    def _lasts(self, name: str, text: str, time_s: float) -> bool:
+        if not text:
+            self._wrong_since_s.pop(name, None)
+            return False
+        patience_s = self._knobs.unlocked_s if name == "dvl_lock" else self._knobs.patience_s
+        return time_s - self._wrong_since_s.setdefault(name, time_s) >= patience_s
+
+    def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
+        """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
+        if place is None or not math.isfinite(place.x_m + place.y_m + place.heading_rad):
+            return ""
+        towards = {"south": -place.vx_mps, "north": place.vx_mps, "west": -place.vy_mps, "east": place.vy_mps}
+        for wall, distance_m in walls_m.items():
+            speed = max(0.0, towards[wall]) if math.isfinite(towards[wall]) else 0.0
+            left_m = distance_m - speed * LAG_S - 0.5 * speed * speed / self._knobs.braking_mps2
+            if left_m < self._knobs.wall_m:
+                return f"{left_m:.2f} m to the {wall} wall after braking, wanted {self._knobs.wall_m:.2f} m"
+        return ""
+
+    def _depth_band(self, navigation: Navigation) -> str:
+        depth_m, rating_m = navigation.depth_m, self._vehicle.depth_rating_m
+        top_m = depth_m - self._half_height_m
+        if top_m < self._knobs.surface_m:
+            return f"{top_m:.2f} m of water above the hull, wanted {self._knobs.surface_m:.2f} m"
+        return f"{depth_m:.2f} m deep, wanted at most {rating_m:.2f} m" if depth_m > rating_m else ""
+
+    def _altitude_band(self, navigation: Navigation) -> str:
+        under_m = navigation.altitude_m - self._half_height_m
+        if under_m < self._knobs.floor_m:
+            return f"{under_m:.2f} m of water under the hull, wanted {self._knobs.floor_m:.2f} m"
+        return ""
+
+    def _attitude(self, navigation: Navigation) -> str:
+        tilt_deg = math.degrees(max(abs(navigation.attitude_rad[0]), abs(navigation.attitude_rad[1])))
+        limit_deg = self._vehicle.limits.tilt_deg
+        if tilt_deg > limit_deg:
+            return f"tilted by {tilt_deg:.0f} deg, wanted at most {limit_deg:.0f} deg"
+        return "" if math.isfinite(sum(navigation.attitude_rad)) else "unknown, wanted roll, pitch and heading"
+
+    def _speed(self, navigation: Navigation) -> str:
+        speed = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
+        limit = self._vehicle.limits.speed_mps
+        return f"{speed:.2f} m/s, wanted at most {limit:.2f} m/s" if speed > limit else ""
+
+    def _sensor_age(self, navigation: Navigation) -> str:
+        limits = dict.fromkeys(self._inertial, self._knobs.inertial_age_s)
+        limits |= dict.fromkeys(self._depth, self._knobs.depth_age_s)
+        for name, limit_s in limits.items():
+            age_s = navigation.ages_s.get(name, math.inf)
+            if age_s > limit_s:
+                said = f"{age_s:.2f} s" if math.isfinite(age_s) else "never"
+                return f"{name} heard {said} ago, wanted at most {limit_s:.2f} s".replace("never ago", "never")
+        return "" if math.isfinite(navigation.depth_m) else "depth unknown"
+
+    def _dvl_lock(self, situation: Situation) -> str:
+        if situation.navigation.dvl_locked or not self._velocity:
+            return ""
+        since_s = situation.time_s - self._wrong_since_s.get("dvl_lock", situation.time_s)
+        return f"no bottom lock for {since_s:.1f} s, wanted at most {self._knobs.unlocked_s:.1f} s"
+
+    def _battery(self, battery_V: float) -> str:
+        limit_V = self._vehicle.limits.battery_V
+        return f"{battery_V:.1f} V, wanted at least {limit_V:.1f} V" if battery_V < limit_V else ""
+
+    def _time_out(self, situation: Situation) -> str:
+        late_s = situation.time_s - situation.deadline_s
+        return f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
+
+    def _thrusters(self, situation: Situation) -> str:
+        lost = [axis for axis in situation.needed_axes if axis in situation.lost_axes]
+        return f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
+
+
+def _sensors(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
+    mounts: Mapping[str, object] = vehicle.sensors
+    return tuple(name for name in mounts if vehicle.sensors[name].device in devices)

@@ -1,0 +1,1 @@
+"""From readings of the sensors to the state of the vehicle."""

@@ -1,0 +1,145 @@
+"""What DVL, pressure, sonar and compass tell the navigator's filters, each at its own time of validity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_control.navigation.attitude_filter import AttitudeFilter
+from hindrax_control.navigation.heading_filter import HeadingFilter
+from hindrax_control.navigation.horizontal_filter import HorizontalFilter
+from hindrax_control.navigation.sensor_mount import SensorMount
+from hindrax_control.navigation.vertical_filter import VerticalFilter
+from hindrax_core.knobs import choice, knob
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
+from hindrax_core.rotation import cross, rotate
+from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+
+SHORTEST_SPAN_S = 0.02
+"""A velocity without an interval is compared with the mean over this span."""
+
+
+@dataclass(frozen=True)
+class AidingKnobs:
+    """How far the sensors beside the IMU are trusted."""
+
+    heading_from: str = choice("magnetometer", ("magnetometer", "dvl", "both", "none"), "what the heading follows")
+    compass_tilt_deg: float = knob(15.0, 1.0, 90.0, "tilt above which the magnetometer is not used [deg]")
+    dvl_heading_sigma_deg: float = knob(5.0, 0.1, 180.0, "standard deviation of the DVL's own heading [deg]")
+    declination_deg: float = knob(0.0, -180.0, 180.0, "true north minus magnetic north [deg]")
+    pressure_sigma_m: float = knob(0.003, 1e-4, 1.0, "standard deviation of depth by pressure [m]")
+    sonar_sigma_m: float = knob(0.01, 1e-4, 1.0, "standard deviation of the sonar at zero range [m]")
+    sonar_sigma: float = knob(0.005, 0.0, 0.5, "standard deviation of the sonar as a share of range [-]")
+    sonar_confidence: float = knob(0.5, 0.0, 1.0, "echoes below this confidence are not used [-]")
+    sonar_beam_deg: float = knob(25.0, 1.0, 90.0, "opening angle of the sonar's beam [deg]")
+    sonar_tilt_deg: float = knob(25.0, 1.0, 90.0, "tilt above which ranges to the floor are not used [deg]")
+    dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
+    dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
+    fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is not believed [m/s]")
+
+
+class Aiding:
+    """Compares measurements with what the three filters expect, and lets them learn.
+
+    Each method says whether the measurement was used. `delay_s` is how long ago it was valid.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        knobs: AidingKnobs,
+        *,
+        attitude: AttitudeFilter,
+        heading: HeadingFilter,
+        vertical: VerticalFilter,
+        horizontal: HorizontalFilter,
+    ) -> None:
+        self._knobs = knobs
+        self._attitude, self._heading = attitude, heading
+        self._vertical, self._horizontal = vertical, horizontal
+        self._surface_Pa = vehicle.water.surface_pressure_Pa
+        self._pascal_per_m = vehicle.water.density_kgpm3 * GRAVITY_mps2
+        self._deepest_m = 2.0 * vehicle.depth_rating_m
+        self.forces_N: Sequence[float] = ()
+        """Of each thruster: their currents disturb the compass."""
+        self.yaw_rate_radps = 0.0
+
+    def bottom_velocity(self, reading: BottomVelocity, seat: SensorMount, valid_s: float) -> bool:
+        """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
+        if reading.velocity_mps is None:
+            return False
+        half_s = 0.5 * max(reading.interval_s, SHORTEST_SPAN_S)
+        way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
+        u, v, _ = seat.body(reading.velocity_mps)
+        fastest = self._knobs.fastest_mps
+        if way is None or not (abs(u) <= fastest and abs(v) <= fastest):
+            return False
+        by_rotation = cross(way.rate_radps, seat.lever_m)
+        return self._horizontal.fuse(u - by_rotation[0], v - by_rotation[1], reading.sigma_mps, way)
+
+    def pressure(self, reading: Pressure, seat: SensorMount, delay_s: float) -> bool:
+        """Fuse the depth that a pressure means."""
+        depth_m = (reading.pressure_Pa - self._surface_Pa) / self._pascal_per_m
+        if not abs(depth_m) <= self._deepest_m:
+            return False
+        return self._vertical.depth(depth_m - self._below(seat.lever_m), self._knobs.pressure_sigma_m, delay_s)
+
+    def echo(self, reading: Echo, seat: SensorMount, delay_s: float) -> bool:
+        """Fuse the range of the sonar: the nearest point of the floor within its beam answers."""
+        knobs = self._knobs
+        if not reading.confidence >= knobs.sonar_confidence:
+            return False
+        sigma_m = math.hypot(knobs.sonar_sigma_m, knobs.sonar_sigma * reading.range_m)
+        return self._range(reading.range_m, sigma_m, 0.5 * math.radians(knobs.sonar_beam_deg), seat, delay_s)
+
+    def _range(self, range_m: float, sigma_m: float, half_beam_rad: float, seat: SensorMount, delay_s: float) -> bool:
+        dx, dy, dz = self._attitude.rotation[2]
+        ax, ay, az = seat.axis
+        tilt = math.acos(min(1.0, max(-1.0, dx * ax + dy * ay + dz * az)))
+        if not (tilt <= math.radians(self._knobs.sonar_tilt_deg) and 0.0 < range_m < math.inf):
+            return False
+        height_m = range_m * math.cos(max(0.0, tilt - half_beam_rad))
+        return self._vertical.altitude(height_m + self._below(seat.lever_m), sigma_m, delay_s)
+
+    def magnetic(self, reading: Magnetic, seat: SensorMount, delay_s: float) -> bool:
+        """Fuse the heading that a magnetic field means."""
+        knobs, attitude = self._knobs, self._attitude
+        if knobs.heading_from not in ("magnetometer", "both"):
+            return False
+        down = attitude.rotation[2]
+        if self._heading.known and down[2] < math.cos(math.radians(knobs.compass_tilt_deg)):
+            return False
+        north, east, _ = rotate(attitude.rotation, seat.body(reading.field_T))
+        heading_rad = attitude.heading_rad
+        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+        # Leveled axes that look where the body looked when the field was measured.
+        x, y = cos * north + sin * east, cos * east - sin * north
+        then_rad = heading_rad - self.yaw_rate_radps * delay_s - math.radians(knobs.declination_deg)
+        if not 0.0 < x * x + y * y < math.inf:
+            return False
+        correction = self._heading.magnetic(x, y, then_rad, self.forces_N)
+        if correction is None:
+            return False
+        attitude.steer(*correction)
+        return True
+
+    def bottom_track(self, reading: BottomTrack, seat: SensorMount, delay_s: float, sonar_age_s: float) -> bool:
+        """Fuse the DVL's own heading, where asked for, and its altitude while the sonar is silent."""
+        knobs = self._knobs
+        digits = reading.imu_calibration
+        calibrated = len(digits) != 4 or digits[3] in "23"
+        steered = knobs.heading_from in ("dvl", "both") and calibrated and math.isfinite(reading.heading_rad)
+        if steered:
+            off_rad = reading.heading_rad + self.yaw_rate_radps * delay_s - self._attitude.heading_rad
+            sigma_deg = knobs.dvl_heading_sigma_deg
+            self._attitude.steer(*self._heading.heading(math.remainder(off_rad, math.tau), sigma_deg))
+        if reading.locked and reading.altitude_m is not None and sonar_age_s > knobs.dvl_altitude_after_s:
+            return self._range(reading.altitude_m, knobs.dvl_altitude_sigma_m, 0.0, seat, delay_s)
+        return steered
+
+    def _below(self, lever_m: Vec3) -> float:
+        """How much deeper a point of the vehicle is than its origin."""
+        dx, dy, dz = self._attitude.rotation[2]
+        lx, ly, lz = lever_m
+        return dx * lx + dy * ly + dz * lz

@@ -1,0 +1,165 @@
+"""Attitude from rates and gravity: a Kalman filter of tilt and gyroscope offset that knows how sure it is.
+
+The correction is that of the explicit complementary filter (Mahony, Hamel and Pflimlin 2008, eq. 32) on a quaternion;
+its gains are not constants but follow from what is not known yet. The errors of tilt and of the offset across the
+vertical are each one complex number (x + iy in level axes that turn with the body): a turn about the vertical is a
+factor, and one covariance serves both axes.
+
+    error of tilt:  d/dt e = -b - i r e + gyroscope noise      error of the offset:  d/dt b = walk
+
+Gravity says e, with the accelerations of the vehicle as noise. Once settled, the gains are those of the two time
+constants. Heading is corrected from outside, see `heading.py`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Quaternion, Vec3
+from hindrax_core.rotation import IDENTITY, Matrix3
+from hindrax_core.vehicle import GRAVITY_mps2
+
+SMOOTHED_S = 0.5
+
+
+@dataclass(frozen=True)
+class AttitudeKnobs:
+    """How far gravity is trusted."""
+
+    tilt_time_s: float = knob(20.0, 0.5, 1000.0, "time constant with which tilt follows gravity, once settled [s]")
+    bias_time_s: float = knob(80.0, 1.0, 10000.0, "time constant of the gyroscope bias across the vertical [s]")
+    gravity_noise: float = knob(0.28, 0.001, 10.0, "accelerations of the vehicle as noise of gravity [m/s^2*sqrt(s)]")
+    gravity_gate_mps2: float = knob(1.0, 0.05, 10.0, "specific force this far from one g is no gravity [m/s^2]")
+    offset_dps: float = knob(10.0, 0.1, 90.0, "largest believable gyroscope offset: two standard deviations [deg/s]")
+
+
+class AttitudeFilter:
+    """Quaternion and gyroscope bias; angles in radians, body in SNAME axes."""
+
+    __slots__ = (
+        "_bias_walk", "_gravity", "_gyro_noise", "_knobs", "_p_bias", "_p_cross", "_p_tilt", "bias_radps",
+        "gravity_off_rad", "q", "rotation",
+    )  # fmt: skip
+
+    def __init__(self, knobs: AttitudeKnobs) -> None:
+        self._knobs = knobs
+        # Noise densities for which the gains settle at 1 / tilt_time and 1 / (tilt_time * bias_time).
+        self._gravity = (knobs.gravity_noise / GRAVITY_mps2) ** 2
+        slow = 1.0 / (knobs.tilt_time_s * knobs.bias_time_s)
+        self._bias_walk = self._gravity * slow * slow
+        self._gyro_noise = self._gravity * max(0.0, knobs.tilt_time_s**-2 - 2.0 * slow)
+        self._p_tilt, self._p_cross, self._p_bias = math.pi**2, 0j, 0.0
+        self.bias_radps: Vec3 = (0.0, 0.0, 0.0)
+        self.gravity_off_rad = 0.0
+        """Angle between gravity as measured and as believed, smoothed: a vehicle in water accelerates shortly."""
+        self.q: Quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.rotation: Matrix3 = IDENTITY
+
+    def align(self, specific_force_mps2: Vec3, span_s: float, heading_rad: float = 0.0) -> None:
+        """Start level with gravity as it was over a span."""
+        fx, fy, fz = specific_force_mps2
+        roll, pitch = math.atan2(-fy, -fz), math.atan2(fx, math.hypot(fy, fz))
+        cr, sr, cp, sp = math.cos(roll / 2), math.sin(roll / 2), math.cos(pitch / 2), math.sin(pitch / 2)
+        cy, sy = math.cos(heading_rad / 2), math.sin(heading_rad / 2)
+        w, x, y, z = cr * cp, sr * cp, cr * sp, -sr * sp
+        self._set((cy * w - sy * z, cy * x - sy * y, cy * y + sy * x, cy * z + sy * w))
+        self._p_tilt, self._p_cross = self._gravity / span_s, 0j
+
+    def know_bias(self, bias_radps: Vec3, sigma_radps: float) -> None:
+        """Start with what is known of the gyroscope's offset."""
+        self.bias_radps, self._p_cross, self._p_bias = bias_radps, 0j, sigma_radps * sigma_radps
+
+    def turn(self, angle_rad: Vec3, dt_s: float) -> None:
+        """Turn by what the gyroscope has seen in `dt_s`, bias already taken off."""
+        x, y, z = angle_rad
+        dx, dy, dz = self.rotation[2]
+        self._rotate(x, y, z)
+        about = cmath.rect(1.0, -(x * dx + y * dy + z * dz))
+        turned, p_bias = about * self._p_cross, self._p_bias
+        self._p_tilt += dt_s * (dt_s * p_bias - 2.0 * turned.real + self._gyro_noise)
+        self._p_cross = turned - dt_s * p_bias
+        self._p_bias = p_bias + dt_s * self._bias_walk
+
+    def level(self, specific_force_mps2: Vec3, dt_s: float) -> None:
+        """Lean towards the measured gravity, by as much as tilt and offset are less sure than gravity is."""
+        fx, fy, fz = specific_force_mps2
+        norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+        if norm == 0.0:
+            return
+        dx, dy, dz = self.rotation[2]
+        ex, ey, ez = (fz * dy - fy * dz) / norm, (fx * dz - fz * dx) / norm, (fy * dx - fx * dy) / norm
+        off_rad = math.atan2(math.sqrt(ex * ex + ey * ey + ez * ez), -(fx * dx + fy * dy + fz * dz) / norm)
+        self.gravity_off_rad += min(1.0, dt_s / SMOOTHED_S) * (off_rad - self.gravity_off_rad)
+        if abs(norm - GRAVITY_mps2) > self._knobs.gravity_gate_mps2:
+            return
+        variance = self._p_tilt + self._gravity / dt_s
+        gain, follow = self._p_tilt / variance, self._p_cross.conjugate() / variance
+        self._rotate(gain * ex, gain * ey, gain * ez)
+        k, s = follow.real, follow.imag
+        bx, by, bz = self.bias_radps
+        self.bias_radps = (
+            bx + k * ex + s * (dy * ez - dz * ey),
+            by + k * ey + s * (dz * ex - dx * ez),
+            bz + k * ez + s * (dx * ey - dy * ex),
+        )
+        self._p_bias -= abs(self._p_cross) ** 2 / variance
+        self._p_cross *= 1.0 - gain
+        self._p_tilt *= 1.0 - gain
+
+    def steer(self, angle_rad: float, bias_radps: float) -> None:
+        """Correct heading, and the bias about the vertical."""
+        dx, dy, dz = self.rotation[2]
+        self._rotate(angle_rad * dx, angle_rad * dy, angle_rad * dz)
+        bx, by, bz = self.bias_radps
+        self.bias_radps = (bx + bias_radps * dx, by + bias_radps * dy, bz + bias_radps * dz)
+
+    @property
+    def tilt_sigma_rad(self) -> float:
+        """Standard deviation of the tilt about each level axis."""
+        return math.sqrt(self._p_tilt)
+
+    @property
+    def bias_sigma_radps(self) -> float:
+        """Standard deviation of the gyroscope's offset about each level axis."""
+        return math.sqrt(self._p_bias)
+
+    @property
+    def heading_rad(self) -> float:
+        """Heading, clockwise from north."""
+        (r11, _, _), (r21, _, _), _ = self.rotation
+        return math.atan2(r21, r11)
+
+    @property
+    def euler_rad(self) -> Vec3:
+        """Roll, pitch, yaw."""
+        (r11, _, _), (r21, _, _), (r31, r32, r33) = self.rotation
+        return (math.atan2(r32, r33), math.asin(min(1.0, max(-1.0, -r31))), math.atan2(r21, r11))
+
+    def _rotate(self, x: float, y: float, z: float) -> None:
+        """Turn by a rotation vector in body axes, to the third order of its length."""
+        square = 0.25 * (x * x + y * y + z * z)
+        if square > 0.01:
+            half = math.sqrt(square)
+            cos, scale = math.cos(half), 0.5 * math.sin(half) / half
+        else:
+            cos, scale = 1.0 - 0.5 * square, 0.5 - square / 12.0
+        x, y, z = scale * x, scale * y, scale * z
+        a, b, c, d = self.q
+        w = a * cos - b * x - c * y - d * z
+        i = b * cos + a * x + c * z - d * y
+        j = c * cos + a * y + d * x - b * z
+        k = d * cos + a * z + b * y - c * x
+        unit = 1.5 - 0.5 * (w * w + i * i + j * j + k * k)
+        self._set((w * unit, i * unit, j * unit, k * unit))
+
+    def _set(self, q: Quaternion) -> None:
+        self.q = q
+        w, x, y, z = q
+        self.rotation = (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )

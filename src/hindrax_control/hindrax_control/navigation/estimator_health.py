@@ -1,0 +1,135 @@
+"""Whether the state of the vehicle can be believed: checks that hold in every mode, with their limits and remedies.
+
+A maneuver has guards of its own, which suppose that the state is true. These here ask whether it is: does gravity lie
+where the attitude says, do pressure and DVL agree with what the accelerometer predicts, is the motion possible at all,
+and is it still the same state, or one that began anew while the thrusters were armed. What fails here leaves nothing to
+hold on to, so the answer is neutral and disarmed, whoever commands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.signals import Consistency, Navigation
+from hindrax_core.vehicle import Vehicle
+
+FASTEST = 3.0
+"""Speeds beyond the vehicle's limit by this factor are no speeds of this vehicle."""
+BEYOND_deg = 25.0
+"""Tilt beyond the vehicle's limit by this much: no mode of flying goes there."""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorHealthKnobs:
+    """From where on a state is not believed."""
+
+    tilt_sigma_deg: float = knob(3.0, 0.1, 90.0, "largest standard deviation of the tilt [deg]")
+    gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as believed [deg]")
+    refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
+    rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest believable turn; the gyroscope ends at 500 [deg/s]")
+    patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
+    recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
+
+
+Check: TypeAlias = Callable[[Navigation, Consistency], str]
+
+
+class EstimatorHealth:
+    """Judges one state after the other. What has failed once while armed is not forgotten before it is disarmed."""
+
+    def __init__(self, vehicle: Vehicle, knobs: EstimatorHealthKnobs | None = None) -> None:
+        self._knobs = knobs or EstimatorHealthKnobs()
+        self._limits = vehicle.limits
+        self._checks: dict[str, tuple[Check, str]] = {
+            "finite": (_finite, "restart the control process; see /diagnostics"),
+            "attitude": (self._attitude, "let the vehicle float quietly for some seconds"),
+            "gravity": (self._gravity, "let the vehicle rest; look at the mount of the inertial sensor"),
+            "depth": (self._depth, "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)"),
+            "velocity": (self._velocity, "let it rest; see whether the DVL tells the truth (`./hindrax monitor`)"),
+            "rate": (self._rate, "look at the inertial sensor (`./hindrax doctor`)"),
+            "speed": (self._speed, "let it come to rest; see what the sensors say (`./hindrax monitor`)"),
+            "tilt": (self._tilt, "bring it upright, and look at its trim"),
+        }
+        self._failing_since: dict[str, Stamp] = {}
+        self._held: tuple[str, ...] = ()
+        self._failed_at: Stamp | None = None
+        self._began: Stamp | None = None
+
+    def step(self, navigation: Navigation, stamp: Stamp, *, armed: bool) -> tuple[str, ...]:
+        """Return "name: found, wanted; remedy" for all that speaks against thrust; nothing when all is well.
+
+        `armed` are thrusters that may turn or are about to.
+        """
+        found = self._restarted(navigation, armed=armed) + self._failing(navigation, stamp)
+        if found:
+            self._failed_at = stamp
+            self._held = found
+        elif not armed and not self._recovering(stamp):
+            self._held = ()
+        return self._held
+
+    def _recovering(self, stamp: Stamp) -> bool:
+        return self._failed_at is not None and seconds_between(self._failed_at, stamp) < self._knobs.recovery_s
+
+    def _restarted(self, navigation: Navigation, *, armed: bool) -> tuple[str, ...]:
+        """Say that this is not the state with which the thrusters were armed."""
+        began = navigation.consistency.began
+        before, self._began = self._began, began
+        if before is None or before == began or not armed:
+            return ()
+        return ("restart: the state of the vehicle began anew in flight, wanted an unbroken one; disarm and arm again",)
+
+    def _failing(self, navigation: Navigation, stamp: Stamp) -> tuple[str, ...]:
+        found = []
+        for name, (check, remedy) in self._checks.items():
+            text = check(navigation, navigation.consistency)
+            if not text:
+                self._failing_since.pop(name, None)
+            elif seconds_between(self._failing_since.setdefault(name, stamp), stamp) >= self._knobs.patience_s:
+                found.append(f"{name}: {text}; {remedy}")
+        return tuple(found)
+
+    def _attitude(self, _: Navigation, consistency: Consistency) -> str:
+        found, most = math.degrees(consistency.tilt_sigma_rad), self._knobs.tilt_sigma_deg
+        return f"tilt known to {found:.1f} deg, wanted {most:.1f} deg" if found > most else ""
+
+    def _gravity(self, _: Navigation, consistency: Consistency) -> str:
+        found, most = math.degrees(consistency.gravity_off_rad), self._knobs.gravity_deg
+        return f"{found:.0f} deg from where it is measured, wanted at most {most:.0f} deg" if found > most else ""
+
+    def _depth(self, _: Navigation, consistency: Consistency) -> str:
+        return self._refused(consistency.refused_depths, "depths by pressure contradict depth and heave velocity")
+
+    def _velocity(self, _: Navigation, consistency: Consistency) -> str:
+        return self._refused(consistency.refused_velocities, "velocities of the DVL contradict the accelerometer")
+
+    def _refused(self, count: int, text: str) -> str:
+        return f"{count} {text}, wanted fewer than {self._knobs.refused}" if count >= self._knobs.refused else ""
+
+    def _rate(self, navigation: Navigation, _: Consistency) -> str:
+        found, most = math.degrees(math.hypot(*navigation.rate_radps)), self._knobs.rate_dps
+        return f"{found:.0f} deg/s, wanted at most {most:.0f} deg/s" if found > most else ""
+
+    def _speed(self, navigation: Navigation, _: Consistency) -> str:
+        found = math.sqrt(sum(v * v for v in navigation.velocity_mps if not math.isnan(v)))
+        most = FASTEST * self._limits.speed_mps
+        return f"{found:.1f} m/s, wanted at most {most:.1f} m/s" if found > most else ""
+
+    def _tilt(self, navigation: Navigation, _: Consistency) -> str:
+        roll, pitch, _yaw = navigation.attitude_rad
+        if not math.isfinite(roll + pitch):
+            return ""
+        cosine = math.cos(roll) * math.cos(pitch)
+        found, most = math.degrees(math.acos(max(-1.0, min(1.0, cosine)))), self._limits.tilt_deg + BEYOND_deg
+        return f"{found:.0f} deg, wanted at most {most:.0f} deg" if found > most else ""
+
+
+def _finite(navigation: Navigation, _: Consistency) -> str:
+    """Attitude and rates are always known; velocity and depth may not be."""
+    total = sum(navigation.attitude_rad) + sum(navigation.rate_radps)
+    return "" if math.isfinite(total) else "attitude or rates are no numbers, wanted finite ones"

@@ -1,0 +1,132 @@
+"""Surge and sway velocity between and beyond the DVL's samples, by the accelerometer.
+
+Per axis two states: the velocity, and an acceleration offset that stands for accelerometer bias and for gravity let in
+by an error of tilt. Both axes share one covariance, since they are measured by the same sensor at the same time. A late
+sample is compared with the path at its own time: the rows keep the predicted increments, which later corrections do
+not touch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from hindrax_control.navigation.filter_parameters import FilterKnobs
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Vec3
+
+Row: TypeAlias = tuple[float, float, float, float, float, float, float, float]
+"""Time [s]; sums of du and dv [m/s]; their integrals [m]; angle turned about x, y, z [rad]."""
+
+LEAST_SPAN_S = 0.001
+
+
+@dataclass(frozen=True)
+class HorizontalKnobs(FilterKnobs):
+    """Noise of the horizontal model."""
+
+    offset_mps2: float = knob(0.3, 0.0, 5.0, "uncertainty of the acceleration offset at the start [m/s^2]")
+    offset_walk: float = knob(0.02, 0.0, 1.0, "random walk of that offset [m/s^2/sqrt(s)]")
+    memory_s: float = knob(1.0, 0.1, 10.0, "oldest DVL sample that can still be fused [s]")
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedInterval:
+    """What the prediction did in an interval of the past."""
+
+    du_mps: float
+    """How much has been added to u between the mean over the interval and now."""
+    dv_mps: float
+    delay_s: float
+    rate_radps: Vec3
+
+
+class HorizontalFilter:
+    """Velocity u, v of the body origin over ground [m/s] and the acceleration offsets [m/s^2]."""
+
+    def __init__(self, knobs: HorizontalKnobs) -> None:
+        self._knobs = knobs
+        self._offset = (0.0, 0.0)
+        self._p, self._p_cross, self._p_offset = 1.0, 0.0, knobs.offset_mps2**2
+        self._refused = 0
+        self.refused = 0
+        """How many more velocities were refused than accepted lately."""
+        self._rows: deque[Row] = deque([(0.0,) * 8])
+        self.u_mps = self.v_mps = 0.0
+        self.known = False
+
+    def predict(self, acceleration_mps2: tuple[float, float], angle_rad: Vec3, now_s: float, dt_s: float) -> None:
+        """Advance by a mean acceleration in body axes; `angle_rad` is what the body turned meanwhile."""
+        knobs = self._knobs
+        offset_u, offset_v = self._offset
+        du, dv = dt_s * (acceleration_mps2[0] + offset_u), dt_s * (acceleration_mps2[1] + offset_v)
+        self.u_mps += du
+        self.v_mps += dv
+        self._p += dt_s * (2.0 * self._p_cross + dt_s * self._p_offset + knobs.accelerometer_noise**2)
+        self._p_cross += dt_s * self._p_offset
+        self._p_offset += dt_s * knobs.offset_walk**2
+        _, sum_u, sum_v, int_u, int_v, ax, ay, az = self._rows[-1]
+        new_u, new_v = sum_u + du, sum_v + dv
+        int_u, int_v = int_u + 0.5 * dt_s * (sum_u + new_u), int_v + 0.5 * dt_s * (sum_v + new_v)
+        ax, ay, az = ax + angle_rad[0], ay + angle_rad[1], az + angle_rad[2]
+        self._rows.append((now_s, new_u, new_v, int_u, int_v, ax, ay, az))
+        while self._rows[0][0] < now_s - knobs.memory_s:
+            self._rows.popleft()
+
+    def way(self, from_s: float, to_s: float) -> PredictedInterval | None:
+        """What happened between two times; None when they are forgotten or still to come."""
+        oldest, now = self._rows[0], self._rows[-1]
+        to_s = min(to_s, now[0])
+        if from_s < oldest[0] or to_s - from_s < LEAST_SPAN_S:
+            return None
+        begin, end = self._at(from_s), self._at(to_s)
+        span = end[0] - begin[0]
+        return PredictedInterval(
+            du_mps=now[1] - (end[3] - begin[3]) / span,
+            dv_mps=now[2] - (end[4] - begin[4]) / span,
+            delay_s=now[0] - 0.5 * (begin[0] + end[0]),
+            rate_radps=((end[5] - begin[5]) / span, (end[6] - begin[6]) / span, (end[7] - begin[7]) / span),
+        )
+
+    def _at(self, time_s: float) -> Row:
+        """Row at a time between two rows, searched from the newest."""
+        later = self._rows[-1]
+        for row in reversed(self._rows):
+            if row[0] <= time_s:
+                break
+            later = row
+        share = (time_s - row[0]) / (later[0] - row[0]) if later[0] > row[0] else 0.0
+        a, b, c, d, e, f, g, h = (low + share * (high - low) for low, high in zip(row, later, strict=True))
+        return (a, b, c, d, e, f, g, h)
+
+    def fuse(self, u_mps: float, v_mps: float, sigma_mps: float, way: PredictedInterval) -> bool:
+        """Fuse a velocity of the body origin that was the mean over a way; False when it is refused."""
+        delay = way.delay_s
+        p, cross, offset = self._p, self._p_cross, self._p_offset
+        at_u, at_offset = p - delay * cross, cross - delay * offset
+        variance = at_u - delay * at_offset + sigma_mps * sigma_mps
+        off_u, off_v = u_mps - (self.u_mps - way.du_mps), v_mps - (self.v_mps - way.dv_mps)
+        if self.known and max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance:
+            return self._refuse(off_u, off_v)
+        self.known = True
+        self._refused, self.refused = 0, max(0, self.refused - 1)
+        k, k_offset = at_u / variance, at_offset / variance
+        self.u_mps += k * off_u
+        self.v_mps += k * off_v
+        self._offset = (self._offset[0] + k_offset * off_u, self._offset[1] + k_offset * off_v)
+        self._p, self._p_cross, self._p_offset = p - k * at_u, cross - k * at_offset, offset - k_offset * at_offset
+        return True
+
+    def _refuse(self, off_u: float, off_v: float) -> bool:
+        self._refused, self.refused = self._refused + 1, self.refused + 1
+        if self._refused >= self._knobs.patience:
+            self._refused = 0
+            self._p += max(off_u * off_u, off_v * off_v)
+        return False
+
+    @property
+    def sigma_mps(self) -> float:
+        """Standard deviation of each velocity."""
+        return math.sqrt(max(0.0, self._p))

@@ -1,0 +1,314 @@
+"""The navigator: all sensors in, one Navigation at 50 Hz of IMU time out. Pure; every stamp is respected.
+
+The IMU drives it: each sample only adds to sums, and at every tick the sums go through the attitude, the vertical and
+the horizontal filter. What other sensors said waits until the next tick and is fused at its own time of validity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_control.navigation.aiding import Aiding, AidingKnobs
+from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
+from hindrax_control.navigation.gyro_bias import SPANS, Offset, RestWindow
+from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
+from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.reading_limits import unfit
+from hindrax_control.navigation.sensor_mount import NOWHERE, SensorMount, sensor_mount
+from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
+from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
+from hindrax_core.knobs import knob
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
+from hindrax_core.refusal_counts import Refusals
+from hindrax_core.rotation import cross
+from hindrax_core.signals import NAN, ZERO6, Consistency, Navigation
+from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+
+LONG_AGO = Stamp(-(2**62))
+LEAST_UPRIGHT = 0.3
+"""Cosine of tilt below which the downward velocity says too little about heave."""
+MOST_WAITING = 200
+
+
+@dataclass(frozen=True)
+class NavigatorKnobs(AidingKnobs, AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
+    """How the sensors are trusted; the vehicle file says where they sit."""
+
+    rate_Hz: float = knob(50.0, 1.0, 500.0, "rate of the output [Hz]")
+    align_s: float = knob(1.0, 0.1, 60.0, "span over which tilt and gyroscope offset are averaged at the start [s]")
+    align_patience_s: float = knob(6.0, 0.0, 600.0, "time for which alignment waits for rest [s]")
+    still_dps: float = knob(0.5, 0.01, 90.0, "standard deviation of the offset from which on it rests [deg/s]")
+    resumed_dps: float = knob(0.2, 0.001, 90.0, "uncertainty of a known offset after a gap in the samples [deg/s]")
+    longest_gap_s: float = knob(0.5, 0.01, 10.0, "gap in the IMU's samples after which alignment starts anew [s]")
+    lock_s: float = knob(0.5, 0.05, 10.0, "age of a DVL velocity up to which it counts as locked [s]")
+
+
+DEFAULT_KNOBS = NavigatorKnobs()
+
+
+class Navigator:
+    """Attitude, rates, velocity, depth, altitude and position of the body origin of one vehicle.
+
+    `step` takes every reading of every sensor under the name the vehicle file gives it; kinds it has no use for are
+    ignored. Measurements that could not be used (not finite, far off, too late, too tilted) are counted in `refused`;
+    `refusals` tells, by sensor, of those that cannot be measurements at all.
+    """
+
+    def __init__(self, vehicle: Vehicle, knobs: NavigatorKnobs = DEFAULT_KNOBS) -> None:
+        self._vehicle = vehicle
+        self._knobs = knobs
+        self._period_ns = round(NS_PER_S / knobs.rate_Hz)
+        self._seats = {name: sensor_mount(mount) for name, mount in vehicle.sensors.items()}
+        self._forces_N: tuple[float, ...] = ()
+        self.refused = 0
+        self._position, self._heading_rad = (0.0, 0.0), 0.0
+        self._offset = self._unknown = Offset((0.0, 0.0, 0.0), 0.5 * math.radians(knobs.offset_dps))
+        self.refusals = Refusals()
+        self._begin(Stamp(0))
+        self._imu = LONG_AGO
+        self._sample = ZERO6
+
+    @property
+    def _span_s(self) -> float:
+        return self._knobs.align_s / SPANS
+
+    def _begin(self, stamp: Stamp) -> None:
+        """Start anew: at the first sample, or after a gap in which anything may have happened."""
+        self._attitude = AttitudeFilter(self._knobs)
+        self._vertical = VerticalFilter(self._knobs)
+        self._horizontal = HorizontalFilter(self._knobs)
+        self._heading = HeadingFilter(self._knobs, len(self._vehicle.thrusters))
+        self._aiding = Aiding(
+            self._vehicle,
+            self._knobs,
+            attitude=self._attitude,
+            heading=self._heading,
+            vertical=self._vertical,
+            horizontal=self._horizontal,
+        )
+        self._aiding.forces_N = self._forces_N
+        self._waiting: list[tuple[Stamp, Reading, str]] = []
+        self._heard: dict[str, Stamp] = {}
+        self._echo = self._locked = LONG_AGO
+        self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
+        self._aligned = False
+        self._rest = RestWindow()
+        self._imu = self._began = self._since = stamp
+        self._due = after(stamp, self._span_s)
+        self._clear_sums()
+
+    def _clear_sums(self) -> None:
+        self._turned_x = self._turned_y = self._turned_z = 0.0
+        self._pushed_x = self._pushed_y = self._pushed_z = 0.0
+
+    # ---- what comes in
+
+    def thrust(self, _: Stamp, forces_N: Sequence[float]) -> None:
+        """Tell what each thruster does: their currents disturb the compass."""
+        self._forces_N = self._aiding.forces_N = tuple(forces_N)
+
+    def step(self, stamped: Stamped[Reading], source: str) -> Stamped[Navigation] | None:
+        """Take one reading; a Navigation comes back whenever an IMU sample completes a tick."""
+        reading = stamped.reading
+        why = unfit(stamped)
+        if why:
+            self.refused += 1
+            self.refusals.add(source, why)
+            return None
+        if isinstance(reading, Inertial):
+            return self._inertial(stamped.stamp, reading, source)
+        if isinstance(reading, AIDS) and (self._aligned or not isinstance(reading, BottomVelocity)):
+            self._waiting.append((stamped.stamp, reading, source))
+            self._waiting = self._waiting[-MOST_WAITING:] if len(self._waiting) > MOST_WAITING else self._waiting
+        return None
+
+    def _inertial(self, stamp: Stamp, reading: Inertial, source: str) -> Stamped[Navigation] | None:
+        dt = (stamp - self._imu) / NS_PER_S
+        fx, fy, fz = reading.specific_force_mps2
+        p, q, r = reading.rate_radps
+        if not dt > 0.0:
+            self.refused += 1
+            return None
+        ex, ey, ez, o, n, m = self._sample
+        self._sample = (fx, fy, fz, p, q, r)
+        if dt > self._knobs.longest_gap_s:
+            self._remember()
+            self._begin(stamp)
+            return None
+        self._imu = self._heard[source] = stamp
+        # Samples are instants: without the one before, the angle would be half a period ahead of the rate.
+        half = 0.5 * dt
+        self._turned_x += half * (o + p)
+        self._turned_y += half * (n + q)
+        self._turned_z += half * (m + r)
+        self._pushed_x += half * (ex + fx)
+        self._pushed_y += half * (ey + fy)
+        self._pushed_z += half * (ez + fz)
+        if stamp < self._due:
+            return None
+        at = self._seats.get(source, NOWHERE)
+        if not self._complete(stamp, at):
+            return None
+        return Stamped(stamp, self._navigation(stamp, at.body(reading.rate_radps)))
+
+    # ---- what happens at a tick
+
+    def _complete(self, stamp: Stamp, at: SensorMount) -> bool:
+        """End a tick: the sums become angle and mean specific force, the filters predict, what waits is fused.
+
+        False while alignment goes on.
+        """
+        dt = (stamp - self._since) / NS_PER_S
+        turned = at.body((self._turned_x, self._turned_y, self._turned_z))
+        force = at.body((self._pushed_x / dt, self._pushed_y / dt, self._pushed_z / dt))
+        self._clear_sums()
+        self._since = stamp
+        if self._aligned:
+            self._predict(turned, force, dt, at)
+        elif not self._align(force, (turned[0] / dt, turned[1] / dt, turned[2] / dt), stamp):
+            self._due = after(stamp, self._span_s)
+            return False
+        # Ticks keep to their grid, so that the rate is right although samples do not fall on it.
+        self._due = max(Stamp(self._due + self._period_ns), Stamp(stamp + self._period_ns // 2))
+        # The IMU's samples come in batches: what was measured after this tick is left for the next one.
+        waiting, self._waiting = self._waiting, []
+        for one in waiting:
+            valid, reading, source = one
+            if _end(valid, reading) > stamp:
+                self._waiting.append(one)
+            elif self._fuse(valid, reading, source):
+                self._heard[source] = max(valid, self._heard.get(source, valid))
+        return True
+
+    def _align(self, force: Vec3, rate: Vec3, stamp: Stamp) -> bool:
+        """Begin when it rests, when the offset is known from before, or when patience is over, with honest doubt."""
+        rest, knobs = self._rest, self._knobs
+        rest.add(rate, force)
+        if not rest.full:
+            return False
+        shown = rest.offset(self._span_s)
+        resting = shown.sigma_radps <= math.radians(knobs.still_dps)
+        known = self._offset is not self._unknown
+        if not (resting or known) and stamp < after(self._began, knobs.align_patience_s):
+            return False
+        offset = self._offset.combined(shown)
+        # Swinging, gravity is where it was last, not where it was on the average.
+        gravity, span_s = (rest.force_mps2, knobs.align_s) if resting else (rest.last_force_mps2, self._span_s)
+        self._attitude.align(gravity, span_s, self._heading_rad)
+        self._attitude.know_bias(offset.rate_radps, offset.sigma_radps)
+        self._heading.doubt_bias(offset.sigma_radps)
+        self._aligned = True
+        return True
+
+    def _remember(self) -> None:
+        """Keep what outlasts a gap: the gyroscope is the same and may not rest when it is back; the place is near."""
+        self._heading_rad = self._attitude.heading_rad
+        sigma = max(self._attitude.bias_sigma_radps, self._heading.bias_sigma_radps)
+        if self._aligned and sigma < self._unknown.sigma_radps:
+            self._offset = Offset(self._attitude.bias_radps, math.hypot(sigma, math.radians(self._knobs.resumed_dps)))
+
+    def _predict(self, turned: Vec3, force: Vec3, dt: float, at: SensorMount) -> None:
+        attitude, horizontal = self._attitude, self._horizontal
+        bp, bq, br = attitude.bias_radps
+        angle = (turned[0] - bp * dt, turned[1] - bq * dt, turned[2] - br * dt)
+        p, q, r = rate = (angle[0] / dt, angle[1] / dt, angle[2] / dt)
+        if at.away:
+            force = self._at_origin(force, rate, dt, at.lever_m)
+        before = attitude.rotation[2]
+        attitude.turn(angle, dt)
+        self._heading.predict(dt)
+        attitude.level(force, dt)
+        now = attitude.rotation[2]
+        # A mean over the tick belongs to the attitude in its middle.
+        dx, dy, dz = 0.5 * (before[0] + now[0]), 0.5 * (before[1] + now[1]), 0.5 * (before[2] + now[2])
+        self._vertical.predict(force[0] * dx + force[1] * dy + force[2] * dz + GRAVITY_mps2, round(dt, 4))
+        u, v = horizontal.u_mps, horizontal.v_mps
+        w = self._heave(now) if self._vertical.knows_depth and now[2] > LEAST_UPRIGHT else 0.0
+        acceleration = (force[0] + GRAVITY_mps2 * dx - q * w + r * v, force[1] + GRAVITY_mps2 * dy - r * u + p * w)
+        horizontal.predict(acceleration, angle, (self._imu - self._began) / NS_PER_S, dt)
+        self._rate_radps = rate
+        self._aiding.yaw_rate_radps = r
+        if horizontal.known:
+            (a, b, c), (d, e, f), _ = attitude.rotation
+            north, east = self._position
+            self._position = (north + dt * (a * u + b * v + c * w), east + dt * (d * u + e * v + f * w))
+
+    def _at_origin(self, force: Vec3, rate: Vec3, dt: float, lever_m: Vec3) -> Vec3:
+        """Specific force at the body origin: what rotation does at the sensor's lever is taken off."""
+        was = self._rate_radps
+        turning = ((rate[0] - was[0]) / dt, (rate[1] - was[1]) / dt, (rate[2] - was[2]) / dt)
+        tangential, centripetal = cross(turning, lever_m), cross(rate, cross(rate, lever_m))
+        x, y, z = (f - t - c for f, t, c in zip(force, tangential, centripetal, strict=True))
+        return (x, y, z)
+
+    def _fuse(self, valid: Stamp, reading: Reading, source: str) -> bool:
+        """Let the filters learn from one measurement; False when it was of no use."""
+        at, aiding = self._seats.get(source, NOWHERE), self._aiding
+        delay_s = (self._imu - valid) / NS_PER_S
+        match reading:
+            case BottomVelocity(velocity_mps=None):
+                return False
+            case BottomVelocity():
+                used = aiding.bottom_velocity(reading, at, (valid - self._began) / NS_PER_S)
+                self._locked = max(self._locked, valid) if used else self._locked
+            case Pressure():
+                used = aiding.pressure(reading, at, delay_s)
+            case Echo():
+                used = aiding.echo(reading, at, delay_s)
+                self._echo = max(self._echo, valid) if used else self._echo
+            case Magnetic():
+                return aiding.magnetic(reading, at, delay_s)
+            case BottomTrack():
+                aiding.bottom_track(reading, at, delay_s, (self._imu - self._echo) / NS_PER_S)
+                return False
+            case _:
+                return False
+        self.refused += not used
+        return used
+
+    # ---- what goes out
+
+    def _heave(self, down: Vec3) -> float:
+        """Heave velocity in body axes from the downward velocity."""
+        horizontal = self._horizontal
+        return (self._vertical.rate_mps - down[0] * horizontal.u_mps - down[1] * horizontal.v_mps) / down[2]
+
+    def _navigation(self, stamp: Stamp, rate: Vec3) -> Navigation:
+        attitude, vertical, horizontal = self._attitude, self._vertical, self._horizontal
+        bp, bq, br = attitude.bias_radps
+        down = attitude.rotation[2]
+        u = v = sigma = w = heave_sigma = NAN
+        if horizontal.known:
+            u, v, sigma = horizontal.u_mps, horizontal.v_mps, horizontal.sigma_mps
+        if down[2] > LEAST_UPRIGHT and vertical.knows_depth:
+            w = self._heave(down)
+            slope = (1.0 - down[2] * down[2]) * horizontal.sigma_mps**2
+            heave_sigma = math.sqrt(vertical.rate_variance + slope) / down[2]
+        return Navigation(
+            attitude_rad=attitude.euler_rad,
+            rate_radps=(rate[0] - bp, rate[1] - bq, rate[2] - br),
+            velocity_mps=(u, v, w),
+            depth_m=vertical.depth_m,
+            altitude_m=vertical.altitude_m,
+            position_m=self._position,
+            dvl_locked=(stamp - self._locked) / NS_PER_S < self._knobs.lock_s,
+            ages_s={source: (stamp - heard) / NS_PER_S for source, heard in self._heard.items()},
+            velocity_sigma_mps=(sigma, sigma, heave_sigma),
+            consistency=Consistency(
+                self._began,
+                attitude.tilt_sigma_rad,
+                attitude.gravity_off_rad,
+                vertical.refused_depths,
+                horizontal.refused,
+            ),
+        )
+
+
+def _end(valid: Stamp, reading: Reading) -> Stamp:
+    """Last instant that a measurement depends on."""
+    return after(valid, 0.5 * reading.interval_s) if isinstance(reading, BottomVelocity) else valid
+
+
+AIDS = (BottomVelocity, Pressure, Echo, Magnetic, BottomTrack)

@@ -1,0 +1,47 @@
+"""Which readings cannot be measurements: numbers that no sensor on a vehicle under water says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from hindrax_core.events import Stamped
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
+from hindrax_core.stamp_window import impossible
+
+MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2
+"""Beyond the range of every inertial sensor that a vehicle carries (ICM-20948: 157 m/s^2 and 35 rad/s)."""
+MOST_FIELD_T = 0.1
+MOST_PRESSURE_Pa = 2e8
+"""The deepest sea has 1.1e8 Pa."""
+FARTHEST_m, FASTEST_mps, LONGEST_s = 1e4, 1e3, 60.0
+
+
+Bound: TypeAlias = tuple[str, Callable[[Any], float], float]
+"""What of a reading is looked at, its size, and the largest one that can be."""
+BOUNDS: Mapping[type, tuple[Bound, ...]] = {
+    Inertial: (
+        ("force [m/s^2]", lambda one: math.hypot(*one.specific_force_mps2), MOST_FORCE_mps2),
+        ("rate [rad/s]", lambda one: math.hypot(*one.rate_radps), MOST_RATE_radps),
+    ),
+    Magnetic: (("field [T]", lambda one: math.hypot(*one.field_T), MOST_FIELD_T),),
+    Pressure: (("pressure [Pa]", lambda one: one.pressure_Pa, MOST_PRESSURE_Pa),),
+    Echo: (("range [m]", lambda one: one.range_m, FARTHEST_m),),
+    BottomVelocity: (
+        ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or (0.0,))), FASTEST_mps),
+        ("deviation [m/s]", lambda one: one.sigma_mps, FASTEST_mps),
+        ("interval [s]", lambda one: one.interval_s, LONGEST_s),
+    ),
+    BottomTrack: (("altitude [m]", lambda one: one.altitude_m or 0.0, FARTHEST_m),),
+}
+
+
+def unfit(stamped: Stamped[Reading]) -> str:
+    """Why a reading cannot be a measurement; empty when it can. What is merely doubtful is left to the filters."""
+    reading = stamped.reading
+    for what, size_of, most in BOUNDS.get(type(reading), ()):
+        size = size_of(reading)
+        if not 0.0 <= size <= most:  # nor is NaN
+            return f"found {what} {size:g}, wanted 0 to {most:g}"
+    return impossible(stamped.stamp)

@@ -1,0 +1,138 @@
+"""Depth, heave velocity and altitude from pressure, sonar and accelerometer together: nothing is differentiated.
+
+A Kalman filter (filterpy) with the states depth, its rate, the accelerometer's vertical bias and depth of the floor.
+COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from numpy.typing import NDArray
+
+from hindrax_control.navigation.filter_parameters import FilterKnobs
+from hindrax_core.knobs import knob
+
+Matrix: TypeAlias = NDArray[np.float64]
+Model: TypeAlias = tuple[Matrix, Matrix, Matrix]
+
+MOST_MODELS = 1000
+
+
+@dataclass(frozen=True)
+class VerticalKnobs(FilterKnobs):
+    """Noise of the vertical model."""
+
+    heave_bias_mps2: float = knob(0.3, 0.0, 5.0, "uncertainty of the accelerometer bias at the start [m/s^2]")
+    heave_bias_walk: float = knob(0.005, 0.0, 1.0, "random walk of that bias [m/s^2/sqrt(s)]")
+    floor_walk: float = knob(0.01, 0.0, 10.0, "unevenness of the floor, as a walk in time [m/sqrt(s)]")
+
+
+class VerticalFilter:
+    """States: depth z [m], z' [m/s], bias [m/s^2], depth of the floor [m]. One prediction per tick."""
+
+    def __init__(self, knobs: VerticalKnobs) -> None:
+        self._knobs = knobs
+        self._kf = KalmanFilter(dim_x=4, dim_z=1, dim_u=1)
+        # One measurement at a time: its innovation covariance is a number, and so is its inverse.
+        self._kf.inv = np.reciprocal
+        self._kf.P = np.diag([1e4, 0.25, knobs.heave_bias_mps2**2, 1e4])
+        self._models: dict[float, Model] = {}
+        self._acceleration_mps2 = 0.0
+        self._refused = {"depth": 0, "altitude": 0}
+        self.refused_depths = 0
+        """How many more depths were refused than accepted lately."""
+        self.knows_depth = False
+        self.knows_floor = False
+
+    def predict(self, acceleration_mps2: float, dt_s: float) -> None:
+        """Advance by a mean acceleration (down is positive, gravity taken off)."""
+        kf, self._acceleration_mps2 = self._kf, acceleration_mps2
+        kf.F, kf.B, kf.Q = self._models.get(dt_s) or self._model(dt_s)
+        kf.predict(u=acceleration_mps2)
+
+    def _model(self, dt: float) -> Model:
+        """Transition, input and noise of a tick; kept, because ticks come in a few lengths only."""
+        half = 0.5 * dt * dt
+        F = np.array([[1.0, dt, half, 0.0], [0.0, 1.0, dt, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+        knobs = self._knobs
+        a = knobs.accelerometer_noise**2
+        Q = np.diag([a * dt**3 / 3.0, a * dt, knobs.heave_bias_walk**2 * dt, knobs.floor_walk**2 * dt])
+        Q[0, 1] = Q[1, 0] = a * half
+        if len(self._models) >= MOST_MODELS:
+            self._models.clear()
+        found = self._models[dt] = (F, np.array([[half], [dt], [0.0], [0.0]]), Q)
+        return found
+
+    def depth(self, depth_m: float, sigma_m: float, delay_s: float) -> bool:
+        """Fuse a depth that was valid `delay_s` ago; False when it is refused."""
+        if not self.knows_depth:
+            self.knows_depth = True
+            self._kf.x[0, 0] = depth_m
+        p = self._kf.P.tolist()
+        variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
+        H = np.array([[1.0, -delay_s, 0.0, 0.0]])
+        used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, variance, H)
+        self.refused_depths = max(0, self.refused_depths - 1) if used else self.refused_depths + 1
+        return used
+
+    def altitude(self, altitude_m: float, sigma_m: float, delay_s: float) -> bool:
+        """Fuse a height above the floor that was valid `delay_s` ago; False when it is refused."""
+        if not self.knows_floor:
+            self.knows_floor = True
+            self._kf.x[3, 0] = altitude_m + self._kf.x[0, 0]
+        p = self._kf.P.tolist()
+        variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
+        variance += p[3][3] - 2.0 * p[0][3] + 2.0 * delay_s * p[1][3]
+        H = np.array([[-1.0, delay_s, 0.0, 1.0]])
+        expected_m = float(self._kf.x[3, 0]) - self._depth_then_m(delay_s)
+        return self._fuse("altitude", altitude_m - expected_m, sigma_m, variance, H)
+
+    def _depth_then_m(self, delay_s: float) -> float:
+        """Depth some time ago: back along the path, which the known acceleration bends."""
+        (z,), (rate,), _, _ = self._kf.x.tolist()
+        return float(z - delay_s * rate + 0.5 * delay_s * delay_s * self._acceleration_mps2)
+
+    def _fuse(self, source: str, off: float, sigma: float, variance: float, H: Matrix) -> bool:
+        if not off * off <= self._knobs.gate**2 * variance:
+            return self._refuse(source, off)
+        self._refused[source] = 0
+        kf = self._kf
+        # filterpy compares with H x; the bend of the path is moved to the other side.
+        z, rate, _, floor = (one[0] for one in kf.x.tolist())
+        straight = H[0, 0] * z + H[0, 1] * rate + H[0, 3] * floor
+        kf.update(off + straight, R=sigma * sigma, H=H)
+        return True
+
+    def _refuse(self, source: str, off: float) -> bool:
+        """Drop a measurement; after many in a row, let go of the state it speaks of instead."""
+        self._refused[source] += 1
+        if self._refused[source] >= self._knobs.patience:
+            self._refused[source] = 0
+            state = 0 if source == "depth" else 3
+            self._kf.P[state, state] += off * off
+        return False
+
+    @property
+    def depth_m(self) -> float:
+        """Depth; NaN before the first pressure."""
+        return float(self._kf.x[0, 0]) if self.knows_depth else math.nan
+
+    @property
+    def rate_mps(self) -> float:
+        """Downward velocity."""
+        return float(self._kf.x[1, 0])
+
+    @property
+    def rate_variance(self) -> float:
+        """Variance of the downward velocity [m^2/s^2]."""
+        return float(self._kf.P[1, 1])
+
+    @property
+    def altitude_m(self) -> float:
+        """Height above the floor; NaN before the first echo."""
+        return float(self._kf.x[3, 0] - self._kf.x[0, 0]) if self.knows_floor else math.nan

@@ -1,0 +1,111 @@
+"""The allocator node: wrenches in, pulses out; and what the applied pulses achieve, every cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hindrax_control.allocation.allocation_cycle import AllocationCycle
+from hindrax_control.allocation.allocator import AllocationKnobs
+from hindrax_control.allocation.applied_wrench import unfit_pulses
+from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
+from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
+from hindrax_control.nodes.allocation_messages import AllocationMessages
+from hindrax_core.events import Stamp
+from hindrax_core.readings import Vec6
+from hindrax_core.refusal_counts import Refusals
+from hindrax_core.signals import Allocation
+from hindrax_core.stamp_window import impossible
+from hindrax_core.topics import (
+    ALLOCATION,
+    BATTERY,
+    THRUSTER_COMMAND,
+    THRUSTER_HEALTH,
+    THRUSTER_STATE,
+    Topic,
+)
+from hindrax_core.vehicle import Vehicle
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.fast_serialization import applied_from_bytes
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.parameters import knobs
+
+REPORT_S = 1.0
+
+
+class AllocatorNode(BatchedNode):
+    """Turns wrenches into `thrusters/command`; `control/allocation` reports what `thrusters/state` achieves.
+
+    The pilot, in the same process, calls `on_wrench`; `allocation_listeners` are called with every achieved allocation.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__("allocator", ros_time=False)
+        self._cycle = AllocationCycle(
+            vehicle, knobs(self, AllocationKnobs), knobs(self, WrenchGuardKnobs), knobs(self, SupplyKnobs)
+        )
+        self._messages = AllocationMessages(vehicle)
+        self._thrusters = len(vehicle.thrusters)
+        self._refusals = Refusals()
+        self._command = publisher(self, THRUSTER_COMMAND)
+        self._status = publisher(self, ALLOCATION)
+        self._reporter = DiagnosticsPublisher(self)
+        self.allocation_listeners: list[Callable[[Stamp, Allocation], None]] = []
+        subscription(self, THRUSTER_STATE, self._on_state, raw=True)
+        subscription(self, THRUSTER_HEALTH, self._on_health)
+        subscription(self, BATTERY, self._on_battery)
+        self.every(REPORT_S, self._report)
+
+    @property
+    def supply(self) -> SupplyVoltage:
+        """Measured supply voltage, shared with the other nodes of the process."""
+        return self._cycle.supply
+
+    def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> None:
+        """Allocate one wrench [N, Nm] and publish its command."""
+        command = self._cycle.command(wrench, frame, stamp, now)
+        if command is not None:
+            self._command.publish(self._messages.command(stamp, command))
+
+    def _on_state(self, data: bytes) -> None:
+        """Publish what the applied pulses achieve; pulses without a command have a wanted wrench of zero."""
+        try:
+            applied = applied_from_bytes(data)
+        except ValueError as error:
+            self._refuse(THRUSTER_STATE, str(error))
+            return
+        unfit = unfit_pulses(applied.pulses_us, self._thrusters) or impossible(applied.stamp)
+        if unfit:
+            self._refuse(THRUSTER_STATE, unfit)
+            return
+        achieved = self._cycle.achieved(applied.sequence, applied.pulses_us)
+        for listener in self.allocation_listeners:
+            listener(applied.stamp, achieved)
+        self._status.publish(self._messages.status(applied, achieved, self._cycle.supply_V))
+
+    def _on_health(self, message: Any) -> None:
+        self._cycle.disable(frozenset(message.disabled))
+
+    def _on_battery(self, message: Any) -> None:
+        unfit = self._cycle.battery(float(message.voltage))
+        if unfit:
+            self._refusals.add(BATTERY.name, unfit)
+
+    def _refuse(self, topic: Topic, why: str) -> None:
+        """Count a refused message and log it; diagnostics show the count."""
+        self.get_logger().warning(f"refused: {self._refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
+
+    def _report(self) -> None:
+        cycle, now = self._cycle, self._cycle.now
+        wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
+        if cycle.inexact:
+            wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
+        wrong += filter(None, [cycle.supply.silence_warning(now), *self._refusals.news()])
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
+        values |= self._refusals.values()
+        text = "; ".join(wrong) or "allocating"
+        self._reporter.publish(now, status("hindrax: allocator", level, text, values))

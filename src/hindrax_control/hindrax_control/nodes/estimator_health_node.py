@@ -1,0 +1,91 @@
+"""The node `estimator_health`: checks each state before the pilot uses it, and disarms on an implausible one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.topics import THRUSTER_STATE
+from hindrax_core.vehicle import Vehicle
+from hindrax_msgs.msg import ThrusterState
+from hindrax_msgs.srv import Arm
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.fast_serialization import applied_from_bytes
+from hindrax_ros.graph import subscription
+from hindrax_ros.parameters import knobs
+from hindrax_ros.serialization import deserialized
+
+SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], None]
+REPORT_EVERY = 50
+ASK_AGAIN_S = 0.1
+
+
+class EstimatorHealthNode(BatchedNode):
+    """Checks every state before it is used; while the state is implausible, wrenches are zero and arming is undone.
+
+    `send_wrench` is called with the wrenches that pass.
+    """
+
+    def __init__(self, vehicle: Vehicle, send_wrench: SendWrench) -> None:
+        super().__init__("estimator_health")
+        self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs))
+        self._send_wrench = send_wrench
+        self._failed: tuple[str, ...] = ()
+        self._armed = False
+        self._asked = Stamp(0)
+        self._turn = 0
+        self._arm = self.create_client(Arm, "thrusters/arm")
+        self._reporter = DiagnosticsPublisher(self)
+        subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
+
+    def on_navigation(self, stamped: Stamped[Navigation]) -> None:
+        """Check a state, before the pilot receives it."""
+        before = self._failed
+        self._failed = self._health.step(stamped.reading, stamped.stamp, armed=self._armed)
+        if self._failed and not before:
+            self.get_logger().error(f"the state of the vehicle is not believed: {'; '.join(self._failed)}")
+        self._turn += 1
+        if bool(self._failed) != bool(before) or self._turn % REPORT_EVERY == 0:
+            self._report(stamped)
+
+    def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> None:
+        """Pass a wrench on, or a zero wrench in its place."""
+        self._send_wrench(ZERO6 if self._failed else wrench, frame, stamp, now)
+
+    def _on_thrusters(self, data: bytes) -> None:
+        applied = applied_from_bytes(data)
+        self._armed = applied.armed
+        if not self._failed:
+            return
+        # Arming is rare, and its text is slow to decode.
+        state: Any = deserialized(data, ThrusterState)
+        self._armed = state.armed or state.state == "arming"
+        if self._armed and abs(seconds_between(self._asked, applied.stamp)) >= ASK_AGAIN_S:
+            self._asked = applied.stamp
+            self._disarm()
+
+    def _disarm(self) -> None:
+        """Request disarming; the thrusters' state is the answer. A reason keeps it from outranking an operator."""
+        request = Arm.Request(arm=False, sequence=0, reason=self._failed[0])
+        request.stamp = stamp_to_msg(Stamp(self.get_clock().now().nanoseconds))
+        self._arm.call_async(request)
+
+    def _report(self, stamped: Stamped[Navigation]) -> None:
+        found = stamped.reading.consistency
+        values = {
+            "tilt sigma [rad]": f"{found.tilt_sigma_rad:.4f}",
+            "gravity off [rad]": f"{found.gravity_off_rad:.4f}",
+            "refused depths": str(found.refused_depths),
+            "refused velocities": str(found.refused_velocities),
+        }
+        level = DiagnosticStatus.ERROR if self._failed else DiagnosticStatus.OK
+        text = "; ".join(self._failed) or "the state is believed"
+        self._reporter.publish(stamped.stamp, status("hindrax: estimator_health", level, text, values))

@@ -1,0 +1,109 @@
+"""The navigator node: messages of the sensors in, odometry and navigation status out at 50 Hz of sensor time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.topics import (
+    ALTITUDE,
+    DVL_ATTITUDE,
+    DVL_DETAIL,
+    IMU,
+    MAGNETIC,
+    NAVIGATION,
+    ODOMETRY,
+    PRESSURE,
+    Topic,
+)
+from hindrax_core.vehicle import Vehicle
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.fast_serialization import (
+    attitude_from_bytes,
+    dvl_from_bytes,
+    echo_from_bytes,
+    inertial_from_bytes,
+    magnetic_from_bytes,
+    navigation_writer,
+    odometry_writer,
+    pressure_from_bytes,
+)
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.parameters import knobs
+from hindrax_ros.transforms import Transforms
+
+SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
+    MAGNETIC: magnetic_from_bytes,
+    PRESSURE: pressure_from_bytes,
+    ALTITUDE: echo_from_bytes,
+    DVL_DETAIL: dvl_from_bytes,
+    DVL_ATTITUDE: attitude_from_bytes,
+    IMU: inertial_from_bytes,
+}
+"""In the order of subscription: the inertial samples, which complete a tick, come last."""
+REPORT_EVERY = 50
+SETTLE_S = 0.0005
+"""Within this time all inertial samples of one fetch, and the messages beside them, have arrived."""
+
+
+class NavigatorNode(BatchedNode):
+    """Turns readings into `navigation/status` and `navigation/odometry`; calls `on_state` before it publishes."""
+
+    def __init__(self, vehicle: Vehicle, on_state: Callable[[Stamped[Navigation]], None]) -> None:
+        super().__init__("navigator", ros_time=False)
+        self.settle_s = SETTLE_S
+        self._on_state = on_state
+        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs))
+        self._status = publisher(self, NAVIGATION)
+        self._odometry = publisher(self, ODOMETRY)
+        self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
+        self._transforms = Transforms(self)
+        self._reporter = DiagnosticsPublisher(self)
+        self._turn = 0
+        for topic, read in SOURCES.items():
+            callback = self._callback(topic.name.partition("/")[0], read)
+            self.lead = subscription(self, topic, callback, raw=True)
+
+    def _callback(self, source: str, read: Callable[[bytes], Stamped[Any]]) -> Callable[[bytes], None]:
+        step = self._navigator.step
+
+        def on_message(data: bytes) -> None:
+            try:
+                stamped = read(data)
+            except ValueError as error:
+                self._navigator.refusals.add(source, str(error))
+                return
+            found = step(stamped, source)
+            if found is not None:
+                self._publish(found)
+
+        return on_message
+
+    def on_allocation(self, stamp: Stamp, allocation: Allocation) -> None:
+        """Use the thrusters' forces for the compass correction."""
+        self._navigator.thrust(stamp, allocation.forces_N)
+
+    def _publish(self, found: Stamped[Navigation]) -> None:
+        self._on_state(found)
+        self._status.publish(self._status_bytes(found))
+        self._odometry.publish(self._odometry_bytes(found))
+        self._transforms.publish(found)
+        self._turn = (self._turn + 1) % REPORT_EVERY
+        if self._turn == 0:
+            self._report(found)
+
+    def _report(self, found: Stamped[Navigation]) -> None:
+        values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
+        locked = found.reading.dvl_locked
+        wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
+        wrong += self._navigator.refusals.news()
+        values |= self._navigator.refusals.values()
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        text = "; ".join(wrong) or "navigating"
+        self._reporter.publish(found.stamp, status("hindrax: navigator", level, text, values))

@@ -1,0 +1,341 @@
+"""The pilot node: holds, maneuvers and the operator's wrench make one wrench for every navigation status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import ActionServer, CancelResponse
+
+from hindrax_control.allocation.applied_wrench import unfit_pulses
+from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
+from hindrax_control.hold.holds import HOLDS, Setpoint
+from hindrax_control.maneuver.maneuver import LATE, ManeuverOutput, abandoned
+from hindrax_control.maneuver.stages import SENSELESS
+from hindrax_control.nodes.active_goal import ActiveGoal, result_of
+from hindrax_control.nodes.pilot_messages import (
+    goal_from_msg,
+    holds_to_msg,
+    maneuver_to_msg,
+    unfit_estimate,
+)
+from hindrax_control.pilot import BUSY, Pilot, PilotKnobs, PilotOutput
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.readings import Vec6
+from hindrax_core.refusal_counts import Refusals
+from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
+from hindrax_core.stamp_window import EXPIRED, order_window
+from hindrax_core.topics import (
+    ESTIMATE,
+    HOLD_SETPOINT,
+    HOLD_STATUS,
+    MANEUVER,
+    OPERATOR_WRENCH,
+    THRUSTER_HEALTH,
+    THRUSTER_HEALTH_ORDER,
+    THRUSTER_STATE,
+    WRENCH,
+    Topic,
+)
+from hindrax_core.vehicle import Vehicle
+from hindrax_msgs.action import FlyManeuver
+from hindrax_msgs.msg import ThrusterHealth, ThrusterState
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.convert import FSD, estimate_from_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.fast_serialization import applied_from_bytes, wrench_writer
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.parameters import knobs
+from hindrax_ros.serialization import deserialized
+
+SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], None]
+"""Called with a wrench, its frame, its stamp and the time."""
+
+STATUS_EVERY = 5
+FEEDBACK_EVERY = 10
+REPORT_EVERY = 50
+CHECK_S = 0.5
+SILENT_S = 5.0
+"""Silence of the navigator that ends a maneuver [ROS time]: thrusters without commands have disarmed by then."""
+GOAL = "maneuver/fly"
+UNTIMED = 16
+"""Lists of thrusters out of use that are kept until the time is known."""
+
+
+class PilotNode(BatchedNode):
+    """Serves the action `maneuver/fly` and the topics of the operator; commands `control/wrench`.
+
+    The navigator calls `on_navigation`, the allocator `on_allocation`; each cycle calls `send_wrench`.
+    """
+
+    def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench) -> None:
+        super().__init__("pilot")
+        self._send_wrench = send_wrench
+        self._pilot = Pilot(vehicle, knobs(self, PilotKnobs))
+        self._armed, self._unarmed = False, ""
+        self._last_state = Stamp(0)
+        self._supply = supply
+        self._allocation: Allocation | None = None
+        self._names = frozenset(one.name for one in vehicle.thrusters)
+        self._goal: ActiveGoal | None = None
+        self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
+        self._refusals = Refusals()
+        self._untimed: list[Any] = []
+        self._setpoints: list[Setpoint] = []
+        self._phase = ("", "")
+        self._estimates: dict[str, Stamped[Estimate]] = {}
+        self._turn = 0
+        self._wrench = publisher(self, WRENCH)
+        self._holds = publisher(self, HOLD_STATUS)
+        self._maneuver = publisher(self, MANEUVER)
+        self._reporter = DiagnosticsPublisher(self)
+        self._wrench_bytes = wrench_writer()
+        subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
+        self._health = publisher(self, THRUSTER_HEALTH)
+        self._publish_disabled({}, Stamp(0))
+        subscription(self, THRUSTER_HEALTH_ORDER, self._on_health_order)
+        subscription(self, HOLD_SETPOINT, self._on_setpoint)
+        subscription(self, OPERATOR_WRENCH, self._on_operator_wrench)
+        subscription(self, ESTIMATE, self._on_estimate)
+        self._server = ActionServer(
+            self,
+            FlyManeuver,
+            GOAL,
+            lambda handle: result_of("", handle),
+            handle_accepted_callback=self._accept,
+            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+        )
+        self.every(CHECK_S, self._check_navigator)
+
+    def close(self) -> None:
+        """Take the action away before the node."""
+        self._server.destroy()
+
+    def drain(self) -> None:
+        """Take what waits; then judge the lists that came before the time was known, in the order of their coming."""
+        super().drain()
+        if self._untimed and self._now() > 0:
+            messages, self._untimed = self._untimed, []
+            for message in messages:
+                self._on_health_order(message)
+
+    def _now(self) -> Stamp:
+        return Stamp(self.get_clock().now().nanoseconds)
+
+    # ---- from the vehicle
+
+    def _on_thrusters(self, data: bytes) -> None:
+        try:
+            applied = applied_from_bytes(data)
+        except ValueError as error:
+            self._refuse(THRUSTER_STATE, str(error))
+            return
+        unfit = unfit_pulses(applied.pulses_us, len(self._names))
+        if unfit:
+            self._refuse(THRUSTER_STATE, unfit)
+            return
+        if self._armed and not applied.armed:
+            self._unarmed = deserialized(data, ThrusterState).reason
+        self._armed = applied.armed
+
+    def _on_estimate(self, message: Any) -> None:
+        """Keep the estimate of a motion, for the feedback of its maneuver."""
+        unfit = unfit_estimate(message)
+        if unfit:
+            self._refuse(ESTIMATE, unfit)
+        else:
+            self._estimates[message.motion] = estimate_from_msg(message)
+
+    def on_allocation(self, _: Stamp, allocation: Allocation) -> None:
+        """Keep the allocation of the last wrench."""
+        self._allocation = allocation
+
+    def _on_health_order(self, message: Any) -> None:
+        """Take a list that was made later than the one in force; who keeps lists may say an old one again.
+
+        The safety monitor's list comes at the start, on a mock maybe before the first time: such a list is judged as
+        soon as the time is known.
+        """
+        stamp, now = stamp_from_msg(message.header.stamp), self._now()
+        if now <= 0:
+            self._untimed = [*self._untimed, message][-UNTIMED:]
+            return
+        # A list may be stamped right behind the one in force, whatever the clock did since that one was made.
+        untimely = self._window.of_lists.judge(stamp, Stamp(max(now, self._listed_at)))
+        if untimely is not None:
+            self._refuse(THRUSTER_HEALTH_ORDER, f"the list is {untimely.sentence}")
+        elif stamp > self._listed_at:
+            reasons = dict.fromkeys(message.disabled, "") | dict(zip(message.disabled, message.reasons, strict=False))
+            self._publish_disabled(self._known(reasons), stamp)
+
+    def _known(self, reasons: dict[str, str]) -> dict[str, str]:
+        """Drop and refuse names that are no thruster of this vehicle."""
+        strange = sorted(reasons.keys() - self._names)
+        if strange:
+            wanted = ", ".join(sorted(self._names))
+            self._refuse(THRUSTER_HEALTH_ORDER, f"found no thruster {strange[0][:40]!r}, wanted some of {wanted}")
+        return {name: reason for name, reason in reasons.items() if name in self._names}
+
+    def _refuse(self, topic: Topic, why: str) -> None:
+        """Count a refused message and log it; diagnostics show the count."""
+        self.get_logger().warning(f"refused: {self._refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
+
+    def _publish_disabled(self, reasons: dict[str, str], stamp: Stamp) -> None:
+        """Put a list of thrusters out of use in force and publish it; only the pilot does."""
+        self._disabled, self._listed_at = reasons, stamp
+        self._pilot.disable(frozenset(reasons))
+        message = ThrusterHealth(disabled=list(reasons), reasons=list(reasons.values()))
+        message.header.stamp = stamp_to_msg(stamp)
+        self._health.publish(message)
+
+    def _disable_suspect(self, suspect: SuspectedFault, stamp: Stamp) -> None:
+        """Add a suspected thruster to the list of those out of use; the operator may enable it again."""
+        reasons = self._disabled | {suspect.name: suspect.sentence}
+        self._publish_disabled(reasons, Stamp(max(stamp, self._listed_at + 1)))
+        self.get_logger().error(f"{suspect.sentence}: it is left out")
+
+    def on_navigation(self, stamped: Stamped[Navigation]) -> None:
+        """Fly one cycle on a new state."""
+        self._last_state = stamped.stamp
+        if self._goal is not None:
+            self._goal.cancel_if_asked()
+        battery_V = self._supply.measured_V(stamped.stamp) or NAN
+        output = self._pilot.step(
+            stamped.reading,
+            stamped.stamp,
+            self._allocation,
+            armed=self._armed,
+            unarmed=self._unarmed,
+            battery_V=battery_V,
+        )
+        if output.suspected_fault is not None:
+            self._disable_suspect(output.suspected_fault, stamped.stamp)
+        self._apply_setpoints()
+        self._send_wrench(output.wrench, FSD, stamped.stamp, stamped.stamp)
+        self._wrench.publish(self._wrench_bytes(stamped.stamp, output.wrench))
+        self._publish_status(output, stamped.stamp)
+        self._follow_goal(stamped.stamp)
+
+    # ---- from the operator
+
+    def _on_setpoint(self, message: Any) -> None:
+        """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
+        untimely = self._window.judge(stamp_from_msg(message.header.stamp), self._now())
+        if message.axis not in HOLDS:
+            self._refuse(HOLD_SETPOINT, f"hold {message.axis[:40]!r}: unknown, wanted one of {', '.join(HOLDS)}")
+        elif untimely is not None:
+            self._refuse(HOLD_SETPOINT, f"hold {message.axis}: {untimely.sentence}")
+            self._pilot.refuse(message.axis, f"hold {message.axis}: {untimely.sentence}")
+        else:
+            self._setpoints.append(Setpoint(message.axis, message.engaged, message.value))
+
+    def _apply_setpoints(self) -> None:
+        for setpoint in self._setpoints:
+            refused = self._pilot.set(setpoint)
+            if refused:
+                self._refuse(HOLD_SETPOINT, refused)
+        self._setpoints.clear()
+
+    def _on_operator_wrench(self, message: Any) -> None:
+        stamp = stamp_from_msg(message.header.stamp)
+        for refused in self._pilot.set_operator_wrench(
+            wrench_from_msg(message), message.header.frame_id, stamp, self._now()
+        ):
+            self._refuse(OPERATOR_WRENCH, refused)
+
+    def _accept(self, handle: Any) -> None:
+        """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
+        goal, refused = ActiveGoal(handle), self._unflyable(handle.request)
+        if refused:
+            self._refusals.add(GOAL, refused)
+            self._finish_goal(goal, refused)
+        else:
+            self._goal = goal
+
+    def _unflyable(self, request: Any) -> str:
+        """Why a goal is not even kept, as "guard: sentence"; empty when it is."""
+        untimely = self._window.judge(stamp_from_msg(request.stamp), self._now())
+        if untimely is not None:
+            return f"{LATE if untimely.kind == EXPIRED else 'clock'}: the goal is {untimely.sentence}"
+        if self._goal is not None:
+            return f"start: {BUSY}"
+        try:
+            self._pilot.check(goal_from_msg(request))
+        except HindraxError as error:
+            return str(error)
+        return ""
+
+    def _follow_goal(self, stamp: Stamp) -> None:
+        """Begin the goal that waits, or tell its client what became of it in this cycle."""
+        goal = self._goal
+        if goal is None:
+            return
+        if goal.maneuver is None:
+            self._begin(goal)
+        elif goal.maneuver.done and goal.last is not None:
+            self._finish_goal(goal, goal.last.aborted)
+        elif self._turn % FEEDBACK_EVERY == 0:
+            goal.publish_feedback(self._estimates, stamp)
+
+    def _begin(self, goal: ActiveGoal) -> None:
+        if goal.cancelled:
+            self._finish_goal(goal, "cancelled: by the operator")
+            return
+        if goal.waits(armed=self._armed):
+            return
+        try:
+            goal.maneuver = self._pilot.fly(goal.goal)
+        except HindraxError as error:
+            self._finish_goal(goal, f"start: {error}")
+            return
+        self.get_logger().info(f"flying {', '.join(goal.goal.motions)}: {goal.maneuver.seconds:.0f} s planned")
+
+    def _finish_goal(self, goal: ActiveGoal, aborted: str) -> None:
+        """Send the result of a goal, with the reason if it was aborted; the next goal may come."""
+        if goal is self._goal:
+            self._goal = None
+        self.get_logger().info(f"maneuver aborted by {aborted}" if aborted else "maneuver done")
+        goal.finish(aborted)
+
+    def _check_navigator(self) -> None:
+        """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
+        silent_s = seconds_between(self._last_state, self._now())
+        if silent_s <= SILENT_S or self._goal is None:
+            return
+        said = f"for {silent_s:.0f} s" if self._last_state else "yet"
+        reason = f"navigation: no state of the vehicle {said}, so the thrusters are neutral; {SENSELESS}"
+        self._pilot.abandon()
+        self._maneuver.publish(maneuver_to_msg(abandoned(reason), self._now()))
+        self._finish_goal(self._goal, reason)
+
+    # ---- published
+
+    def _publish_status(self, output: PilotOutput, stamp: Stamp) -> None:
+        self._turn += 1
+        self._publish_maneuver(output.maneuver, stamp)
+        if self._turn % STATUS_EVERY == 0:
+            self._holds.publish(holds_to_msg(output.holds, stamp))
+        if self._turn % REPORT_EVERY == 0:
+            self._report(output, stamp)
+
+    def _publish_maneuver(self, output: ManeuverOutput | None, stamp: Stamp) -> None:
+        """Publish every change of phase at once, otherwise at 10 Hz."""
+        if output is None:
+            return
+        phase = (output.phase.motion, output.phase.phase)
+        if phase != self._phase or (self._turn % STATUS_EVERY == 0 and not output.done):
+            self._phase = phase
+            self._maneuver.publish(maneuver_to_msg(output, stamp))
+
+    def _report(self, output: PilotOutput, stamp: Stamp) -> None:
+        notes = (f"{state.axis} hold: {state.note}" for state in output.holds if state.note)
+        refused = [f"by hand: {output.refused}"] if output.refused else []
+        wrong = (*output.guards, *notes, *refused, *self._refusals.news())
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
+        held = ", ".join(state.axis for state in output.holds if state.engaged)
+        values = {"holds": held} | self._refusals.values()
+        self._reporter.publish(stamp, status("hindrax: pilot", level, text, values))

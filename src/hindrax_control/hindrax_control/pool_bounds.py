@@ -1,0 +1,90 @@
+"""The pool as the maneuvers see it: where the vehicle is in it, by dead reckoning, and how far the walls are.
+
+Pool axes: x along the length, y to the right of it, from the corner; the walls are called south (x = 0), north, west
+(y = 0) and east, whatever the compass says. The vehicle starts at a known place, turned from the length by a known
+angle; from there on the position is what the navigator reckons.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_core.knobs import knob
+from hindrax_core.signals import NAN, Navigation
+from hindrax_core.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class PoolBoundsKnobs:
+    """Where in the pool dead reckoning begins."""
+
+    start_along: float = knob(0.5, 0.0, 1.0, "start of dead reckoning along the pool, as a fraction of its length [-]")
+    start_across: float = knob(0.5, 0.0, 1.0, "start of dead reckoning across the pool, as a fraction of its width [-]")
+    start_turned_deg: float = knob(0.0, -180.0, 180.0, "heading at the start, from the pool's length [deg]")
+
+
+@dataclass(frozen=True, slots=True)
+class PoolPosition:
+    """Where the vehicle is in the pool, its heading from the pool's length, its velocity in pool axes."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    vx_mps: float
+    vy_mps: float
+
+
+class PoolBounds:
+    """Pool geometry for one start; `heading_rad` is the navigator's heading when the vehicle lay as the knobs say."""
+
+    def __init__(self, vehicle: Vehicle, heading_rad: float, knobs: PoolBoundsKnobs | None = None) -> None:
+        knobs = knobs or PoolBoundsKnobs()
+        pool = vehicle.pool
+        self.length_m, self.width_m, self.depth_m = pool.length_m, pool.width_m, pool.depth_m
+        self.half_length_m, self.half_width_m = 0.5 * vehicle.envelope_m[0], 0.5 * vehicle.envelope_m[1]
+        self.axis_rad = heading_rad - math.radians(knobs.start_turned_deg)
+        self.start_m = (knobs.start_along * pool.length_m, knobs.start_across * pool.width_m)
+        self._cos, self._sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
+
+    def place(self, navigation: Navigation) -> PoolPosition:
+        """Where the vehicle is by dead reckoning; velocities are NaN where the navigator has none."""
+        north, east = navigation.position_m
+        u, v, _ = navigation.velocity_mps
+        heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
+        cos, sin = math.cos(heading), math.sin(heading)
+        return PoolPosition(
+            x_m=self.start_m[0] + self._cos * north + self._sin * east,
+            y_m=self.start_m[1] - self._sin * north + self._cos * east,
+            heading_rad=heading,
+            vx_mps=cos * u - sin * v,
+            vy_mps=sin * u + cos * v,
+        )
+
+    def reach_m(self, heading_rad: float) -> tuple[float, float]:
+        """Half extent of the hull along the pool's x and y at a heading from its length."""
+        cos, sin = abs(math.cos(heading_rad)), abs(math.sin(heading_rad))
+        a, b = self.half_length_m, self.half_width_m
+        return (cos * a + sin * b, sin * a + cos * b)
+
+    def walls_m(self, place: PoolPosition) -> dict[str, float]:
+        """Distance from the hull to each wall [m]."""
+        along, across = self.reach_m(place.heading_rad)
+        return {
+            "south": place.x_m - along,
+            "north": self.length_m - place.x_m - along,
+            "west": place.y_m - across,
+            "east": self.width_m - place.y_m - across,
+        }
+
+    def ahead_m(self, place: PoolPosition) -> float:
+        """Distance from the hull to the wall that the vehicle moves towards; to the nearest one at rest."""
+        walls = self.walls_m(place)
+        speed = max(abs(place.vx_mps), abs(place.vy_mps))
+        if not math.isfinite(place.x_m + place.y_m + place.heading_rad):
+            return NAN
+        if not speed > 0.03:
+            return min(walls.values())
+        if abs(place.vx_mps) >= abs(place.vy_mps):
+            return walls["north"] if place.vx_mps > 0.0 else walls["south"]
+        return walls["east"] if place.vy_mps > 0.0 else walls["west"]

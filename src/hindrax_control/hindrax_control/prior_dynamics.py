@@ -1,0 +1,98 @@
+"""What is believed of each degree of freedom before anything is identified: inertia, drag, restoring.
+
+Plans and gains follow from it, so that a second vehicle needs no tuning. Where the vehicle file gives no
+hydrodynamics, displaced volume and envelope stand in for them: crude, and good enough to plan with.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+
+BLUFF_DRAG = 1.2
+"""Drag coefficient of a box with its face to the flow, for vehicles without hydrodynamics in their file."""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorDynamics:
+    """One degree of freedom: M x'' + drag(x') + restoring sin(x) + bias = force."""
+
+    inertia: float
+    """Rigid body and added mass [kg, kg m^2]."""
+    drag: Drag
+    restoring: float = 0.0
+    """Moment per sine of the angle [Nm]; zero for all but roll and pitch."""
+    bias: float = 0.0
+    """Force that keeps it at rest [N]: the net buoyancy in heave."""
+
+    def drag_force(self, rate: float) -> float:
+        """Force against drag at a steady rate [m/s, rad/s]."""
+        k_q, k_l = self._coefficients(rate)
+        return (k_q * abs(rate) + k_l) * rate
+
+    def drag_slope(self, rate: float) -> float:
+        """Derivative of the drag force at a rate."""
+        k_q, k_l = self._coefficients(rate)
+        return 2.0 * k_q * abs(rate) + k_l
+
+    def rate_at(self, force: float) -> float:
+        """Steady rate at which drag balances a force: the inverse of `drag_force`."""
+        k_q, k_l = self._coefficients(force)
+        if k_q == 0.0:
+            return force / k_l if k_l else math.copysign(math.inf, force)
+        root = math.sqrt(k_l * k_l + 4.0 * k_q * abs(force))
+        return math.copysign(2.0 * abs(force) / (k_l + root), force) if force else 0.0
+
+    def _coefficients(self, sign: float) -> tuple[float, float]:
+        drag = self.drag
+        if sign >= 0.0:
+            return drag.k_q, drag.k_l
+        return (
+            drag.k_q if drag.k_q_negative is None else drag.k_q_negative,
+            drag.k_l if drag.k_l_negative is None else drag.k_l_negative,
+        )
+
+
+def prior_dynamics(vehicle: Vehicle) -> dict[str, PriorDynamics]:
+    """Return what is believed of each SNAME axis, by name."""
+    hydrodynamics = vehicle.hydrodynamics or guessed(vehicle)
+    rigid = (vehicle.mass_kg,) * 3 + vehicle.inertia
+    arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
+    righting = vehicle.buoyancy_N * arm_m
+    restoring = {"roll": righting, "pitch": righting}
+    return {
+        axis: PriorDynamics(
+            inertia=mass + added,
+            drag=hydrodynamics.drag(axis),
+            restoring=restoring.get(axis, 0.0),
+            bias=vehicle.net_buoyancy_N if axis == "heave" else 0.0,
+        )
+        for axis, mass, added in zip(AXES, rigid, hydrodynamics.added_mass, strict=True)
+    }
+
+
+def guessed(vehicle: Vehicle) -> Hydrodynamics:
+    """Hydrodynamics from volume and envelope alone: displaced water as added mass, a bluff box's drag."""
+    length, width, height = vehicle.envelope_m
+    half_density = 0.5 * vehicle.water.density_kgpm3 * BLUFF_DRAG
+    entrained = vehicle.volume_m3 * vehicle.water.density_kgpm3
+    ix, iy, iz = vehicle.inertia
+    faces = {"surge": width * height, "sway": length * height, "heave": length * width}
+    # A plate turning about its middle: the integral of |x|^3 over its length, (half)^4 / 2 per unit width.
+    turning = {
+        "roll": length * (width / 2.0) ** 4 / 2.0,
+        "pitch": width * (length / 2.0) ** 4 / 2.0,
+        "yaw": height * (length / 2.0) ** 4 / 2.0,
+    }
+    drags = {axis: Drag(k_q=half_density * value) for axis, value in (faces | turning).items()}
+    return Hydrodynamics(
+        added_mass=(entrained, entrained, entrained, 0.5 * ix, 0.5 * iy, 0.5 * iz),
+        surge=drags["surge"],
+        sway=drags["sway"],
+        heave=drags["heave"],
+        roll=drags["roll"],
+        pitch=drags["pitch"],
+        yaw=drags["yaw"],
+    )

@@ -1,0 +1,106 @@
+"""Every way in which a state can be wrong is named, with its limit and a remedy, and is not forgotten in flight."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
+from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.signals import Consistency, Navigation
+from hindrax_core.vehicle import load_vehicle
+
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+WELL = Navigation(
+    attitude_rad=(0.1, -0.1, 1.0),
+    rate_radps=(0.1, 0.1, 0.5),
+    velocity_mps=(0.5, 0.1, -0.1),
+    depth_m=0.8,
+    altitude_m=0.9,
+    position_m=(0.0, 0.0),
+    dvl_locked=True,
+    consistency=Consistency(stamp_from_s(1.0), math.radians(0.5), math.radians(3.0)),
+)
+
+
+def wrong(**changes) -> Navigation:
+    return replace(WELL, consistency=replace(WELL.consistency, **changes))
+
+
+class Watch:
+    """Steps a monitor fifty times a second."""
+
+    def __init__(self):
+        self.health, self.time_s = EstimatorHealth(VEHICLE), 10.0
+
+    def see(self, state, seconds, *, armed=True) -> tuple[str, ...]:
+        found: tuple[str, ...] = ()
+        for _ in range(round(seconds * 50)):
+            self.time_s += 0.02
+            found = self.health.step(state, stamp_from_s(self.time_s), armed=armed)
+        return found
+
+
+WRONG = {
+    "finite": replace(WELL, attitude_rad=(math.inf, 0.0, 0.0)),
+    "attitude": wrong(tilt_sigma_rad=math.radians(4.0)),
+    "gravity": wrong(gravity_off_rad=math.radians(26.0)),
+    "depth": wrong(refused_depths=20),
+    "velocity": wrong(refused_velocities=20),
+    "rate": replace(WELL, rate_radps=(9.0, 0.0, 0.0)),
+    "speed": replace(WELL, velocity_mps=(0.0, 0.0, 60.0)),
+    "tilt": replace(WELL, attitude_rad=(math.radians(175.0), 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_is_wrong_is_named_with_limit_and_remedy(name):
+    (said,) = Watch().see(WRONG[name], 0.2)
+    assert said.startswith(f"{name}: ")
+    assert "wanted" in said
+    assert "; " in said
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_one_bad_state_alone_is_no_reason(name):
+    watch = Watch()
+    assert not watch.see(WRONG[name], 0.02)
+    assert not watch.see(WELL, 1.0)
+
+
+def test_all_is_well_in_any_state_of_a_flight_and_before_velocity_and_depth_are_known():
+    unknown = replace(WELL, velocity_mps=(math.nan,) * 3, depth_m=math.nan, altitude_m=math.nan)
+    assert not Watch().see(WELL, 1.0)
+    assert not Watch().see(unknown, 1.0)
+
+
+def test_not_a_number_in_the_attitude_is_found():
+    assert Watch().see(replace(WELL, attitude_rad=(math.nan, 0.0, 0.0)), 0.2)
+
+
+def test_what_failed_in_flight_holds_until_it_is_disarmed():
+    watch = Watch()
+    assert watch.see(WRONG["gravity"], 0.2)
+    assert watch.see(WELL, 10.0), "still armed"
+    assert not watch.see(WELL, 0.1, armed=False), "all was well for long"
+
+
+def test_nobody_arms_before_all_has_been_well_for_a_while():
+    watch = Watch()
+    assert watch.see(WRONG["attitude"], 5.0, armed=False)
+    assert watch.see(WELL, 0.5, armed=False)
+    assert not watch.see(WELL, 2.0 * EstimatorHealthKnobs().recovery_s, armed=False)
+
+
+def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_the_ground_is():
+    anew = wrong(began=Stamp(WELL.consistency.began + 1))
+    watch = Watch()
+    assert not watch.see(WELL, 1.0)
+    (said,) = watch.see(anew, 0.02)
+    assert said.startswith("restart: ")
+    assert watch.see(anew, 5.0)
+    grounded = Watch()
+    assert not grounded.see(WELL, 1.0, armed=False)
+    assert not grounded.see(anew, 1.0, armed=False)
+    assert not grounded.see(anew, 1.0)

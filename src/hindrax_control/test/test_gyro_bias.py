@@ -1,0 +1,68 @@
+"""The gyroscope's offset: what a window shows of it, never surer than it is right, at rest and in motion."""
+
+import math
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_control.navigation.gyro_bias import SPANS, FINEST_radps, Offset, RestWindow
+from hindrax_core.vehicle import GRAVITY_mps2
+
+SPAN_S = 0.2
+OFFSETS = st.tuples(*[st.floats(-0.08, 0.08)] * 3)
+
+
+def shown(rate, roll, *, noise=0.0, seed=0) -> Offset:
+    """What a window shows of a vehicle with this roll rate [rad/s] at this roll [rad], both told of time."""
+    draw, window = random.Random(seed), RestWindow()
+    for number in range(SPANS):
+        instants = [(number + (k + 0.5) / 20) * SPAN_S for k in range(20)]
+        p = sum(map(rate, instants)) / 20
+        y, z = (sum(trig(roll(t)) for t in instants) / 20 for trig in (math.sin, math.cos))
+        window.add(
+            (p + draw.gauss(0.0, noise), draw.gauss(0.0, noise), draw.gauss(0.0, noise)),
+            (0.0, -GRAVITY_mps2 * y, -GRAVITY_mps2 * z),
+        )
+    assert window.full
+    return window.offset(SPAN_S)
+
+
+@given(OFFSETS, st.integers(0, 1000))
+def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset, seed):
+    draw, window = random.Random(seed), RestWindow()
+    for _ in range(SPANS):
+        window.add(tuple(one + draw.gauss(0.0, 3.5e-4) for one in offset), (0.0, 0.0, -GRAVITY_mps2))
+    found = window.offset(SPAN_S)
+    assert found.rate_radps == pytest.approx(offset, abs=1e-3)
+    assert FINEST_radps <= found.sigma_radps < math.radians(0.1)
+
+
+@given(st.floats(0.005, 0.3), st.floats(1.5, 8.0), st.floats(0.0, math.tau))
+def test_a_swing_is_never_taken_for_an_offset_with_confidence(amplitude_rad, period_s, phase):
+    turn = math.tau / period_s
+    found = shown(
+        lambda t: amplitude_rad * turn * math.cos(turn * t + phase),
+        lambda t: amplitude_rad * math.sin(turn * t + phase),
+    )
+    assert abs(found.rate_radps[0]) < 2.0 * found.sigma_radps
+
+
+def test_turning_to_and_fro_about_the_vertical_shows_nothing():
+    window = RestWindow()
+    for number in range(SPANS):
+        window.add((0.0, 0.0, 0.1 * (-1) ** number), (0.0, 0.0, -GRAVITY_mps2))
+    assert window.offset(SPAN_S).sigma_radps > 0.09
+
+
+@given(OFFSETS, st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))
+def test_two_sources_together_are_surer_than_each(rate, one, other):
+    found = Offset(rate, one).combined(Offset(rate, other))
+    assert found.rate_radps == pytest.approx(rate)
+    assert found.sigma_radps == pytest.approx(1.0 / math.hypot(1.0 / one, 1.0 / other))
+
+
+def test_an_offset_that_cannot_be_true_adds_nothing():
+    unknown = Offset((0.0, 0.0, 0.0), math.radians(5.0))
+    assert unknown.combined(Offset((0.0, 0.0, 0.5), 1e-3)) == unknown

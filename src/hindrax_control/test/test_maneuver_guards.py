@@ -1,0 +1,99 @@
+"""Every guard: silent when all is well, and a sentence of its own when not."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuards, Situation
+from hindrax_control.pool_bounds import PoolBounds
+from hindrax_core.signals import Navigation
+
+WELL = Navigation(
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    (0.1, 0.0, 0.0),
+    0.9,
+    0.9,
+    (0.0, 0.0),
+    dvl_locked=True,
+    ages_s={"icm20948": 0.005, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05},
+)
+
+
+@pytest.fixture
+def look(hindrax):
+    safety, box = ManeuverGuards(hindrax), PoolBounds(hindrax, 0.0)
+
+    def at(navigation, time_s=0.0, **situation):
+        place = box.place(navigation)
+        return safety.step(Situation(navigation, place, box.walls_m(place), time_s, **situation))
+
+    return at
+
+
+def test_nothing_is_wrong_when_all_is_well(look):
+    assert look(WELL) == ()
+    assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"position_m": (4.5, 0.0)}, "pool_box: 0.17 m to the north wall after braking, wanted 0.30 m"),
+        ({"position_m": (-4.6, 0.0), "velocity_mps": (0.0, 0.0, 0.0)}, "pool_box: 0.11 m to the south wall"),
+        ({"position_m": (0.0, 2.6), "velocity_mps": (0.0, 0.0, 0.0)}, "pool_box: 0.17 m to the east wall"),
+        ({"depth_m": 61.0}, "depth_band: 61.00 m deep, wanted at most 60.00 m"),
+        ({"depth_m": -0.2}, "depth_band: -0.40 m of water above the hull"),
+        ({"altitude_m": 0.3}, "altitude_band: 0.10 m of water under the hull, wanted 0.15 m"),
+    ],
+)
+def test_guards_that_act_at_once(look, change, sentence):
+    found = look(replace(WELL, **change))
+    assert len(found) == 1
+    assert found[0].startswith(sentence)
+
+
+def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look):
+    at = replace(WELL, position_m=(3.8, 0.0))
+    assert look(replace(at, velocity_mps=(0.2, 0.0, 0.0))) == ()
+    assert look(replace(at, velocity_mps=(0.6, 0.0, 0.0)))[0].startswith("pool_box")
+    assert look(replace(at, velocity_mps=(-0.6, 0.0, 0.0))) == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"attitude_rad": (1.1, 0.0, 0.0)}, "attitude: tilted by 63 deg, wanted at most 55 deg"),
+        ({"attitude_rad": (0.0, 0.0, math.nan)}, "attitude: unknown"),
+        ({"velocity_mps": (0.9, 0.0, 0.6)}, "speed: 1.08 m/s, wanted at most 1.00 m/s"),
+        ({"ages_s": {"icm20948": 0.5, "ms5837": 0.02}}, "sensor_age: icm20948 heard 0.50 s ago"),
+        ({"ages_s": {"icm20948": 0.01}}, "sensor_age: ms5837 heard never, wanted at most 1.00 s"),
+        ({"depth_m": math.nan}, "sensor_age: depth unknown"),
+    ],
+)
+def test_guards_that_wait_until_it_lasts(look, change, sentence):
+    wrong = replace(WELL, **change)
+    assert look(wrong, 10.0) == ()
+    assert look(WELL, 10.2) == ()  # a flicker is forgotten
+    assert look(wrong, 10.3) == ()
+    assert look(wrong, 10.7)[0].startswith(sentence)
+
+
+def test_lost_lock_is_survived_for_a_while(look):
+    blind = replace(WELL, dvl_locked=False)
+    assert [look(blind, 10.0 + t) for t in (0.0, 1.0, 3.0, 4.9)] == [(), (), (), ()]
+    (found,) = look(blind, 15.0)
+    assert found.startswith("dvl_lock: no bottom lock for 5.0 s, wanted at most 5.0 s; give the DVL more water")
+
+
+def test_battery_time_and_thrusters(look):
+    assert look(WELL, battery_V=12.4) == ("battery: 12.4 V, wanted at least 13.0 V; charge the battery",)
+    assert look(WELL, 110.0, deadline_s=100.0)[0].startswith("time_out: 10 s later than it should long be over; look")
+    assert look(WELL, lost_axes=("sway",), needed_axes=("surge", "heave")) == ()
+    assert look(WELL, lost_axes=("sway",), needed_axes=("sway",))[0].startswith("thrusters: sway cannot be served")
+
+
+def test_vehicle_without_those_sensors_is_not_asked_for_them(hindrax):
+    bare = ManeuverGuards(replace(hindrax, sensors={}))
+    assert bare.step(Situation(replace(WELL, ages_s={}, dvl_locked=False), None, {}, 0.0)) == ()

@@ -1,0 +1,77 @@
+"""The thruster watch on an ideal vehicle whose thrusters can die, and whose prior can be wrong."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.allocation.thruster_fault_detector import ThrusterFaultDetector
+from hindrax_core.vehicle import Drag
+
+
+class Rig:
+    """Forces on all thrusters, some of which do nothing; the watch believes `believed`."""
+
+    def __init__(self, hindrax, ideal_vehicle, believed=None, start_s=5.0):
+        self.ideal, self.watch = ideal_vehicle(hindrax, depth_m=0.9), ThrusterFaultDetector(believed or hindrax)
+        self.B, self.start_s = effectiveness(hindrax), start_s
+        self.names = [thruster.name for thruster in hindrax.thrusters]
+
+    def fly(self, forces_of, seconds, dead=()):
+        """Fly with forces as a function of time; the dead ones die at `start_s`. Returns who is suspected, and when."""
+        alive = np.array([name not in dead for name in self.names], dtype=float)
+        while self.ideal.time_s < seconds:
+            forces = np.array(forces_of(self.ideal.time_s), dtype=float)
+            given = forces * alive if self.ideal.time_s > self.start_s else forces
+            found = self.watch.step(self.ideal.navigation(), self.ideal.stamp, forces)
+            if found is not None:
+                return found, self.ideal.time_s
+            self.ideal.step(tuple(self.B @ given))
+        return None, self.ideal.time_s
+
+
+def wiggle(t):
+    """Surge with a slow wave in every vertical thruster, idle forces that cancel, and a level trim."""
+    wave = 1.5 * math.sin(0.8 * t)
+    surge = 3.0 * math.copysign(1.0, math.sin(0.5 * t))
+    return (surge + 2, surge + 2, 2 - surge, 2 - surge, 2 + wave, -2 + wave, -2 + wave, 2 + wave)
+
+
+@pytest.mark.parametrize("dead", ["T1", "T3", "T5", "T8"])
+def test_dead_thruster_is_named(hindrax, ideal_vehicle, dead):
+    found, at_s = Rig(hindrax, ideal_vehicle).fly(wiggle, 25.0, dead=(dead,))
+    assert found is not None
+    assert found.name == dead
+    assert found.missing > 0.6
+    assert found.sentence.startswith(f"{dead}: ")
+    assert at_s < 5.0 + 15.0
+
+
+def test_nobody_is_suspected_while_all_push(hindrax, ideal_vehicle):
+    assert Rig(hindrax, ideal_vehicle).fly(wiggle, 60.0)[0] is None
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.5])
+def test_wrong_prior_is_not_taken_for_a_dead_thruster(hindrax, ideal_vehicle, factor):
+    known = hindrax.hydrodynamics
+    drags = {
+        axis: Drag(getattr(known, axis).k_q * factor, getattr(known, axis).k_l) for axis in ("surge", "sway", "yaw")
+    }
+    believed = replace(hindrax, hydrodynamics=replace(known, **drags))
+    assert Rig(hindrax, ideal_vehicle, believed).fly(wiggle, 60.0)[0] is None
+
+
+def test_current_is_not_taken_for_a_dead_thruster(hindrax, ideal_vehicle):
+    rig = Rig(hindrax, ideal_vehicle)
+    rig.ideal.current = (0.1, 0.1)
+    assert rig.fly(wiggle, 60.0)[0] is None
+
+
+def test_without_lock_or_motion_nothing_is_judged(hindrax, ideal_vehicle):
+    rig = Rig(hindrax, ideal_vehicle)
+    rig.ideal.locked = False
+    assert rig.fly(wiggle, 20.0, dead=("T3",))[0] is None
+    rig = Rig(hindrax, ideal_vehicle)
+    assert rig.fly(lambda _t: (0.0,) * 8, 20.0, dead=("T3",))[0] is None

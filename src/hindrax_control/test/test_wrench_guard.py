@@ -1,0 +1,81 @@
+"""The command guard: what is refused whole, what axis by axis, and what it says about it."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_control.allocation.wrench_guard import FLU, FSD, WrenchGuard, half_turn
+from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.vehicle import load_vehicle
+
+HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
+NOW = stamp_from_s(100.0)
+WRENCH = (5.0, -4.0, 3.0, -2.0, 1.0, -0.5)
+
+
+def judge(wrench=WRENCH, frame=FSD, age_s=0.0):
+    return WrenchGuard(HINDRAX).step(wrench, frame, Stamp(NOW - stamp_from_s(age_s)), NOW)
+
+
+def test_fresh_wrench_passes_as_it_is():
+    assert judge().wrench == WRENCH
+    assert judge().refused == ()
+
+
+def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x():
+    assert judge(frame=FLU).wrench == (5.0, 4.0, -3.0, -2.0, -1.0, 0.5)
+    assert half_turn(half_turn(WRENCH)) == WRENCH
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ({"age_s": 0.73}, "0.73 s old, wanted at most 0.50 s"),
+        ({"age_s": -0.3}, "0.30 s in the future"),
+        ({"frame": "map"}, "found frame 'map', wanted base_link_fsd or base_link"),
+        ({"frame": ""}, "found frame ''"),
+    ],
+)
+def test_what_is_refused_whole_says_why(arguments, reason):
+    judged = judge(**arguments)
+    assert judged.wrench is None
+    assert reason in judged.refused[0]
+
+
+def test_wrench_out_of_order_is_refused():
+    guard = WrenchGuard(HINDRAX)
+    guard.step(WRENCH, FSD, NOW, NOW)
+    judged = guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.1)), NOW)
+    assert judged.wrench is None
+    assert "0.10 s older than the one before it" in judged.refused[0]
+
+
+def test_refused_wrench_does_not_block_the_next():
+    guard = WrenchGuard(HINDRAX)
+    guard.step(WRENCH, "map", NOW, NOW)
+    assert guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.1)), NOW).wrench == WRENCH
+
+
+def test_axes_that_are_not_finite_are_refused_alone():
+    judged = judge((math.nan, -4.0, math.inf, 0.0, 1.0, 0.0))
+    assert judged.wrench == (0.0, -4.0, 0.0, 0.0, 1.0, 0.0)
+    assert judged.refused == ("X: found nan, wanted a finite number", "Z: found inf, wanted a finite number")
+
+
+def test_limits_of_the_vehicle_file_keep_the_direction_of_travel():
+    judged = judge((120.0, 30.0, 200.0, 0.0, 0.0, 31.0))
+    assert judged.wrench == (60.0, 15.0, 80.0, 0.0, 0.0, 30.0)
+    assert judged.refused == (
+        "X: found 120, limited to 60",
+        "Z: found 200, limited to 80",
+        "N: found 31, limited to 30",
+    )
+
+
+@given(st.tuples(*[st.floats()] * 6))
+def test_what_passes_is_finite_and_within_limits(wrench):
+    passed = judge(wrench).wrench
+    assert all(abs(value) <= limit * (1 + 1e-12) for value, limit in zip(passed, HINDRAX.limits.wrench, strict=True))

@@ -1,0 +1,82 @@
+"""A register bus as data: a driver yields bus operations, and the owner of the bus performs them.
+
+A `Program` is a generator that yields operations and returns its result. Nothing in it knows a port, a clock or a
+thread, so the same program runs on a Raspberry Pi, against an emulator and in a test transcript.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One I2C write transaction: START, address, data, STOP."""
+
+    address: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """One I2C read transaction of `count` bytes."""
+
+    address: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class WriteRead:
+    """A write and, after a repeated START, a read of `count` bytes in the same transaction."""
+
+    address: int
+    data: bytes
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Wait at least this long before the next operation; other programs may use the bus meanwhile.
+
+    Up to `slack_s` more does no harm, so that a host may wake once for several devices.
+    """
+
+    seconds: float
+    slack_s: float = 0.0
+
+
+Transaction: TypeAlias = Write | Read | WriteRead
+Operation: TypeAlias = Transaction | Pause
+
+ResultT = TypeVar("ResultT")
+Program: TypeAlias = Generator[Operation, bytes, ResultT]
+
+
+class DeviceError(Exception):
+    """A bus or device that violates its datasheet. The host retries; the operator reads the text."""
+
+
+def run(program: Program[ResultT], transfer: Callable[[Transaction], bytes], pause: Callable[[float], None]) -> ResultT:
+    """Run one program to its end on a bus.
+
+    `transfer` does one transaction and returns the bytes read (empty for a write) or raises DeviceError, which is
+    thrown into the program at the operation that failed.
+    """
+    try:
+        operation = next(program)
+        while True:
+            if isinstance(operation, Pause):
+                pause(operation.seconds)
+                operation = program.send(b"")
+                continue
+            try:
+                answer = transfer(operation)
+            except DeviceError as error:
+                operation = program.throw(error)
+            else:
+                operation = program.send(answer)
+    except StopIteration as stop:
+        result: ResultT = stop.value
+        return result

@@ -1,0 +1,143 @@
+"""Data that packages exchange: navigation state, allocation, identification samples and estimates.
+
+All in SNAME body axes (x forward, y starboard, z down; order surge, sway, heave, roll, pitch, yaw) and SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from hindrax_core.events import Stamp
+from hindrax_core.readings import Vec3, Vec6
+
+NAN = math.nan
+UNKNOWN6: Vec6 = (NAN, NAN, NAN, NAN, NAN, NAN)
+ZERO6: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NEVER = Stamp(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """Evidence of the filters for and against a state.
+
+    `began`: when this state began, from nothing; `gravity_off_rad`: angle between gravity as measured and as believed,
+    smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately.
+    """
+
+    began: Stamp = NEVER
+    tilt_sigma_rad: float = 0.0
+    gravity_off_rad: float = 0.0
+    refused_depths: int = 0
+    refused_velocities: int = 0
+
+
+CONSISTENT = Consistency()
+
+
+@dataclass(frozen=True, slots=True)
+class Navigation:
+    """Estimated motion of the vehicle. NaN where unknown; `ages_s` is the age of each source.
+
+    `attitude_rad` is roll, pitch, yaw (z-y-x, yaw clockwise from north); `velocity_mps` is u, v, w; `rate_radps` is
+    p, q, r; `position_m` is north and east of the point of start, by dead reckoning; depth is below the surface,
+    altitude above the bottom, both of the body origin.
+    """
+
+    attitude_rad: Vec3
+    rate_radps: Vec3
+    velocity_mps: Vec3
+    depth_m: float
+    altitude_m: float
+    position_m: tuple[float, float]
+    dvl_locked: bool
+    ages_s: Mapping[str, float] = field(default_factory=dict)
+    velocity_sigma_mps: Vec3 = (NAN, NAN, NAN)
+    consistency: Consistency = CONSISTENT
+
+
+@dataclass(frozen=True, slots=True)
+class Allocation:
+    """One allocation: wanted and achieved wrench, shortfall, and the reason for it.
+
+    `exact`: the forces give the largest part of the wrench that can be had in order of priority. It is False only
+    where the limits leave none, and that is a fault of the curves or of the allocator.
+    """
+
+    wanted: Vec6
+    achieved: Vec6
+    shortfall: Vec6
+    forces_N: tuple[float, ...]
+    pulses_us: tuple[int, ...]
+    saturated: tuple[bool, ...]
+    disabled: tuple[str, ...] = ()
+    lost_axes: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+    exact: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """A velocity measurement in body axes at the center of mass; NaN where the source has no value."""
+
+    nu: Vec6
+    sigma: Vec6
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Roll, pitch, yaw [rad] and depth [m], for the restoring terms; NaN where unknown."""
+
+    attitude_rad: Vec3
+    depth_m: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class Thrust:
+    """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, Nm].
+
+    `forces_N`: what each thruster gives, in the order of the vehicle file; empty where nobody says.
+    """
+
+    wrench: Vec6
+    forces_N: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """State of the maneuver: motion ("surge", "heave_down", ...; empty: none) and phase.
+
+    Phases: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed still
+    changing), "plateau" (speed steady), "hover" (at rest: its thrust weighs it), "excite" (information-rich
+    excitation).
+    """
+
+    motion: str
+    phase: str
+
+
+IdentEvent: TypeAlias = Velocity | Attitude | Thrust | Phase
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A model estimate: coefficients in the order of `names`, covariance row by row, and whether it is learning."""
+
+    motion: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    samples: int
+    effective_samples: float
+    learning: bool
+    reason: str
+    innovation: float = NAN
+
+    @property
+    def sigmas(self) -> tuple[float, ...]:
+        """Standard deviations, the square roots of the diagonal."""
+        return tuple(math.sqrt(row[index]) for index, row in enumerate(self.covariance))

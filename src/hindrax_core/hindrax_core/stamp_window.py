@@ -1,0 +1,86 @@
+"""Stamp check of commands: one rule for late and early, for everything that commands the vehicle.
+
+An order that is too old may have waited in a dead link; one from the future would outrank every order after it. Neither
+counts, and one without a stamp cannot be told from either.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from hindrax_core.events import Stamp, seconds_between, to_s
+
+EXPIRED, FUTURE, UNSTAMPED, TIMELESS = "expired", "from the future", "not stamped", "no clock"
+REMEDIES = {
+    EXPIRED: "ask again, and set the clocks of both machines if that does not help",
+    FUTURE: "set the clocks of both machines",
+    UNSTAMPED: "stamp it with the time of the clock in use",
+    TIMELESS: "wait for the clock (/clock in mock) and ask again",
+}
+LAST = Stamp((2**31 - 1) * 10**9)
+"""Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Untimely:
+    """Why a stamp is refused: a kind to count by, what was found and wanted."""
+
+    kind: str
+    text: str
+
+    @property
+    def sentence(self) -> str:
+        """What was found and wanted, and the remedy."""
+        return f"{self.text}; {REMEDIES[self.kind]}"
+
+
+@dataclass(frozen=True, slots=True)
+class StampWindow:
+    """Limits on the age of a command and on the lead of its stamp over the clock [s]."""
+
+    oldest_s: float
+    lead_s: float
+
+    def judge(self, stamp: Stamp, now: Stamp) -> Untimely | None:
+        """Check a stamp; None when the command is in time."""
+        if stamp <= 0:
+            return Untimely(UNSTAMPED, f"stamped {to_s(stamp):g} s, wanted the time at which it was made")
+        if now <= 0:
+            return Untimely(TIMELESS, "cannot be judged, because the vehicle's clock is not known yet")
+        age_s = seconds_between(stamp, now)
+        if age_s > self.oldest_s:
+            return Untimely(EXPIRED, f"{_number(age_s)} s old, wanted at most {_number(self.oldest_s)} s")
+        if age_s < -self.lead_s:
+            wanted = f"wanted at most {_number(self.lead_s)} s ahead of the vehicle's clock"
+            return Untimely(FUTURE, f"stamped {_number(-age_s)} s in the future, {wanted}")
+        return None
+
+    @property
+    def of_lists(self) -> StampWindow:
+        """Window without an age limit, for lists that stay in force until replaced and may be repeated later."""
+        return replace(self, oldest_s=math.inf)
+
+
+ORDER = StampWindow(1.0, 0.1)
+"""For orders of an operator: goals, setpoints, lists, heartbeats. Arm requests have the same limits, as knobs."""
+MOCK_ORDER = StampWindow(10.0, 10.0)
+"""On a mock's clock: at ten times real time a moment of the computer is a second of the vehicle, and two processes
+have heard of the time at different moments."""
+
+
+def order_window(*, mock: bool) -> StampWindow:
+    """Window for orders of an operator, on the system's clock or on a mock's."""
+    return MOCK_ORDER if mock else ORDER
+
+
+def impossible(stamp: Stamp) -> str:
+    """Reason why a stamp cannot be that of a measurement on any clock; empty when it can."""
+    if 0 <= stamp <= LAST:
+        return ""
+    return f"stamped {to_s(stamp):g} s, wanted 0 to {to_s(LAST):g} s"
+
+
+def _number(seconds: float) -> str:
+    """Format seconds with the significant digits."""
+    return f"{seconds:.1f}" if seconds >= 1.0 else f"{seconds:.2f}"

@@ -1,0 +1,23 @@
+"""What was refused is counted by thing, and is news once."""
+
+from hindrax_core.refusal_counts import LONGEST, Refusals
+
+
+def test_refusals_are_counted_by_thing_and_are_news_once():
+    refusals = Refusals()
+    assert (refusals.values(), refusals.news()) == ({}, [])
+    assert refusals.add("joy", "found 3 axes, wanted 6") == "joy: found 3 axes, wanted 6"
+    refusals.add("joy", "found 2 axes, wanted 6")
+    refusals.add("battery", "found -1 V, wanted 3 V or more")
+    assert refusals.values() == {
+        "refused: battery": "1",
+        "refused: joy": "2",
+        "last refused": "battery: found -1 V, wanted 3 V or more",
+    }
+    assert refusals.news() == ["refused: battery: found -1 V, wanted 3 V or more"]
+    assert refusals.news() == []
+
+
+def test_a_flood_of_text_is_cut():
+    refusals = Refusals()
+    assert len(refusals.add("joy", "x" * 10_000)) == LONGEST

@@ -1,0 +1,82 @@
+"""One rule for the stamps of orders: neither too old nor too far ahead, never without a stamp."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_core.stamp_window import (
+    EXPIRED,
+    FUTURE,
+    LAST,
+    MOCK_ORDER,
+    ORDER,
+    TIMELESS,
+    UNSTAMPED,
+    StampWindow,
+    impossible,
+    order_window,
+)
+
+NOW = stamp_from_s(1.8e9)
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "kind", "wanted"),
+    [
+        (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"),
+        (0.25, FUTURE, r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead of the vehicle's clock; set .*"),
+        (2e8, FUTURE, r"stamped 200000000\.0 s in the future, .*"),
+    ],
+)
+def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s, kind, wanted):
+    untimely = ORDER.judge(after(NOW, ahead_s), NOW)
+    assert untimely.kind == kind
+    assert re.fullmatch(wanted, untimely.sentence)
+
+
+@pytest.mark.parametrize("window", [ORDER, MOCK_ORDER, ORDER.of_lists])
+@pytest.mark.parametrize("stamp", [0, -1, -1_000_000_000, -(2**31) * 1_000_000_000])
+@pytest.mark.parametrize("now", [0, 1, 500_000_000, NOW])
+def test_an_order_without_a_stamp_is_never_in_time(window, stamp, now):
+    untimely = window.judge(Stamp(stamp), Stamp(now))
+    assert untimely.kind == UNSTAMPED
+    assert untimely.sentence.endswith(
+        "wanted the time at which it was made; stamp it with the time of the clock in use"
+    )
+
+
+def test_before_the_time_is_known_no_order_can_be_judged():
+    untimely = MOCK_ORDER.judge(Stamp(1), Stamp(0))
+    assert untimely.kind == TIMELESS
+    assert "clock is not known yet; wait for the clock" in untimely.sentence
+
+
+def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time():
+    assert order_window(mock=True).judge(after(NOW, 10.0), NOW) is None
+    assert order_window(mock=True).judge(after(NOW, -10.0), NOW) is None
+    assert order_window(mock=True).judge(after(NOW, 10.1), NOW).kind == FUTURE
+    assert order_window(mock=False) == ORDER
+
+
+def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before():
+    assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
+    assert ORDER.of_lists.judge(after(NOW, 0.2), NOW).kind == FUTURE
+
+
+@given(
+    st.integers(-LAST, LAST),
+    st.integers(1, LAST),
+    st.floats(0.0, 1e3, allow_nan=False),
+    st.floats(0.0, 1e3, allow_nan=False),
+)
+def test_it_lets_through_exactly_what_lies_within(stamp, now, oldest_s, lead_s):
+    passed = StampWindow(oldest_s, lead_s).judge(Stamp(stamp), Stamp(now)) is None
+    assert passed == (stamp > 0 and -lead_s <= seconds_between(Stamp(stamp), Stamp(now)) <= oldest_s)
+
+
+@pytest.mark.parametrize(("stamp", "fits"), [(0, True), (LAST, True), (-1, False), (LAST + 1, False)])
+def test_a_measurement_s_stamp_is_one_that_a_message_can_carry(stamp, fits):
+    assert (impossible(Stamp(stamp)) == "") is fits

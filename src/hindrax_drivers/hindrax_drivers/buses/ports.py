@@ -1,0 +1,29 @@
+"""Ports by their names in the vehicle file: a real bus or clock, or that of mock hardware."""
+
+from __future__ import annotations
+
+from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, SystemClock
+from hindrax_drivers.buses.i2cdev import Smbus2Bus
+from hindrax_drivers.buses.mock_bus import VirtualBus, VirtualClock
+from hindrax_drivers.buses.register_bus import RegisterBus
+
+
+def open_bus(port: str, name: str = "") -> RegisterBus:
+    """Open "/dev/i2c-1" (Linux) or "mock:/path/to/socket" (mock hardware, always asked for by name).
+
+    DeviceError says what is missing and the remedy.
+    """
+    if port.startswith(MOCK_PREFIX):
+        return VirtualBus(port.removeprefix(MOCK_PREFIX), name)
+    return Smbus2Bus(port)
+
+
+def open_clock(port: str, name: str = "") -> Clock:
+    """Open "system", or "mock:/path/to/socket" for the clock of mock hardware.
+
+    `name` identifies the client to the mock, so that it can wake a serial node whose port gets bytes
+    (`BusServer.wake`). Any other port is real and uses system time.
+    """
+    if port.startswith(MOCK_PREFIX):
+        return VirtualClock(port.removeprefix(MOCK_PREFIX), name)
+    return SystemClock()

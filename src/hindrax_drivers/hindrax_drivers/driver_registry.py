@@ -1,0 +1,30 @@
+"""The drivers of the sensors of `hindrax_core.sensor_table`, found by the names of their files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from hindrax_core.sensor_table import SENSORS, Sensor
+from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_drivers.driver import Driver
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Constructor of a device from its knobs, mount and vehicle, and its kind of wire."""
+
+    knobs: type[Any]
+    make: Callable[[Any, Mount, Vehicle], Any]
+    serial: bool
+    meaning: str
+
+
+def _row(sensor: Sensor) -> Row:
+    driver: Driver = import_module(f"hindrax_drivers.devices.{sensor.name}").DRIVER
+    return Row(driver.knobs, driver.make, sensor.serial, sensor.meaning)
+
+
+DEVICES: dict[str, Row] = {sensor.name: _row(sensor) for sensor in SENSORS}

@@ -1,0 +1,379 @@
+"""The output guard, the last safety layer: only neutral passes unless armed with a fresh command.
+
+Pure: a state goes in, a new state comes out, and time is an argument. All times are those of the output's bus. The
+host calls `command` for each command, `tick` no later than `due` says, and reports each write with `written` or
+`failed`. Whatever the host forgets, or whoever dies before it, the state of a new guard is disarmed.
+
+    disarmed --arm--> arming --neutral for the time of the ESCs--> armed, and neutral until a command comes
+    armed --silence--> armed, but neutral --long silence--> disarmed
+    any --writes keep failing--> faulted --output set up again--> disarmed
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_core.knobs import knob
+from hindrax_core.stamp_window import StampWindow
+
+SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
+"""What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
+ASK_AGAIN = "ask again"
+"""Ends the refusal of a request that would be taken if it were made now."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutputGuardKnobs:
+    """Times and limits of the guard. Neutral is on the wire no later than `silence_s` after the last command."""
+
+    arming_s: float = knob(7.0, 0.0, 60.0, "neutral that the ESCs need before they run [s]")
+    silence_s: float = knob(0.5, 0.1, 2.0, "longest time from the last valid command to neutral on the wire [s]")
+    margin_s: float = knob(0.1, 0.0, 1.0, "part of the silence kept for scheduling and the bus [s]")
+    disarm_after_s: float = knob(5.0, 0.5, 600.0, "silence after which the thrusters disarm [s]")
+    command_lifespan_s: float = knob(0.2, 0.01, 2.0, "age from which a command is dropped [s]")
+    arm_lifespan_s: float = knob(1.0, 0.1, 5.0, "age from which an arm request is refused [s]")
+    future_s: float = knob(0.1, 0.0, 1.0, "how far ahead of the vehicle's clock a stamp may be [s]")
+    repeat_s: float = knob(0.09, 0.01, 0.1, "longest time between two writes, neutral or not [s]")
+    failing_s: float = knob(0.2, 0.0, 2.0, "time of failing writes after which the output is faulted [s]")
+    neutral_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest [us]")
+    low_us: float = knob(1100.0, 500.0, 1500.0, "shortest pulse [us]")
+    high_us: float = knob(1900.0, 1500.0, 2500.0, "longest pulse [us]")
+    slew_usps: float = knob(4000.0, 100.0, 1e6, "largest change of a pulse, but for going neutral [us/s]")
+    light_off_us: float = knob(1100.0, 500.0, 2500.0, "pulse of a dark lamp [us]")
+    light_full_us: float = knob(1900.0, 500.0, 2500.0, "pulse of a lamp at full brightness [us]")
+
+    def __post_init__(self) -> None:
+        """Check that the trip comes after the end of a fresh command, and that rest is an allowed pulse."""
+        if self.silence_s - self.margin_s <= 0.0:
+            raise ValueError(f"margin_s: found {self.margin_s:g}, wanted less than silence_s ({self.silence_s:g})")
+        if not self.low_us <= self.neutral_us <= self.high_us:
+            raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {self.low_us:g} to {self.high_us:g}")
+
+    @property
+    def trip_s(self) -> float:
+        """Time after the last valid command at which the guard goes neutral."""
+        return self.silence_s - self.margin_s
+
+
+class Phase(StrEnum):
+    """Phase of the guard: only `ARMED` passes other pulses than neutral."""
+
+    DISARMED = "disarmed"
+    ARMING = "arming"
+    ARMED = "armed"
+    FAULTED = "faulted"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Pulses wanted: thrusters and lamps in the order of the vehicle file [us]. No lights: leave them as they are."""
+
+    pulses: tuple[float, ...]
+    lights: tuple[float, ...]
+    stamp: Stamp
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request to arm or to disarm, with the time at which it was made.
+
+    A disarm with a `reason` comes from a monitor: its sequence is not compared with those of operators.
+    """
+
+    stamp: Stamp
+    sequence: int
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Pulses:
+    """What to write to the output now [us]; `sequence` is that of the command behind it, zero when it is neutral."""
+
+    thrusters: tuple[float, ...]
+    lights: tuple[float, ...]
+    sequence: int = 0
+
+    @property
+    def all_us(self) -> tuple[float, ...]:
+        """Thrusters, then lights."""
+        return self.thrusters + self.lights
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A refused command: a short reason to count by, and a sentence."""
+
+    reason: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Answer to a request."""
+
+    accepted: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OutputGuardState:
+    """State of the guard. `reason` says why it is not armed; `fresh_until` is the end of the last valid command."""
+
+    phase: Phase
+    reason: str
+    since: Stamp
+    seen: Stamp
+    pulses: Pulses
+    written_at: Stamp | None = None
+    moved_at: Stamp | None = None
+    heard_at: Stamp | None = None
+    lit_at: Stamp | None = None
+    fresh_until: Stamp | None = None
+    failing_since: Stamp | None = None
+    last_command: Command | None = None
+    last_request: Request | None = None
+    monitor_disarmed_at: Stamp | None = None
+
+    @property
+    def armed(self) -> bool:
+        """Whether pulses other than neutral can pass."""
+        return self.phase is Phase.ARMED
+
+
+@dataclass(frozen=True, slots=True)
+class OutputGuard:
+    """The rules, for a number of thrusters and lights. Holds no state of its own."""
+
+    thrusters: int
+    lights: int = 0
+    knobs: OutputGuardKnobs = OutputGuardKnobs()
+
+    @property
+    def neutral(self) -> Pulses:
+        """Thrusters at rest, lights off: the state after every exit."""
+        knobs = self.knobs
+        return Pulses((knobs.neutral_us,) * self.thrusters, (knobs.light_off_us,) * self.lights)
+
+    def start(self, now: Stamp) -> OutputGuardState:
+        """Disarmed, with neutral due at once."""
+        return OutputGuardState(Phase.DISARMED, "not armed since start", now, now, self.neutral)
+
+    def command(
+        self, state: OutputGuardState, command: Command, now: Stamp
+    ) -> tuple[OutputGuardState, Pulses | Refusal]:
+        """Check a command. A malformed one makes the output neutral until the next valid one; an old one is dropped.
+
+        While not armed, good commands set the lights and keep the line alive, and the thrusters stay neutral.
+        """
+        state, now = self._observe(state, now)
+        refusal = self._untimely(state, command, now)
+        if refusal is not None:
+            return state, refusal
+        refusal = self._malformed(command)
+        if refusal is not None:
+            return replace(state, fresh_until=None), refusal
+        if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
+            state = self.drop(state, "the sender of commands has started anew: arm again", now)
+        held = self._held(state, now)
+        fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.trip_s)
+        state = replace(state, heard_at=now, fresh_until=fresh_until, last_command=command)
+        state, now = self._observe(state, now)
+        pulses = self._applied(state, held, command, now)
+        return replace(state, pulses=pulses, written_at=now, moved_at=now), pulses
+
+    def light(
+        self, state: OutputGuardState, levels: tuple[float, ...], now: Stamp
+    ) -> tuple[OutputGuardState, Pulses | Refusal]:
+        """Set the brightness of every lamp, 0 (dark) to 1, armed or not, and nothing else.
+
+        Lamps keep their level as long as commands arrive.
+        """
+        state, now = self._observe(state, now)
+        if len(levels) != self.lights or not all(0.0 <= level <= 1.0 for level in levels):
+            found = ", ".join(f"{level:g}" for level in levels)
+            return state, Refusal(
+                "not a brightness", f"lamps: found {found or 'none'}, wanted {self.lights} from 0 to 1"
+            )
+        span_us = self.knobs.light_full_us - self.knobs.light_off_us
+        lights = tuple(self.knobs.light_off_us + span_us * level for level in levels)
+        pulses = replace(self._held(state, now), lights=lights)
+        return replace(state, pulses=pulses, written_at=now, lit_at=now), pulses
+
+    def tick(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Pulses | None]:
+        """Advance time. Return the pulses that are due now: a change to neutral, or a repetition."""
+        state, now = self._observe(state, now)
+        pulses = self._held(state, now)
+        written = state.written_at
+        if pulses == state.pulses and written is not None and now < after(written, self.knobs.repeat_s):
+            return state, None
+        moved_at = state.moved_at if pulses == state.pulses else now
+        return replace(state, pulses=pulses, written_at=now, moved_at=moved_at), pulses
+
+    def due(self, state: OutputGuardState) -> Stamp:
+        """Return the latest time of the next `tick`."""
+        if state.written_at is None:
+            return state.seen
+        due = after(state.written_at, self.knobs.repeat_s)
+        if state.pulses.thrusters == self.neutral.thrusters:
+            return due
+        return state.seen if state.fresh_until is None else min(due, state.fresh_until)
+
+    def arm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
+        """Start arming, unless the request is late or out of order, or the output is faulted; the answer says why."""
+        state, now = self._observe(state, now)
+        why = self._request_fault(state, request, now)
+        if why:
+            return state, Answer(accepted=False, reason=why)
+        state = replace(state, last_request=request)
+        if state.phase is not Phase.DISARMED:
+            return state, Answer(accepted=True)
+        return self._enter(state, Phase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
+
+    def disarm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
+        """Disarm at once, however old the request is; arm requests made before it are refused from now on."""
+        state, now = self._observe(state, now)
+        made = Stamp(min(request.stamp, now))
+        if request.reason:
+            state = replace(state, monitor_disarmed_at=max(made, state.monitor_disarmed_at or made))
+            return self.drop(state, request.reason, now), Answer(accepted=True)
+        last = state.last_request or request
+        sequence = request.sequence if _newer(request.sequence, last.sequence) else last.sequence
+        state = replace(state, last_request=Request(max(made, Stamp(min(last.stamp, now))), sequence))
+        return self.drop(state, "disarmed by request", now), Answer(accepted=True)
+
+    def drop(self, state: OutputGuardState, reason: str, now: Stamp) -> OutputGuardState:
+        """Disarm for a reason of the host's own; a fault stays a fault."""
+        if state.phase is Phase.FAULTED:
+            return state
+        return self._enter(state, Phase.DISARMED, reason, now)
+
+    def written(self, state: OutputGuardState) -> OutputGuardState:
+        """Record that the last pulses have reached the output."""
+        return state if state.failing_since is None else replace(state, failing_since=None)
+
+    def failed(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
+        """Record a failed write: arming starts over, and an output that keeps failing is faulted."""
+        since = now if state.failing_since is None else state.failing_since
+        state = replace(state, failing_since=since)
+        if state.phase is not Phase.FAULTED and seconds_between(since, now) >= self.knobs.failing_s:
+            return self._enter(state, Phase.FAULTED, why, now)
+        return replace(state, since=now) if state.phase is Phase.ARMING else state
+
+    def fault(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
+        """Fault the output at once: its state shows that it does not follow commands."""
+        return self._enter(state, Phase.FAULTED, why, now)
+
+    def restored(self, state: OutputGuardState, now: Stamp) -> OutputGuardState:
+        """End a fault after the output was set up again: disarmed, never armed."""
+        if state.phase is not Phase.FAULTED:
+            return state
+        state = replace(state, failing_since=None)
+        return self._enter(state, Phase.DISARMED, f"output is back after: {state.reason}", now)
+
+    def _observe(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Stamp]:
+        """Apply the effects of time. A small step back of the clock is ignored; a jump back disarms."""
+        back_s = seconds_between(now, state.seen)
+        if back_s > self.knobs.margin_s:
+            return self._rebased(state, back_s, now), now
+        now = max(now, state.seen)
+        state = replace(state, seen=now)
+        if state.phase is Phase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
+            state = self._enter(state, Phase.ARMED, "", now)
+        heard = state.since if state.heard_at is None else state.heard_at
+        if state.armed and seconds_between(max(heard, state.since), now) > self.knobs.disarm_after_s:
+            state = self.drop(state, f"no command for {self.knobs.disarm_after_s:g} s", now)
+        if seconds_between(heard, now) > self.knobs.disarm_after_s:
+            state = replace(state, heard_at=None)
+        if state.lit_at is not None and seconds_between(state.lit_at, now) > self.knobs.disarm_after_s:
+            state = replace(state, lit_at=None)
+        return state, now
+
+    def _rebased(self, state: OutputGuardState, back_s: float, now: Stamp) -> OutputGuardState:
+        forgotten = replace(
+            state,
+            seen=now,
+            heard_at=None,
+            lit_at=None,
+            moved_at=None,
+            last_command=None,
+            last_request=None,
+            monitor_disarmed_at=None,
+        )
+        return replace(self.drop(forgotten, f"the clock went back by {back_s:.3g} s", now), since=now)
+
+    def _enter(self, state: OutputGuardState, phase: Phase, reason: str, now: Stamp) -> OutputGuardState:
+        """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
+        if phase is Phase.ARMED:
+            return replace(state, phase=phase, reason=reason, since=now)
+        return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None)
+
+    def _fresh(self, state: OutputGuardState, now: Stamp) -> bool:
+        return state.fresh_until is not None and now < state.fresh_until
+
+    def _held(self, state: OutputGuardState, now: Stamp) -> Pulses:
+        """Pulses without a new command: the last ones while fresh, else neutral; lights keep their level."""
+        if state.armed and self._fresh(state, now):
+            return state.pulses
+        silent = state.heard_at is None and state.lit_at is None
+        return self.neutral if silent else replace(self.neutral, lights=state.pulses.lights)
+
+    def _applied(self, state: OutputGuardState, held: Pulses, command: Command, now: Stamp) -> Pulses:
+        lights = tuple(self._clip(light) for light in command.lights) or held.lights
+        if not state.armed or not self._fresh(state, now):
+            return Pulses(self.neutral.thrusters, lights)
+        moved = now if state.moved_at is None else state.moved_at
+        step = self.knobs.slew_usps * min(seconds_between(moved, now), self.knobs.repeat_s)
+        pairs = zip(held.thrusters, command.pulses, strict=True)
+        thrusters = tuple(max(old - step, min(old + step, self._clip(new))) for old, new in pairs)
+        return Pulses(thrusters, lights, command.sequence)
+
+    def _clip(self, pulse_us: float) -> float:
+        return max(self.knobs.low_us, min(self.knobs.high_us, float(pulse_us)))
+
+    def _malformed(self, command: Command) -> Refusal | None:
+        if len(command.pulses) != self.thrusters or len(command.lights) not in (0, self.lights):
+            found = f"{len(command.pulses)} pulses and {len(command.lights)} lights"
+            return Refusal("wrong count", f"found {found}, wanted {self.thrusters} and {self.lights}, or no lights")
+        for index, pulse in enumerate((*command.pulses, *command.lights)):
+            if not math.isfinite(pulse) or not SERVO_LOW_us <= pulse <= SERVO_HIGH_us:
+                wanted = f"{SERVO_LOW_us:g} to {SERVO_HIGH_us:g} us"
+                return Refusal("not a pulse", f"pulse {index}: found {pulse:g}, wanted {wanted}")
+        return None
+
+    def _untimely(self, state: OutputGuardState, command: Command, now: Stamp) -> Refusal | None:
+        untimely = StampWindow(self.knobs.command_lifespan_s, self.knobs.future_s).judge(command.stamp, now)
+        if untimely is not None:
+            return Refusal(untimely.kind, f"command is {untimely.sentence}")
+        last = state.last_command
+        if last is None:
+            return None
+        # A restarted sender counts from the beginning: its lower numbers are accepted once the old one is silent.
+        again = self._fresh(state, now) and not _newer(command.sequence, last.sequence)
+        if command.stamp < last.stamp or again:
+            return Refusal("out of order", f"command {command.sequence} came after {last.sequence}")
+        return None
+
+    def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> str:
+        untimely = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
+        if untimely is not None:
+            return f"request is {untimely.text}; set the clocks of both machines if this lasts, and {ASK_AGAIN}"
+        last = state.last_request
+        if last is not None:
+            # A restarted console counts from the beginning: accepted once no late request can still arrive.
+            again = seconds_between(last.stamp, request.stamp) <= self.knobs.arm_lifespan_s
+            if request.stamp <= last.stamp or (again and not _newer(request.sequence, last.sequence)):
+                return f"request {request.sequence} is not newer than {last.sequence}, the last one; {ASK_AGAIN}"
+        if state.monitor_disarmed_at is not None and request.stamp <= state.monitor_disarmed_at:
+            return f"request {request.sequence} was made before the vehicle disarmed itself; {ASK_AGAIN}"
+        if state.phase is Phase.FAULTED:
+            return f"output is faulted: {state.reason}"
+        return ""
+
+
+def _newer(sequence: int, than: int) -> bool:
+    """Whether a 32-bit counter is ahead of another, also across its wrap (RFC 1982)."""
+    return 0 < (sequence - than) % (1 << 32) < 1 << 31

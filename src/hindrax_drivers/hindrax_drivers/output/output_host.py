@@ -1,0 +1,218 @@
+"""Host of guard and output: checks commands, writes, repeats, monitors the output. Has no thread.
+
+Everything that moves a thruster goes through the guard, on the clock of the output. The caller turns it, sleeps as long
+as it is told, and ends it; every end writes neutral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.driver_interface import Output
+from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, Phase, Pulses, Refusal, Request
+from hindrax_drivers.output.output_ports import ThrusterOutput
+
+SET_UP_AGAIN_S = 0.5
+CHECK_S = 1.0
+LAST_ATTEMPTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedOutput:
+    """Output from this time on: state of the guard, actual pulses [us], sequence of their command."""
+
+    stamp: Stamp
+    phase: Phase
+    reason: str
+    pulses_us: tuple[float, ...]
+    sequence: int
+
+
+class OutputListener(Protocol):
+    """Receiver of output events."""
+
+    def applied(self, applied: AppliedOutput) -> None:
+        """Pulses were written, or could not be (then the phase says so)."""
+
+    def refused(self, refusal: Refusal, stamp: Stamp) -> None:
+        """A command was refused."""
+
+    def found(self, identity: str) -> None:
+        """The output has been set up."""
+
+    def troubled(self, text: str) -> None:
+        """Something is wrong with the output."""
+
+    def deliver(self, outputs: Iterable[Output]) -> None:
+        """The output reported something."""
+
+    def rest(self) -> None:
+        """The output is idle: time for work that no thruster waits for."""
+
+
+class OutputHost:
+    """One open output behind one guard."""
+
+    def __init__(self, output: ThrusterOutput, guard: OutputGuard, listener: OutputListener) -> None:
+        self._output, self._guard, self._listener = output, guard, listener
+        now = output.now()
+        self._state = guard.fault(guard.start(now), "the output is not set up yet", now)
+        self._was_set_up = False
+        self._inhibited_because = ""
+        self._pending: Pulses | None = None
+        self._last = guard.neutral
+        self._set_up_at = self._checked_at = now
+
+    @property
+    def ready(self) -> bool:
+        """Whether the output is set up and follows commands."""
+        return self._state.phase is not Phase.FAULTED
+
+    def command(self, command: Command) -> None:
+        """Check a command; the next `turn` writes it."""
+        now = self._output.now()
+        if self._inhibited_because:
+            self._take(Refusal("inhibited", self._inhibited_because), now)
+            return
+        self._state, said = self._guard.command(self._state, command, now)
+        self._take(said, now)
+
+    def light(self, levels: tuple[float, ...]) -> None:
+        """Set the lamps, 0 (dark) to 1; the next `turn` writes it."""
+        now = self._output.now()
+        if self._inhibited_because:
+            self._take(Refusal("inhibited", self._inhibited_because), now)
+            return
+        self._state, said = self._guard.light(self._state, levels, now)
+        self._take(said, now)
+
+    def _take(self, said: Pulses | Refusal, now: Stamp) -> None:
+        if isinstance(said, Refusal):
+            self._listener.refused(said, now)
+        else:
+            self._pending = said
+
+    def arm(self, request: Request) -> Answer:
+        """Start arming, or say why not."""
+        if self._inhibited_because:
+            return Answer(accepted=False, reason=self._inhibited_because)
+        self._state, answer = self._guard.arm(self._state, request, self._output.now())
+        return answer
+
+    def disarm(self, request: Request) -> Answer:
+        """Disarm; the next `turn` writes neutral."""
+        self._state, answer = self._guard.disarm(self._state, request, self._output.now())
+        return answer
+
+    def drop(self, reason: str) -> None:
+        """Disarm for a reason of the caller's own."""
+        self._state = self._guard.drop(self._state, reason, self._output.now())
+
+    def inhibit(self, reason: str) -> None:
+        """Disarm, and refuse every command while there is a reason; an empty reason ends it."""
+        self._inhibited_because = reason
+        if reason:
+            self.drop(reason)
+
+    def turn(self) -> Stamp:
+        """Run one round: recover, read, write, check. Returns the latest time of the next one."""
+        if not self.ready:
+            self._recover()
+        self._listen()
+        self._write()
+        self._check()
+        return self._guard.due(self._state) if self.ready else self._set_up_at
+
+    def end(self) -> None:
+        """Write neutral, then close. A failed write is retried; the dead man follows."""
+        for _ in range(LAST_ATTEMPTS):
+            try:
+                self._output.write(self._guard.neutral, armed=False)
+                break
+            except DeviceError as error:
+                self._listener.troubled(f"neutral at the end: {error}")
+        self._output.close()
+
+    def broken(self, why: str) -> None:
+        """Fault, and set up again at once: an unreachable output must not keep its last pulses."""
+        now = self._output.now()
+        self._state = self._guard.fault(self._state, why, now)
+        self._set_up_at = now
+        self._output.shut_off()
+        self._listener.troubled(why)
+        self._tell()
+
+    def _recover(self) -> None:
+        """Set the output up, which brings it to neutral; it comes back disarmed."""
+        if 0.0 < seconds_between(self._output.now(), self._set_up_at) <= SET_UP_AGAIN_S:
+            return
+        try:
+            identity = self._output.set_up()
+        except DeviceError as error:
+            now = self._output.now()
+            self._set_up_at = after(now, SET_UP_AGAIN_S)
+            self._state = self._guard.fault(self._state, str(error), now)
+            self._listener.troubled(str(error))
+            self._tell()
+            return
+        now = self._checked_at = self._output.now()
+        self._state = self._guard.restored(self._state, now) if self._was_set_up else self._guard.start(now)
+        self._last, self._was_set_up = self._guard.neutral, True
+        self._listener.found(identity)
+
+    def _listen(self) -> None:
+        try:
+            said = self._output.serve()
+        except DeviceError as error:
+            self.broken(str(error))
+            return
+        if said:
+            self._listener.deliver(said)
+        complaint = self._output.complaint() if self._state.armed else ""
+        if complaint:
+            self.drop(complaint)
+
+    def _write(self) -> None:
+        """Write what a command or the clock requires. A change to neutral overrides an earlier command."""
+        self._state, due = self._guard.tick(self._state, self._output.now())
+        pulses, self._pending = due or self._pending, None
+        if pulses is None or not self.ready:
+            return
+        try:
+            self._output.write(pulses, armed=self._state.armed)
+        except DeviceError as error:
+            self._state = self._guard.failed(self._state, str(error), self._output.now())
+            if self.ready:
+                self._listener.troubled(str(error))
+            else:
+                self.broken(str(error))
+            return
+        self._state = self._guard.written(self._state)
+        self._last = pulses
+        self._tell()
+
+    def _check(self) -> None:
+        """Verify the output once a second; write again before reporting a mismatch."""
+        now = self._output.now()
+        if not self.ready or 0.0 <= seconds_between(self._checked_at, now) < CHECK_S:
+            return
+        self._checked_at = now
+        try:
+            self._output.check(self._last)
+        except DeviceError as first:
+            self._listener.troubled(str(first))
+            try:
+                self._output.write(self._last, armed=self._state.armed)
+                self._output.check(self._last)
+            except DeviceError as error:
+                self.broken(str(error))
+
+    def _tell(self) -> None:
+        """Report the last pulses that were written: after a failed write they are most likely still active."""
+        state = self._state
+        made = self._output.applied(self._last)
+        self._listener.applied(AppliedOutput(self._output.now(), state.phase, state.reason, made, self._last.sequence))

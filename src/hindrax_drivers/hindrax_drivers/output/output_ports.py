@@ -1,0 +1,244 @@
+"""The two outputs behind the guard as ports: a PCA9685 on a register bus, an STM32 on a serial line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol, TypeAlias, TypeVar
+
+from hindrax_core.bus_operations import DeviceError, Program, Transaction, run
+from hindrax_core.driver_interface import Output, Send
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.readings import AppliedPulses
+from hindrax_core.vehicle import Vehicle
+from hindrax_core.wire_frames import pack_transaction
+from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
+from hindrax_drivers.buses.ports import open_bus, open_clock
+from hindrax_drivers.buses.register_bus import RegisterBus, checked_answer
+from hindrax_drivers.buses.serial_port import SerialPort
+from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
+from hindrax_drivers.devices.stm32 import Stm32, stm32_of
+from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
+from hindrax_drivers.output.output_guard import Pulses
+
+ResultT = TypeVar("ResultT")
+Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
+"""Called for every frame of the port: time, whether it was sent, bytes."""
+
+FOUND_WITHIN_S = 3.0
+SERIAL_TURN_S = 0.02
+
+
+class ThrusterOutput(Protocol):
+    """Thruster output with its clock. One thread owns it; only `wake` may be called by others."""
+
+    kind: str
+
+    def now(self) -> Stamp:
+        """Time of the output's clock: that of all decisions about safety."""
+
+    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep until then, until there is something to serve, or until `wake`; `meanwhile` runs first."""
+
+    def wake(self) -> None:
+        """End the sleep. From any thread."""
+
+    def set_up(self) -> str:
+        """Find the output, set it to neutral and return its identity. DeviceError when it is not as expected."""
+
+    def write(self, pulses: Pulses, *, armed: bool) -> None:
+        """Write pulses. DeviceError when they were not delivered."""
+
+    def applied(self, pulses: Pulses) -> tuple[float, ...]:
+        """Actual thruster pulses for the last written ones [us]."""
+
+    def serve(self) -> Sequence[Output]:
+        """Read received data, handle timeouts; return the outputs."""
+
+    def check(self, pulses: Pulses) -> None:
+        """DeviceError unless the output is still set up with these pulses."""
+
+    def complaint(self) -> str:
+        """Reason why the output does not follow although the guard is armed; empty when it does."""
+
+    def shut_off(self) -> None:
+        """Disable all pulses, where that is possible without the bus."""
+
+    def close(self) -> None:
+        """Close bus, port and line."""
+
+
+class RegisterOutput:
+    """A PCA9685, and the line that enables it."""
+
+    kind = "pca9685"
+
+    def __init__(self, bus: RegisterBus, chip: Pca9685, line: EnableLine, tap: Tap) -> None:
+        self._bus, self._chip, self._line, self._tap = bus, chip, line, tap
+        self.now = bus.now
+        self.wake = bus.wake
+
+    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep on the clock of the bus."""
+        self._bus.sleep_until(until, meanwhile=meanwhile)
+
+    def set_up(self) -> str:
+        """Configure the chip; only then are its outputs enabled."""
+        identity = self._run(self._chip.configure()).text
+        self._line.set(enabled=True)
+        return identity
+
+    def write(self, pulses: Pulses, *, armed: bool) -> None:
+        """Write one burst; the chip has no arming state."""
+        del armed
+        self._run(self._chip.write(pulses.all_us))
+
+    def applied(self, pulses: Pulses) -> tuple[float, ...]:
+        """As the counts make them."""
+        return self._chip.applied(pulses.thrusters)
+
+    def serve(self) -> Sequence[Output]:
+        """Return nothing: a register chip sends nothing by itself."""
+        return ()
+
+    def check(self, pulses: Pulses) -> None:
+        """Verify the registers that a supply loss changes, and the channels."""
+        self._run(self._chip.check(pulses.all_us))
+
+    def complaint(self) -> str:
+        """Return no complaint: a register chip has no state of its own."""
+        return ""
+
+    def shut_off(self) -> None:
+        """Disable the outputs: the only way out when the bus is stuck."""
+        self._line.set(enabled=False)
+
+    def close(self) -> None:
+        """Close bus and line."""
+        self._line.close()
+        self._bus.close()
+
+    def _run(self, program: Program[ResultT]) -> ResultT:
+        return run(program, self._transfer, self._pause)
+
+    def _transfer(self, transaction: Transaction) -> bytes:
+        answer = checked_answer(transaction, self._bus.transfer(transaction))
+        stamp = self._bus.now()
+        self._tap(stamp, True, pack_transaction(transaction))
+        self._tap(stamp, False, answer)
+        return answer
+
+    def _pause(self, seconds: float) -> None:
+        end = after(self._bus.now(), seconds)
+        while self._bus.now() < end:
+            self._bus.sleep_until(end)
+
+
+class SerialOutput:
+    """An STM32 on a serial port."""
+
+    kind = "stm32"
+
+    def __init__(self, path: str, device: Stm32, clock: Clock, tap: Tap) -> None:
+        self._path, self._device, self._clock, self._tap = path, device, clock, tap
+        self._port: SerialPort | None = None
+        self._said: list[Output] = []
+        self._seen: tuple[float, ...] = ()
+        self._asked = False
+        self.now = clock.now
+        self.wake = clock.wake
+
+    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
+        """Sleep until bytes come, but no longer than overrides may stay away."""
+        soon = min(until, after(self._clock.now(), SERIAL_TURN_S))
+        if self._port is None:
+            self._clock.sleep_until(soon, meanwhile=meanwhile)
+        else:
+            self._port.wait(soon, meanwhile)
+
+    def set_up(self) -> str:
+        """Open the port and wait for a heartbeat."""
+        self.close_port()
+        self._port = SerialPort(self._path, self._device.baud, self._clock)
+        self._send(self._device.start(self._clock.now()))
+        deadline = after(self._clock.now(), FOUND_WITHIN_S)
+        while not self._device.ready:
+            if self._clock.now() >= deadline:
+                raise DeviceError(f"{self._path}: no MAVLink heartbeat within {FOUND_WITHIN_S:g} s; check the board")
+            self.wait(deadline)
+            self._said = list(self.serve())
+        return self._device.identity
+
+    def write(self, pulses: Pulses, *, armed: bool) -> None:
+        """Send the wanted pulses; request arming once, and disarming until confirmed."""
+        now = self._clock.now()
+        self._send([self._device.override(pulses.all_us, now)])
+        if armed and not self._asked:
+            self._send([self._device.arm(now)])
+        elif not armed and (self._asked or self._device.armed):
+            self._send([self._device.disarm(now)])
+        self._asked = armed
+
+    def applied(self, pulses: Pulses) -> tuple[float, ...]:
+        """Last reported pulses of the board; before a report, the wanted ones."""
+        return self._seen[: len(pulses.thrusters)] or pulses.thrusters
+
+    def serve(self) -> Sequence[Output]:
+        """Decode received bytes, run the driver's timers, keep the reported pulses."""
+        said, self._said = self._said, []
+        if self._port is None:
+            return said
+        data, stamp = self._port.read()
+        if data:
+            self._tap(stamp, False, data)
+            said += self._send(self._device.feed(data, stamp))
+        said += self._send(self._device.tick(stamp))
+        for one in said:
+            if isinstance(one, Stamped) and isinstance(one.reading, AppliedPulses):
+                self._seen = one.reading.pulses_us
+        return said
+
+    def check(self, pulses: Pulses) -> None:
+        """Require heartbeats; the board reports its pulses by itself."""
+        del pulses
+        if not self._device.ready:
+            raise DeviceError(f"{self._path}: the board has fallen silent; check power and line")
+
+    def complaint(self) -> str:
+        """Whether the board refused to arm, or has disarmed itself."""
+        if not self._asked or self._device.armed or self._device.asking:
+            return ""
+        return self._device.refusal or "the board has disarmed itself"
+
+    def shut_off(self) -> None:
+        """Do nothing: the board goes neutral by itself without commands."""
+
+    def close(self) -> None:
+        """Close port and clock."""
+        self.close_port()
+        self._clock.close()
+
+    def close_port(self) -> None:
+        """Close the port only."""
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def _send(self, outputs: Iterable[Output]) -> list[Output]:
+        kept = list(outputs)
+        for output in kept:
+            if isinstance(output, Send) and self._port is not None:
+                self._port.send(output)
+                self._tap(self._clock.now(), True, output.data)
+        return [output for output in kept if not isinstance(output, Send)]
+
+
+def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str) -> ThrusterOutput:
+    """Open the output of a vehicle file at a port ("mock:..." too). DeviceError says what is missing."""
+    if vehicle.output.device == "stm32":
+        return SerialOutput(port, stm32_of(vehicle), open_clock(clock, name), tap)
+    line = open_enable_line(vehicle.output.enable_line)
+    try:
+        return RegisterOutput(open_bus(port, name), pca9685_of(vehicle), line, tap)
+    except DeviceError:
+        line.close()
+        raise

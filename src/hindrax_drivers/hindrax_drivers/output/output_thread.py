@@ -1,0 +1,144 @@
+"""The thread that owns the thruster output: open it, run its host, sleep on its clock, end with neutral."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
+
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_drivers.buses.serving_thread import ServingThread
+from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, Request
+from hindrax_drivers.output.output_host import OutputHost, OutputListener
+from hindrax_drivers.output.output_ports import ThrusterOutput
+
+REOPEN_S = 0.5
+BEAT_S = 0.1
+
+
+class OutputThread:
+    """Serves one output, opened by `make`, behind one guard. The listener is called on this thread.
+
+    `beat` is called at least ten times a second of the output's clock while the loop lives and has the output in hand.
+    See ServingThread for `failure`; neutral goes first.
+    """
+
+    def __init__(
+        self, make: Callable[[], ThrusterOutput], guard: OutputGuard, listener: OutputListener, beat: Callable[[], None]
+    ) -> None:
+        self._make, self._guard, self._listener, self._beat = make, guard, listener, beat
+        self._inbox: queue.SimpleQueue[Callable[[OutputHost | None], None]] = queue.SimpleQueue()
+        self._thread = ServingThread("output", self._serve)
+        self._output: ThrusterOutput | None = None
+        self._ready = False
+        self._closed_because = "the output is not open yet"
+        self._inhibited_because = ""
+        self._beaten_at = Stamp(0)
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Error in our own code that ended the thread."""
+        return self._thread.failure
+
+    @property
+    def ready(self) -> bool:
+        """Whether the output is set up and follows commands."""
+        return self._ready
+
+    @property
+    def now(self) -> Stamp:
+        """Time of the output; zero while it is not open."""
+        output = self._output
+        return Stamp(0) if output is None else output.now()
+
+    def start(self) -> None:
+        """Start the thread, which writes neutral first."""
+        self._thread.start()
+
+    def command(self, command: Command) -> None:
+        """Check and apply a command at once. From any thread."""
+        self._put(lambda host: host.command(command) if host else None)
+
+    def light(self, levels: tuple[float, ...]) -> None:
+        """Set the lamps, 0 (dark) to 1, at once. From any thread."""
+        self._put(lambda host: host.light(levels) if host else None)
+
+    def arm(self, request: Request) -> Future[Answer]:
+        """Begin to arm. From any thread."""
+        return self._ask(lambda host: host.arm(request))
+
+    def disarm(self, request: Request) -> Future[Answer]:
+        """Disarm at once. From any thread."""
+        return self._ask(lambda host: host.disarm(request))
+
+    def drop(self, reason: str) -> None:
+        """Disarm for an internal reason. From any thread."""
+        self._put(lambda host: host.drop(reason) if host else None)
+
+    def inhibit(self, reason: str) -> None:
+        """Hold neutral and disarmed while there is a reason; an empty reason ends it. From any thread."""
+        self._inhibited_because = reason
+        self._put(lambda host: host.inhibit(reason) if host else None)
+
+    def stop(self, timeout_s: float = 3.0) -> None:
+        """Write neutral and stop the thread. From any other thread."""
+        self._thread.stop(lambda: self._put(lambda _host: None), timeout_s)
+
+    def _put(self, action: Callable[[OutputHost | None], None]) -> None:
+        self._inbox.put(action)
+        output = self._output
+        if output is not None:
+            with contextlib.suppress(OSError):  # it has just been closed
+                output.wake()
+
+    def _ask(self, question: Callable[[OutputHost], Answer]) -> Future[Answer]:
+        future: Future[Answer] = Future()
+        self._put(partial(self._answer, question, future))
+        return future
+
+    def _answer(
+        self, question: Callable[[OutputHost], Answer], future: Future[Answer], host: OutputHost | None
+    ) -> None:
+        closed = Answer(accepted=False, reason=self._closed_because)
+        future.set_result(closed if host is None else question(host))
+
+    def _drain(self, host: OutputHost | None) -> None:
+        while not self._inbox.empty():
+            self._inbox.get()(host)
+
+    def _serve(self) -> None:
+        """Open the output and serve it until a stop request; a missing port is retried."""
+        try:
+            output = self._make()
+        except DeviceError as error:
+            self._closed_because = str(error)
+            self._listener.troubled(str(error))
+            self._thread.pause(REOPEN_S)
+            self._drain(None)
+            return
+        host = OutputHost(output, self._guard, self._listener)
+        host.inhibit(self._inhibited_because)
+        self._output = output
+        try:
+            while not self._thread.stopping:
+                self._turn(output, host)
+        finally:
+            self._output, self._ready = None, False
+            host.end()
+            self._drain(None)
+
+    def _turn(self, output: ThrusterOutput, host: OutputHost) -> None:
+        now = output.now()
+        if not 0.0 <= seconds_between(self._beaten_at, now) < BEAT_S:
+            self._beaten_at = now
+            self._beat()
+        self._drain(host)
+        due = host.turn()
+        self._ready = host.ready
+        try:
+            output.wait(due, self._listener.rest)
+        except DeviceError as error:
+            host.broken(str(error))

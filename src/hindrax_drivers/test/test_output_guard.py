@@ -1,0 +1,442 @@
+"""The output guard: examples of each rule, and a machine that tries to get a pulse out that must not be."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_drivers.output.output_guard import (
+    Answer,
+    Command,
+    OutputGuard,
+    OutputGuardKnobs,
+    OutputGuardState,
+    Phase,
+    Pulses,
+    Refusal,
+    Request,
+)
+
+KNOBS = OutputGuardKnobs()
+GUARD = OutputGuard(thrusters=8, lights=2, knobs=KNOBS)
+NEUTRAL = (1500.0,) * 8
+FULL = (1900.0,) * 8
+EPOCH_S = 1000.0
+
+
+def at(seconds: float) -> Stamp:
+    return stamp_from_s(EPOCH_S + seconds)
+
+
+def command(seconds: float, sequence: int, pulses: tuple[float, ...] = FULL, lights: tuple[float, ...] = ()) -> Command:
+    return Command(pulses, lights, at(seconds), sequence)
+
+
+def say(state: OutputGuardState, wanted: Command, seconds: float) -> tuple[OutputGuardState, Pulses]:
+    state, said = GUARD.command(state, wanted, at(seconds))
+    assert isinstance(said, Pulses), said
+    return state, said
+
+
+def armed(pulses: tuple[float, ...] = NEUTRAL) -> OutputGuardState:
+    """Armed at 8.0 s, last command number 80."""
+    state, answer = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
+    assert answer == Answer(accepted=True)
+    for turn in range(1, 81):
+        state, _ = say(state, command(turn * 0.1, turn, pulses), turn * 0.1)
+    assert state.phase is Phase.ARMED
+    return state
+
+
+def test_starts_disarmed_with_neutral_due_at_once() -> None:
+    state = GUARD.start(at(0.0))
+    assert GUARD.due(state) <= at(0.0)
+    state, pulses = GUARD.tick(state, at(0.0))
+    assert pulses == Pulses(NEUTRAL, (1100.0, 1100.0))
+    assert (state.phase, state.reason) == (Phase.DISARMED, "not armed since start")
+
+
+def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
+    state, pulses = say(GUARD.start(at(0.0)), command(0.0, 1, FULL, (1900.0, 1500.0)), 0.0)
+    assert pulses == Pulses(NEUTRAL, (1900.0, 1500.0))
+    state, pulses = say(state, command(0.1, 2), 0.1)
+    assert pulses.lights == (1900.0, 1500.0)
+
+
+def test_lamps_are_lit_by_themselves_until_nobody_is_heard_for_long() -> None:
+    state, pulses = GUARD.light(GUARD.start(at(0.0)), (1.0, 0.25), at(0.0))
+    assert pulses == Pulses(NEUTRAL, (1900.0, 1300.0))
+    _, pulses = GUARD.tick(state, at(4.9))
+    assert pulses == Pulses(NEUTRAL, (1900.0, 1300.0))
+    _, pulses = GUARD.tick(state, at(5.1))
+    assert pulses == GUARD.neutral
+    for turn in range(1, 80):
+        state, pulses = say(state, command(turn * 0.1, turn), turn * 0.1)
+    assert pulses.lights == (1900.0, 1300.0)
+
+
+def test_lamps_leave_running_thrusters_alone() -> None:
+    state, before = say(armed(FULL), command(8.1, 81), 8.1)
+    state, pulses = GUARD.light(state, (0.5, 0.0), at(8.12))
+    assert pulses == Pulses(before.thrusters, (1500.0, 1100.0), 81)
+    _, pulses = GUARD.tick(state, at(8.6))
+    assert pulses == Pulses(NEUTRAL, (1500.0, 1100.0))
+
+
+@pytest.mark.parametrize("levels", [(1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
+def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
+    state, said = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
+    assert isinstance(said, Refusal)
+    assert said.reason == "not a brightness"
+    assert state.pulses == GUARD.neutral
+
+
+def test_arming_is_neutral_for_the_time_of_the_escs() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(-0.5), 1), at(0.0))
+    for turn in range(70):
+        state, pulses = say(state, command(turn * 0.1, turn + 1), turn * 0.1)
+        assert (state.phase, pulses.thrusters) == (Phase.ARMING, NEUTRAL)
+    state, pulses = say(state, command(7.0, 71), 7.0)
+    assert state.phase is Phase.ARMED
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "sequence", "reason"),
+    [
+        (-1.1, 9, "1.1 s old"),
+        (0.2, 9, "ahead of the vehicle's clock"),
+        (0.0, 5, "not newer"),
+        (0.0, 4, "not newer"),
+        (-0.5, 9, "not newer"),
+        (-0.6, 9, "not newer"),
+    ],
+)
+def test_arm_request_is_refused_with_its_reason(stamp_s: float, sequence: int, reason: str) -> None:
+    state, _ = GUARD.disarm(GUARD.start(at(-0.5)), Request(at(-0.5), 5), at(-0.5))
+    after_request, answer = GUARD.arm(state, Request(at(stamp_s), sequence), at(0.0))
+    assert not answer.accepted
+    assert reason in answer.reason
+    assert after_request.phase is Phase.DISARMED
+
+
+def test_an_arm_request_made_before_a_disarm_and_delivered_after_it_is_refused() -> None:
+    state, _ = GUARD.disarm(armed(), Request(at(8.0), 3), at(8.0))
+    _, answer = GUARD.arm(state, Request(at(7.9), 2), at(8.1))
+    assert not answer.accepted
+
+
+@pytest.mark.parametrize(("operator", "monitor"), [(5, 4_000_000_000), (4_000_000_000, 0), (4_000_000_000, 5), (5, 0)])
+def test_a_disarm_by_a_monitor_does_not_outrank_a_later_request_of_the_operator(operator: int, monitor: int) -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), operator), at(0.0))
+    state, answer = GUARD.disarm(state, Request(at(0.1), monitor, "no operator for 2 s"), at(0.1))
+    assert answer.accepted
+    assert (state.phase, state.reason) == (Phase.DISARMED, "no operator for 2 s")
+    _, answer = GUARD.arm(state, Request(at(0.1), operator + 1), at(0.2))
+    assert answer.reason == f"request {operator + 1} was made before the vehicle disarmed itself; ask again"
+    _, answer = GUARD.arm(state, Request(at(0.2), operator), at(0.2))
+    assert "not newer" in answer.reason
+    state, answer = GUARD.arm(state, Request(at(0.2), operator + 1), at(0.2))
+    assert answer == Answer(accepted=True)
+    assert state.phase is Phase.ARMING
+
+
+def test_a_console_that_starts_again_may_arm_after_a_second() -> None:
+    state, _ = GUARD.disarm(armed(), Request(at(8.0), 7), at(8.0))
+    _, answer = GUARD.arm(state, Request(at(9.0), 1), at(9.0))
+    assert not answer.accepted
+    _, answer = GUARD.arm(state, Request(at(9.1), 1), at(9.1))
+    assert answer.accepted
+
+
+def test_a_disarm_from_the_future_does_not_block_arming() -> None:
+    state, _ = GUARD.disarm(armed(), Request(at(9999.0), 7), at(8.0))
+    _, answer = GUARD.arm(state, Request(at(8.1), 8), at(8.1))
+    assert answer.accepted
+
+
+def test_disarm_is_obeyed_however_old_it_is() -> None:
+    state, answer = GUARD.disarm(armed(), Request(at(-100.0), 0), at(8.0))
+    assert answer.accepted
+    state, pulses = GUARD.tick(state, at(8.0))
+    assert pulses is not None
+    assert (state.phase, pulses.thrusters) == (Phase.DISARMED, NEUTRAL)
+
+
+def test_arming_times_out_without_commands() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
+    state, _ = GUARD.tick(state, at(6.9))
+    assert state.phase is Phase.ARMING
+    state, pulses = GUARD.tick(state, at(7.0))
+    assert (state.phase, pulses) == (Phase.ARMED, GUARD.neutral)
+    state, _ = GUARD.tick(state, at(12.0))
+    assert state.phase is Phase.ARMED
+    state, _ = GUARD.tick(state, at(12.1))
+    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
+
+
+def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms() -> None:
+    state = armed()
+    for turn in range(1, 6):
+        state, pulses = say(state, command(8.0 + turn * 0.1, 80 + turn), 8.0 + turn * 0.1)
+    assert pulses.thrusters == FULL
+    assert GUARD.due(state) <= at(8.5 + KNOBS.repeat_s)
+    state, held = GUARD.tick(state, at(8.5 + KNOBS.repeat_s))
+    assert held is not None
+    assert held.thrusters == FULL
+    assert GUARD.due(replace(state, written_at=at(8.89))) == at(8.9)
+    state, tripped = GUARD.tick(state, at(8.5 + KNOBS.silence_s - KNOBS.margin_s))
+    assert tripped is not None
+    assert (state.phase, tripped.thrusters, tripped.sequence) == (Phase.ARMED, NEUTRAL, 0)
+    state, _ = GUARD.tick(state, at(13.6))
+    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
+    state, pulses = say(state, command(14.0, 200), 14.0)
+    assert pulses.thrusters == NEUTRAL
+
+
+def test_neutral_is_repeated() -> None:
+    state, first = GUARD.tick(GUARD.start(at(0.0)), at(0.0))
+    assert first is not None
+    for turn in range(1, 100):
+        state, between = GUARD.tick(state, at(turn * KNOBS.repeat_s - 0.01))
+        assert between is None
+        state, again = GUARD.tick(state, at(turn * KNOBS.repeat_s))
+        assert again == first
+
+
+@pytest.mark.parametrize(
+    ("wanted", "seconds", "reason"),
+    [
+        (command(7.9, 99), 8.11, "expired"),
+        (command(8.3, 99), 8.1, "from the future"),
+        (command(8.1, 80), 8.1, "out of order"),
+        (command(8.1, 79), 8.1, "out of order"),
+        (command(7.95, 99), 8.1, "out of order"),
+        (command(8.1, 99, FULL[:7]), 8.1, "wrong count"),
+        (command(8.1, 99, FULL, (1500.0,)), 8.1, "wrong count"),
+        (command(8.1, 99, (float("nan"), *FULL[1:])), 8.1, "not a pulse"),
+        (command(8.1, 99, (float("inf"), *FULL[1:])), 8.1, "not a pulse"),
+        (command(8.1, 99, (0.0, *FULL[1:])), 8.1, "not a pulse"),
+        (command(8.1, 99, FULL, (1500.0, 65535.0)), 8.1, "not a pulse"),
+    ],
+)
+def test_command_is_refused_with_its_reason(wanted: Command, seconds: float, reason: str) -> None:
+    _, refusal = GUARD.command(armed(), wanted, at(seconds))
+    assert isinstance(refusal, Refusal)
+    assert refusal.reason == reason
+
+
+def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
+    state, moving = say(armed(), command(8.05, 81), 8.05)
+    assert moving.thrusters != NEUTRAL
+    state, _ = GUARD.command(state, command(8.06, 82, (float("nan"),) * 8), at(8.06))
+    state, pulses = GUARD.tick(state, at(8.06))
+    assert pulses is not None
+    assert pulses.thrusters == NEUTRAL
+    _, pulses = say(state, command(8.1, 83), 8.1)
+    assert pulses.thrusters != NEUTRAL
+
+
+def test_a_sender_that_starts_again_is_heard_once_the_old_one_is_silent_but_must_be_armed_anew() -> None:
+    state = armed()
+    _, refusal = GUARD.command(state, command(8.1, 1), at(8.1))
+    assert isinstance(refusal, Refusal)
+    state, pulses = say(state, command(8.45, 1), 8.45)
+    assert pulses.thrusters == GUARD.neutral.thrusters
+    assert state.phase is Phase.DISARMED
+    assert "started anew" in state.reason
+    assert state.heard_at == at(8.45)
+
+
+def test_the_sequence_may_wrap() -> None:
+    state, _ = say(armed(), command(8.35, 2**32 - 1), 8.45)
+    _, pulses = say(state, command(8.46, 0), 8.46)
+    assert pulses.sequence == 0
+
+
+def test_pulses_are_clipped_and_slewed() -> None:
+    wanted = (2500.0, 500.0, 1600.0, 1500.0, *NEUTRAL[4:])
+    state, pulses = say(armed(), command(8.02, 81, wanted), 8.02)
+    assert pulses.thrusters[:4] == (1580.0, 1420.0, 1580.0, 1500.0)
+    for turn in range(2, 10):
+        state, pulses = say(state, command(8.0 + turn * 0.02, 80 + turn, wanted), 8.0 + turn * 0.02)
+    assert pulses.thrusters[:4] == (1900.0, 1100.0, 1600.0, 1500.0)
+
+
+def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() -> None:
+    state = GUARD.failed(armed(), "bus is stuck", at(8.0))
+    assert state.phase is Phase.ARMED
+    assert GUARD.failed(GUARD.written(state), "bus is stuck", at(8.3)).phase is Phase.ARMED
+    state = GUARD.failed(state, "bus is stuck", at(8.2))
+    assert (state.phase, state.reason) == (Phase.FAULTED, "bus is stuck")
+    _, answer = GUARD.arm(state, Request(at(8.3), 7), at(8.3))
+    assert answer == Answer(accepted=False, reason="output is faulted: bus is stuck")
+    state, pulses = say(state, command(8.4, 99), 8.4)
+    assert pulses.thrusters == NEUTRAL
+    state = GUARD.restored(state, at(9.0))
+    assert (state.phase, state.reason) == (Phase.DISARMED, "output is back after: bus is stuck")
+
+
+def test_a_write_that_fails_while_arming_starts_the_neutral_time_again() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
+    state = GUARD.written(GUARD.failed(state, "no acknowledge", at(5.0)))
+    state, _ = say(state, command(7.5, 1), 7.5)
+    assert state.phase is Phase.ARMING
+    state, _ = say(state, command(12.0, 2), 12.0)
+    assert state.phase is Phase.ARMED
+
+
+def test_a_clock_that_goes_back_disarms() -> None:
+    state, _ = say(armed(), command(8.05, 81), 8.05)
+    still, said = GUARD.command(state, command(8.06, 82), at(8.03))
+    assert isinstance(said, Pulses)
+    assert still.phase is Phase.ARMED
+    state, tick = GUARD.tick(state, at(-3600.0))
+    assert tick is not None
+    assert (state.phase, tick.thrusters) == (Phase.DISARMED, NEUTRAL)
+    assert "went back by" in state.reason
+
+
+@pytest.mark.parametrize("bad", [{"margin_s": 0.5}, {"neutral_us": 1000.0}])
+def test_contradicting_knobs_are_refused(bad: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=next(iter(bad))):
+        OutputGuardKnobs(**bad)
+
+
+PULSE = st.one_of(st.floats(1000.0, 2000.0), st.sampled_from([float("nan"), float("inf"), 0.0, 65535.0, 1500.0]))
+
+
+class HostileHost(RuleBasedStateMachine):
+    """A host that keeps to `due` within the margin; everything else about it, and all its callers, is arbitrary.
+
+    The model beside it knows only the wire, the last valid command and the arm requests, not the guard's own mind.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = at(0.0)
+        self.state = GUARD.start(self.now)
+        self.sequence = 0
+        self.requests = 0
+        self.wire: Pulses = GUARD.neutral
+        self.moved_at = self.now
+        self.valid_at: Stamp | None = None
+        self.arm_at: Stamp | None = None
+        self.write(GUARD.tick(self.state, self.now))
+
+    def write(self, decided: tuple[OutputGuardState, Pulses | Refusal | None]) -> None:
+        self.state, said = decided
+        if not isinstance(said, Pulses):
+            return
+        gone_s = max(seconds_between(self.moved_at, self.now), 0.0)
+        for old, new in zip(self.wire.thrusters, said.thrusters, strict=True):
+            assert 1100.0 <= new <= 1900.0
+            assert new == 1500.0 or abs(new - old) <= KNOBS.slew_usps * min(gone_s, KNOBS.repeat_s) + 1e-6
+        if said.thrusters != self.wire.thrusters:
+            self.moved_at = self.now
+        self.wire = said
+
+    @rule(step_s=st.floats(0.0, 6.0), late_s=st.floats(0.0, 0.09))
+    def let_time_pass(self, step_s: float, late_s: float) -> None:
+        end = after(self.now, step_s)
+        while GUARD.due(self.state) < end:
+            self.now = max(self.now, after(GUARD.due(self.state), late_s))
+            self.is_safe()
+            self.write(GUARD.tick(self.state, self.now))
+        self.now = max(self.now, end)
+
+    @rule(
+        pulses=st.lists(PULSE, min_size=8, max_size=8) | st.lists(PULSE, max_size=9),
+        age_s=st.floats(-0.2, 0.4) | st.just(0.0),
+        step=st.sampled_from([1, 1, 1, 1, 0, -1, 2**31]),
+    )
+    def send(self, pulses: list[float], age_s: float, step: int) -> None:
+        stamp = after(self.now, -age_s)
+        self.sequence = (self.sequence + step) % 2**32
+        self.state, said = GUARD.command(self.state, Command(tuple(pulses), (), stamp, self.sequence), self.now)
+        if isinstance(said, Pulses):
+            assert -KNOBS.future_s <= age_s <= KNOBS.command_lifespan_s + 1e-6
+            assert len(pulses) == 8
+            self.valid_at = stamp
+            self.write((self.state, said))
+            self.moved_at = self.now
+
+    @rule(levels=st.lists(st.floats(), max_size=3) | st.just([0.5, 1.0]))
+    def light(self, levels: list[float]) -> None:
+        before = self.wire.thrusters
+        self.write(GUARD.light(self.state, tuple(levels), self.now))
+        assert self.wire.thrusters in (before, NEUTRAL)
+        assert all(1100.0 <= light <= 1900.0 for light in self.wire.lights)
+
+    @rule(count=st.integers(1, 30), pulse=st.floats(1100.0, 1900.0))
+    def stream(self, count: int, pulse: float) -> None:
+        for _ in range(count):
+            self.let_time_pass(0.02, 0.0)
+            self.send([pulse] * 8, 0.0, 1)
+
+    @rule(age_s=st.floats(-0.5, 2.0) | st.just(0.0), step=st.sampled_from([1, 1, 0, -1]))
+    def arm(self, age_s: float, step: int) -> None:
+        self.requests += step
+        phase = self.state.phase
+        self.state, answer = GUARD.arm(self.state, Request(after(self.now, -age_s), self.requests), self.now)
+        assert answer.accepted == (answer.reason == "")
+        if answer.accepted:
+            assert age_s <= KNOBS.arm_lifespan_s
+            self.arm_at = self.now if phase is Phase.DISARMED else self.arm_at
+
+    @rule()
+    def arm_and_wait(self) -> None:
+        self.arm(0.0, 1)
+        for _ in range(24):
+            self.let_time_pass(0.3, 0.0)
+            self.send([1500.0] * 8, 0.0, 1)
+
+    @rule(pulse=st.floats(1100.0, 1900.0))
+    def fly(self, pulse: float) -> None:
+        self.arm_and_wait()
+        self.stream(5, pulse)
+
+    @rule(reason=st.sampled_from(["", "no operator for 2 s"]))
+    def disarm(self, reason: str) -> None:
+        self.state, _ = GUARD.disarm(self.state, Request(self.now, self.requests, reason), self.now)
+        self.arm_at = None
+        self.write(GUARD.tick(self.state, self.now))
+        assert self.wire.thrusters == NEUTRAL
+
+    @rule(back_s=st.floats(0.0, 100.0))
+    def step_clock_back(self, back_s: float) -> None:
+        self.now = after(self.now, -back_s)
+        self.write(GUARD.tick(self.state, self.now))
+        if back_s > KNOBS.margin_s:
+            self.valid_at = self.arm_at = None
+            assert not self.state.armed
+        else:
+            self.now = after(self.now, back_s)
+
+    @rule(seconds=st.floats(0.0, 0.5))
+    def fail(self, seconds: float) -> None:
+        self.state = GUARD.failed(self.state, "no acknowledge", self.now)
+        self.let_time_pass(seconds, 0.0)
+        self.state = GUARD.failed(self.state, "no acknowledge", self.now)
+        self.let_time_pass(0.001, 0.0)
+
+    @precondition(lambda self: self.state.phase is Phase.FAULTED)
+    @rule()
+    def restore(self) -> None:
+        self.state = GUARD.restored(self.state, self.now)
+        assert self.state.phase is Phase.DISARMED
+
+    @invariant()
+    def is_safe(self) -> None:
+        if self.wire.thrusters == NEUTRAL:
+            return
+        assert self.valid_at is not None
+        assert seconds_between(self.valid_at, self.now) <= KNOBS.silence_s
+        assert self.arm_at is not None
+        assert seconds_between(self.arm_at, self.now) >= KNOBS.arming_s
+
+
+HostileHost.TestCase.settings = settings(max_examples=80, stateful_step_count=40, deadline=None)
+TestHostileHost = HostileHost.TestCase

@@ -1,0 +1,1 @@
+"""Assessment of a fit: uncertainty bands, misfit, verdict, results."""

@@ -1,0 +1,248 @@
+"""Quality of a result: excitation, whiteness, prediction of a held-out part, and the verdict.
+
+Each reason against a result is a sentence with the number behind it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.model_misfit import FormCheck
+from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
+from hindrax_ident.fit.output_error import OutputErrorFit, retrained
+from hindrax_ident.fit.output_error_problem import (
+    LinearizedProblem,
+    OutputErrorProblem,
+    build_problem,
+    linearize,
+    restarted,
+    whitener_of,
+)
+from hindrax_ident.fit.whitening import Noise
+from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.simulation import Trajectory
+from hindrax_ident.records.axis_record import Record, Stretch
+
+FEWEST_EFFECTIVE = 10.0
+FORCE_SHARE = 0.10
+SPLIT_SHARE = 0.25
+LEAST_FIT = 0.5
+FORM_SHARE = 0.1
+OFFSET_SHARE = 0.2
+SAME_SPEED = 0.1
+ONE_SPEED_SHARE = 0.7
+LINEAR_SHARE = 0.1
+HELD_OUT_SHARE = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """Excitation in one direction: 5th and 98th percentile of the speeds in motion [m/s, rad/s].
+
+    `moving_s`: time above a tenth of the highest speed; `share_at_one_speed`: share of it at nearly one speed;
+    `acceleration`: its root mean square.
+    """
+
+    low: float
+    high: float
+    moving_s: float
+    acceleration: float
+    share_at_one_speed: float = 0.0
+
+
+def excitation(fit: OutputErrorFit, side: int) -> Excitation:
+    """Excitation from the fitted motion, which has no noise."""
+    v, steps = fit.linear.path.v, fit.problem.grid.steps_s
+    own = np.abs(v) if side == 0 else np.maximum(0.0, side * v)
+    high = float(np.percentile(own, 98.0)) if len(own) else 0.0
+    moving = own > 0.1 * max(high, 1e-12)
+    low = float(np.percentile(own[moving], 5.0)) if moving.any() else 0.0
+    rise = np.divide(np.diff(v, prepend=v[:1]), steps, out=np.zeros_like(v), where=steps > 0.0)
+    moving_s = float(steps[moving].sum())
+    return Excitation(
+        low, high, moving_s, float(np.sqrt(np.mean(rise**2))), _share_at_one_speed(own[moving], steps[moving])
+    )
+
+
+def _share_at_one_speed(speeds: Array, steps_s: Array) -> float:
+    """Largest share of the time within a tenth of one speed [-]."""
+    if not len(speeds):
+        return 0.0
+    order = np.argsort(speeds)
+    sorted_, spent = speeds[order], np.concatenate([[0.0], np.cumsum(steps_s[order])])
+    ends = np.searchsorted(sorted_, sorted_ * (1.0 + SAME_SPEED) / (1.0 - SAME_SPEED), side="right")
+    return float((spent[ends] - spent[:-1]).max() / max(1e-12, spent[-1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Whiteness:
+    """Autocorrelation of the residuals from lag 0, and the Ljung-Box statistic with its expectation."""
+
+    autocorrelation: Array
+    statistic: float
+    expected: float
+
+
+def whiteness(fit: OutputErrorFit) -> Whiteness:
+    """Whiteness of the innovations of the main channel."""
+    problem = fit.problem
+    own = problem.channel == problem.main
+    pieces = [fit.linear.r[span][own[span]] for span in problem.spans]
+    statistic, expected = ljung_box(pieces)
+    return Whiteness(autocorrelation(pieces), statistic, expected)
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """Prediction of the last part of a run by a model fitted to the first: times [s], measured, predicted, (n,) each.
+
+    `fit` is 1 minus the ratio of the error to the motion (root mean squares): 1 is perfect, 0 no better than the mean.
+    `excess` is the ratio of the error to that of the fitted part.
+    """
+
+    t_s: Array
+    measured: Array
+    predicted: Array
+    fit: float
+    excess: float
+
+
+def validation(record: Record, fit: OutputErrorFit, belief: Prior) -> Validation | None:
+    """Hold out the last quarter of the record's time; None when either part is too short."""
+    first, last = held_out(record.stretches)
+    try:
+        theta, sigmas = retrained(fit, record.with_stretches(first), belief)
+        problem = build_problem(fit.model, record.with_stretches(last))
+    except ValueError:
+        return None
+    white = whitener_of(problem, theta, problem.guess, Noise())
+    linear = linearize(problem, theta, problem.guess, white)
+    for _ in range(3):
+        if linear is None:
+            return None
+        linear = linearize(problem, theta, _settled_start(problem, linear), white)
+    if linear is None:
+        return None
+    own = problem.channel == problem.main
+    measured, error = problem.y[own], linear.raw[own]
+    motion = float(np.std(measured))
+    size = float(np.sqrt(np.mean(error**2)))
+    return Validation(
+        t_s=problem.t[own],
+        measured=measured,
+        predicted=array(measured - error),
+        fit=1.0 - size / motion if motion > 0.0 else 0.0,
+        excess=size / max(sigmas[problem.main], 1e-12),
+    )
+
+
+def _settled_start(problem: OutputErrorProblem, linear: LinearizedProblem) -> Trajectory:
+    return restarted(problem, linear, np.zeros(linear.J.shape[1]))
+
+
+def held_out(stretches: tuple[Stretch, ...]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
+    """Stretches split so that the later part has a quarter of their time; a stretch may be cut."""
+    total = sum(one.end_s - one.start_s for one in stretches)
+    left = (1.0 - HELD_OUT_SHARE) * total
+    first: list[Stretch] = []
+    last: list[Stretch] = []
+    for one in stretches:
+        span = one.end_s - one.start_s
+        if left >= span:
+            first.append(one)
+        elif left > 0.0:
+            cut = one.start_s + left
+            first.append(Stretch(one.start_s, cut, one.motion, one.phase))
+            last.append(Stretch(cut, one.end_s, one.motion, one.phase))
+        else:
+            last.append(one)
+        left -= span
+    return tuple(first), tuple(last)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Evidence for the verdict on one motion: k_q and k_l, (2,), their covariance, (2, 2), and further numbers."""
+
+    k: Array
+    covariance: Array
+    excitation: Excitation
+    effective_samples: float
+    noise: float
+    added_mass_sigmas: float
+    converged: bool
+    validation: Validation | None
+    form: FormCheck
+    current: float = 0.0
+    """Standard deviation of an unmeasured current, on axes with possible current [m/s]."""
+    offset: float = 0.0
+    """Smallest constant force along such an axis consistent with the record [N]."""
+
+
+def reasons_against(evidence: Evidence) -> list[str]:
+    """Reasons against k_q and k_l, one sentence each; empty when both are identified."""
+    high = evidence.excitation.high
+    gradient = np.array([high * high, high])
+    force = float(evidence.k @ gradient)
+    out = []
+    if not evidence.converged:
+        out.append("the fit did not converge")
+    if evidence.effective_samples < FEWEST_EFFECTIVE:
+        out.append(f"{evidence.effective_samples:.0f} independent samples, wanted {FEWEST_EFFECTIVE:.0f}")
+    if not high > evidence.noise:
+        return [*out, f"it hardly moved: speed at most {high:.2g}, below the noise of one measurement"]
+    if not force > 0.0:
+        return [
+            *out,
+            f"the drag at {high:.2g} is {force:.3g}, wanted above 0: check the sign of the wrench",
+        ]
+    share = math.sqrt(max(0.0, float(gradient @ evidence.covariance @ gradient))) / force
+    if share > FORCE_SHARE:
+        out.append(f"the drag at the highest speed is known to {share:.0%} only, wanted {FORCE_SHARE:.0%}")
+    out += _separation(evidence, force)
+    out += _physics(evidence, force)
+    return out
+
+
+def _separation(evidence: Evidence, force: float) -> list[str]:
+    low, high = evidence.excitation.low, evidence.excitation.high
+    if 2.0 * evidence.current > SPLIT_SHARE * high:
+        change = (
+            f"an unnoticed current of {evidence.current:.2g} changes the drag by {2.0 * evidence.current / high:.0%}"
+        )
+        return [f"at speeds up to {high:.2g} {change}: k_q and k_l cannot be separated"]
+    if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
+        share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
+        return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag-force band"]
+    shares = np.sqrt(np.maximum(0.0, np.diag(evidence.covariance))) * np.array([high * high, high]) / force
+    if shares.max() <= SPLIT_SHARE:
+        return []
+    either = f"either is uncertain by {shares.max():.0%} of the drag"
+    return [f"speeds of {low:.2g} to {high:.2g} do not separate k_q from k_l ({either}); use the drag-force band"]
+
+
+def _physics(evidence: Evidence, force: float) -> list[str]:
+    out = []
+    sigma = math.sqrt(max(0.0, float(evidence.covariance[0, 0])))
+    if evidence.k[0] < -3.0 * sigma:
+        out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): the record contains other forces than drag")
+    sigma = math.sqrt(max(0.0, float(evidence.covariance[1, 1])))
+    if evidence.k[1] < -3.0 * sigma and -evidence.k[1] * evidence.excitation.high > LINEAR_SHARE * force:
+        out.append(f"k_l is negative ({evidence.k[1]:.3g} +- {sigma:.2g}): the record contains other forces than drag")
+    if evidence.added_mass_sigmas < -3.0:
+        below = f"the total mass is {-evidence.added_mass_sigmas:.3g} standard deviations below the body's own"
+        out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")
+    if evidence.offset > OFFSET_SHARE * force:
+        beside = f"a constant force of {evidence.offset:.2g} or more, {evidence.offset / force:.0%} of the largest drag"
+        out.append(f"{beside}, acts as well: a current, the tether, or an offset of the thrust")
+    form = evidence.form
+    if form.significant and form.share > FORM_SHARE:
+        out.append(f"the force differs from the model's by {form.share:.0%} of the largest drag ({form.description})")
+    checked = evidence.validation
+    if checked is not None and checked.fit < LEAST_FIT and checked.excess > 1.5:
+        out.append(f"the held-out part of the run is predicted with a fit of only {checked.fit:.0%}")
+    return out

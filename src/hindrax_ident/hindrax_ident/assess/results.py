@@ -1,0 +1,146 @@
+"""Results of a run: coefficients with two standard deviations each, their method, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.model.motion_model import MOTIONS, restoring
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A coefficient: value, standard deviation from the noise of this run, and with thruster calibration."""
+
+    value: float
+    std: float
+    std_calibrated: float = math.nan
+    truth: float | None = None
+    unit: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; `truth` is null where unknown."""
+        out: dict[str, Any] = {"value": self.value, "std": self.std, "truth": self.truth, "unit": self.unit}
+        if math.isfinite(self.std_calibrated):
+            out["std_calibrated"] = self.std_calibrated
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class DragBand:
+    """Drag force over the excited speeds, with both standard deviations: (n,) each, SI units."""
+
+    speed: Array
+    force: Array
+    std: Array
+    std_calibrated: Array
+
+    def to_json(self) -> dict[str, list[float]]:
+        """Plain lists."""
+        return {
+            "speed": self.speed.tolist(),
+            "force": self.force.tolist(),
+            "std": self.std.tolist(),
+            "std_calibrated": self.std_calibrated.tolist(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class MotionResult:
+    """One row of the result: the coefficients of one motion."""
+
+    motion: str
+    method: str
+    coefficients: Mapping[str, Number]
+    names: tuple[str, ...]
+    covariance: Array
+    samples: int
+    effective_samples: float
+    identifiable: bool
+    reasons: tuple[str, ...]
+    speeds: tuple[float, float]
+    drag: DragBand | None
+    methods: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
+    quality: Mapping[str, float] = field(default_factory=dict)
+
+    def drag_force(self, speed: float) -> tuple[float, float]:
+        """Drag and its standard deviation at a speed of this motion's direction [N, N m]."""
+        gradient = np.array([speed * abs(speed), speed])
+        rows = [self.names.index("k_q"), self.names.index("k_l")]
+        block = self.covariance[np.ix_(rows, rows)]
+        k = np.array([self.coefficients["k_q"].value, self.coefficients["k_l"].value])
+        return float(k @ gradient), math.sqrt(max(0.0, float(gradient @ block @ gradient)))
+
+    def to_json(self) -> dict[str, Any]:
+        """Shape of `pool-test` and `identify`: coefficients by name, and their quality."""
+        return {
+            **{name: number.to_json() for name, number in self.coefficients.items()},
+            "samples": self.samples,
+            "effective_samples": self.effective_samples,
+            "identifiable": self.identifiable,
+            "reasons": list(self.reasons),
+            "method": self.method,
+            "names": list(self.names),
+            "covariance": self.covariance.tolist(),
+            "speeds": list(self.speeds),
+            "drag_force": self.drag.to_json() if self.drag else None,
+            "methods": {
+                method: {name: number.to_json() for name, number in numbers.items()}
+                for method, numbers in self.methods.items()
+            },
+            "quality": dict(self.quality),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """All motions of a run."""
+
+    motions: Mapping[str, MotionResult]
+    vehicle: Vehicle
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data with the key `motions`."""
+        return {"motions": {name: result.to_json() for name, result in self.motions.items()}}
+
+
+def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """True coefficients of the mock vehicle, by motion; empty when the vehicle file has none."""
+    if vehicle.hydrodynamics is None:
+        return {}
+    out = {}
+    for motion in MOTIONS.values():
+        axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[motion.axis]
+        drag = vehicle.hydrodynamics.drag(axis)
+        back = motion.side < 0
+        k_q = drag.k_q_negative if back and drag.k_q_negative is not None else drag.k_q
+        k_l = drag.k_l_negative if back and drag.k_l_negative is not None else drag.k_l
+        out[motion.name] = {
+            "k_q": k_q,
+            "k_l": k_l,
+            "b": vehicle.net_buoyancy_N if motion.axis == 2 else 0.0,
+            "added_mass": vehicle.hydrodynamics.added_mass[motion.axis],
+        }
+        if motion.axis in (3, 4):
+            out[motion.name]["k_r"] = restoring(vehicle)
+    return out
+
+
+def with_truth(results: Results, vehicle: Vehicle) -> Results:
+    """Results with the true values of the mock vehicle: for display only, not used in the estimation."""
+    truth = truth_of(vehicle)
+    motions = {
+        name: replace(result, coefficients=_with_truths(result.coefficients, truth.get(name, {})))
+        for name, result in results.motions.items()
+    }
+    return replace(results, motions=motions)
+
+
+def _with_truths(coefficients: Mapping[str, Number], truth: Mapping[str, float]) -> dict[str, Number]:
+    return {name: replace(number, truth=truth.get(name)) for name, number in coefficients.items()}

@@ -1,0 +1,1 @@
+"""Output-error fit over a whole record: whitening, noise, delays, the Cramer-Rao bound."""

@@ -1,0 +1,46 @@
+"""Cramer-Rao bound of a record: smallest covariance of unbiased estimates from it (Ljung 1999, section 7.4).
+
+Sensitivities are those at the true parameters; measurement noise is the estimated one, thrust noise the true one where
+known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.fit.output_error import OutputErrorFit
+from hindrax_ident.fit.output_error_problem import linearize, restarted, whitener_of
+from hindrax_ident.model.motion_model import Model, motions_of
+
+ROUNDS = 3
+
+
+def true_parameters(model: Model, truth: dict[str, dict[str, float]]) -> Array:
+    """Parameters in the model's order and units from the coefficients of each motion: (p,)."""
+    motions = motions_of(model.axis)
+    values = {}
+    for motion in motions:
+        true = truth[motion.name]
+        for name in model.names_of(motion.side):
+            plain = name.removesuffix("_negative")
+            values[name] = true["added_mass"] + model.rigid if plain == "mass" else true[plain]
+    return np.array([values[name] for name in model.names])
+
+
+def bound_of(fit: OutputErrorFit, theta: Array, thrust_s: float | None = None) -> Array:
+    """Smallest covariance of an unbiased estimate from the fit's record: (p, p).
+
+    With `thrust_s`, the true density of the thrust noise [s], there are no other unknown forces.
+    """
+    problem, path = fit.problem, fit.linear.path
+    noise = fit.noise if thrust_s is None else replace(fit.noise, force=0.0, thrust=thrust_s)
+    for _ in range(ROUNDS):
+        linear = linearize(problem, theta, path, whitener_of(problem, theta, path, noise))
+        if linear is None:
+            raise ValueError(f"the simulation diverges with the true parameters {theta.tolist()}")
+        # The initial conditions that fit the truth best.
+        path, information = restarted(problem, linear, np.zeros(len(theta))), linear.information
+    return array(np.linalg.inv(information))

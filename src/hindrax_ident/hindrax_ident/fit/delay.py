@@ -1,0 +1,199 @@
+"""Joint estimation of thrust lag, latency of the stamps and coefficients, for records that give neither delay.
+
+An unmodeled lag appears as mass: 0.2 s may double that of a small vehicle. Lag and latency differ only in the rounding
+of the delayed signal, which an alternating search does not find: so both are unknowns of one fit, first with all
+measurements and without whitening. Samples rejected or explained as disturbance at a wrong lag would be just those
+that reveal it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.fit.output_error_problem import (
+    LinearizedProblem,
+    OutputErrorProblem,
+    build_problem,
+    linearize,
+    restarted,
+)
+from hindrax_ident.fit.score_test import score
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.simulation import Grid, Trajectory
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.axis_record import Record
+
+SMALL_S = 1e-4
+LONGEST_S = 1.0
+STEPS = 25
+SETTLED_S = 1e-3
+ROUNDS = 4
+ROBUST = 3.0
+"""Standard deviations beyond which residuals get less weight, but never zero: delayed thrust is among them, as are
+glitches."""
+USUAL_LAG_S = 0.15
+"""Usual thrust lag of small vehicles, where the vehicle file has none."""
+USUAL_LATENCY_S = 0.05
+"""Usual latency of velocities from a filter or a camera, where unknown."""
+STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
+"""Initial lags and latencies of the search [s]."""
+
+
+def per_step(totals: Array, grid: Grid) -> Array:
+    """Impulses over each step from impulses up to each time: (n, m) [N s, N m s]; zero at the start of a stretch."""
+    steps = np.diff(totals, axis=0, prepend=0.0)
+    steps[grid.starts] = 0.0
+    return array(steps)
+
+
+def lag_impulse(record: Record, grid: Grid) -> Array:
+    """Change of the impulse over each step per second of lag: (n, 1) [N, N m]."""
+    times = grid.times_s - record.latency_s
+    slower = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s + SMALL_S).impulse(times)
+    as_is = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).impulse(times)
+    return per_step(((slower - as_is) / SMALL_S)[:, None], grid)
+
+
+def latency_impulse(record: Record, grid: Grid) -> Array:
+    """Change of the impulse over each step per second of latency: (n, 1) [N, N m]."""
+    thrust = LaggedThrust(record.thrust.t, record.thrust.y, record.lag_s).force(grid.times_s - record.latency_s)
+    return per_step(-thrust[:, None], grid)
+
+
+def delay_impulses(record: Record, grid: Grid) -> Array:
+    """Columns `lag_impulse` and `latency_impulse`: (n, 2) [N, N m]."""
+    return array(np.hstack([lag_impulse(record, grid), latency_impulse(record, grid)]))
+
+
+def prior_delays(record: Record) -> Array:
+    """Prior lag and latency: (2,) [s]."""
+    return np.array([record.lag_s or USUAL_LAG_S, record.latency_s or USUAL_LATENCY_S])
+
+
+class DelayEstimate(NamedTuple):
+    """Result of a search: mean absolute residual, lag and latency [s], parameters (p,)."""
+
+    error: float
+    lag_s: float
+    latency_s: float
+    theta: Array
+
+
+def search_delay(model: Model, record: Record, start: Array, belief: Prior, sigma_s: float) -> DelayEstimate:
+    """Lag, latency and parameters of the best unwhitened fit; `sigma_s`: prior standard deviation of both delays."""
+    search = _Search(build_problem(model, record), record, belief, sigma_s)
+    return min((search.run(start, np.array(begin)) for begin in STARTS), key=lambda found: found.error)
+
+
+class _Search:
+    """Levenberg-Marquardt over parameters, lag and latency."""
+
+    def __init__(self, problem: OutputErrorProblem, record: Record, belief: Prior, sigma_s: float) -> None:
+        self._problem, self._record, self._size = problem, record, len(belief.values)
+        self._mean = np.concatenate([belief.values, prior_delays(record)])
+        self._information = np.concatenate([1.0 / belief.sigmas**2, np.full(2, 1.0 / sigma_s**2)])
+
+    def run(self, theta: Array, delays: Array) -> DelayEstimate:
+        """Search from there, or from the prior where the simulation diverges; infinite error where both do."""
+        path, damping = self._problem.guess, 1e-2
+        x, now = self._begin(theta, delays)
+        weights = self._weights(now)
+        for _ in range(STEPS):
+            now = self._at(x, path, weights)
+            if now is None or damping > 1e6:
+                break
+            tried = self._step(now, x, damping)
+            then = self._at(tried, restarted(self._problem, now, tried - x), weights)
+            if then is None or self._cost(then, tried) >= self._cost(now, x):
+                damping *= 10.0
+                continue
+            moved = float(np.abs(tried - x)[self._size :].max())
+            x, path, damping, weights = tried, then.path, 0.1 * damping, self._weights(then)
+            if moved < SETTLED_S:
+                break
+        return DelayEstimate(self._error(now), float(x[-2]), float(x[-1]), array(x[: self._size]))
+
+    def _begin(self, theta: Array, delays: Array) -> tuple[Array, LinearizedProblem | None]:
+        """Initial unknowns, (p + 2,), and the problem about them; None where the simulation diverges."""
+        for one in (theta, self._mean[: self._size]):
+            x = np.concatenate([one, delays])
+            found = self._at(x, self._problem.guess, lambda table: table) if np.all(np.isfinite(x)) else None
+            if found is not None:
+                break
+        return x, found
+
+    def _step(self, linear: LinearizedProblem, x: Array, damping: float) -> Array:
+        """Unknowns after a damped step: (p + 2,)."""
+        normal = linear.information + np.diag(self._information)
+        gradient = linear.gradient + self._information * (self._mean - x)
+        scale = np.sqrt(np.diag(normal))
+        damped = normal / np.outer(scale, scale) + damping * np.eye(len(x))
+        return self._bounded(x + np.linalg.solve(damped, gradient / scale) / scale)
+
+    def _at(self, x: Array, path: Trajectory, weigh: Callable[[Array], Array]) -> LinearizedProblem | None:
+        record = replace(self._record, lag_s=float(x[-2]), latency_s=float(x[-1]))
+        grid = self._problem.grid
+        moved = Grid(grid.times_s, grid.starts, per_step(record.impulse(grid.times_s)[:, None], grid)[:, 0])
+        problem = replace(self._problem, grid=moved)
+        return linearize(problem, x[: self._size], path, weigh, delay_impulses(record, grid)) if x[-3] > 0.0 else None
+
+    def _bounded(self, x: Array) -> Array:
+        """Unknowns with both delays within limits: (p + 2,)."""
+        x[-2:] = np.clip(x[-2:], [0.0, -LONGEST_S], LONGEST_S)
+        return x
+
+    def _weights(self, linear: LinearizedProblem | None) -> Callable[[Array], Array]:
+        """Robust weighting of measurements by their residuals."""
+        if linear is None:
+            return lambda table: table
+        weights = np.ones(len(linear.raw))
+        for channel in (0, 1):
+            own = self._problem.channel == channel
+            if own.any():
+                usual = max(1e-9, float(np.percentile(np.abs(linear.raw[own]), 90.0)) / 1.645)
+                far = np.maximum(1.0, np.abs(linear.raw[own]) / (ROBUST * usual))
+                weights[own] = 1.0 / (usual * np.sqrt(far))
+        return lambda table: array(table * weights[:, None])
+
+    def _cost(self, linear: LinearizedProblem, x: Array) -> float:
+        return linear.cost + float(self._information @ (x - self._mean) ** 2)
+
+    def _error(self, linear: LinearizedProblem | None) -> float:
+        """Mean absolute residual of the main channel: comparable between searches."""
+        own = self._problem.channel == self._problem.main
+        return float(np.mean(np.abs(linear.raw[own]))) if linear is not None else np.inf
+
+
+def fit_with_delays(
+    record: Record, start: Array, model: Model, belief: Prior, sigma_s: float
+) -> tuple[Record, OutputErrorFit]:
+    """Record and fit once lag and latency agree with the whitened residuals, and with what is believed of them."""
+    prior_mean, prior = prior_delays(record), np.eye(2) / sigma_s**2
+    first = search_delay(model, record, start, belief, sigma_s)
+    record = replace(record, lag_s=first.lag_s, latency_s=first.latency_s)
+    fit = refine(model, record, first.theta, belief)
+    for _ in range(ROUNDS):
+        found = score(fit, delay_impulses(record, fit.problem.grid))
+        before = np.array([record.lag_s, record.latency_s])
+        known = found.information
+        after = np.linalg.solve(known + prior, known @ (before + found.values) + prior @ prior_mean)
+        after = np.clip(after, [0.0, -LONGEST_S], LONGEST_S)
+        if float(np.abs(after - before).max()) < SETTLED_S:
+            break
+        record = replace(record, lag_s=float(after[0]), latency_s=float(after[1]))
+        fit = refine(fit.model, record, fit.theta, belief)
+    return record, fit
+
+
+def delay_covariance(record: Record, fit: OutputErrorFit, sigma_s: float) -> Array:
+    """Covariance due to the remaining uncertainty of lag and latency: (p, p)."""
+    found = score(fit, delay_impulses(record, fit.problem.grid))
+    open_s2 = np.linalg.inv(found.information + np.eye(2) / sigma_s**2)
+    return array(found.shifts @ open_s2 @ found.shifts.T)

@@ -1,0 +1,201 @@
+"""Maximum-likelihood split of residuals into measurement noise and unknown force.
+
+The Kalman filter of `whitening` runs over many short pieces of the record and many candidates at once, which maps the
+whole likelihood, so none of its several maxima is missed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.fit.whitening import LEAST_MEMORY_S, Chain, Noise, transitions
+
+ENOUGH = 5000
+"""Samples sufficient to estimate the noise; a longer record is subsampled by pieces."""
+PIECE = 200
+"""Samples per piece: long compared with the memory of the motion."""
+DECADES = (-7.0, 3.0)
+"""Range of the search, in decades of the ratio of force noise to measurement noise."""
+ROUNDS = 2
+WIDE = 1e3
+"""Variance of the velocity and the position at the start of a piece, in units of the measurement's."""
+NONZERO = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
+"""Nonzero elements of a transition."""
+FLOORS = (0.0, 0.03, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
+"""Candidate densities independent of the thrust, as shares of the total estimate."""
+DOUBT = 4.0
+"""Penalty, in twice the negative log-likelihood, of an unknown force independent of the thrust."""
+ZOOMS = ((1.0, 7, 0.4, 5), (0.25, 5, 0.15, 5))
+"""Half width and points of each refinement, in decades of the ratio and in shares of the thrust."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseCandidates:
+    """Noise candidates, (g,) each, for a main channel of unit variance.
+
+    `ratio`: decades of the mean density of the unknown acceleration; `part`: share proportional to the thrust; `other`:
+    decades of the variance of positions where velocities are the main channel.
+    """
+
+    ratio: Array
+    part: Array
+    other: Array
+
+    def one(self, index: int) -> tuple[float, float, float]:
+        """Unknowns of one candidate."""
+        return float(self.ratio[index]), float(self.part[index]), float(self.other[index])
+
+
+def fit_noise(chain: Chain, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
+    """Most likely noise of a residual (n,). With `given_position` the position variance stays fixed."""
+    main = 0 if bool(np.any(chain.channel == 0)) else 1
+    both = bool(np.any(chain.channel != main)) and not given_position
+    pieces = _Pieces(chain, residual, main)
+    other = math.log10(before.position / before.velocity) if main == 0 else 0.0
+    ratio, part = 0.0, 0.5
+    for _ in range(ROUNDS if both else 1):
+        ratio, part = _ratio_and_part(pieces, other)
+        if both:
+            spread = array(other + np.linspace(-2.0, 2.0, 21))
+            candidates = NoiseCandidates(np.full(21, ratio), np.full(21, part), spread)
+            *_, other = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
+    found = pieces.noise(ratio, part, other)
+    return replace(found, position=before.position) if given_position and main == 0 else found
+
+
+def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
+    """Search the whole range, then refine around the best."""
+    ratio, part = _best(pieces, array(np.linspace(*DECADES, 11)), array(np.linspace(0.0, 1.0, 3)), other)
+    for half, points, half_part, points_part in ZOOMS:
+        ratios = np.clip(ratio + np.linspace(-half, half, points), *DECADES)
+        parts = np.clip(part + np.linspace(-half_part, half_part, points_part), 0.0, 1.0)
+        ratio, part = _best(pieces, ratios, parts, other)
+    return ratio, part
+
+
+def _best(pieces: _Pieces, ratios: Array, parts: Array, other: float) -> tuple[float, float]:
+    """Most likely of all pairs."""
+    grid = np.meshgrid(ratios, parts, indexing="ij")
+    candidates = NoiseCandidates(grid[0].ravel(), grid[1].ravel(), np.full(grid[0].size, other))
+    ratio, part, _ = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
+    return ratio, part
+
+
+@dataclass(frozen=True, slots=True)
+class DisturbanceProfile:
+    """Likelihood of a record over thrust noise densities [s]: (m,) each.
+
+    `cost`: twice the negative log-likelihood; `force`: most likely density of the other unknown acceleration for each.
+    """
+
+    cost: Array
+    force: Array
+
+
+def disturbance_profile(chain: Chain, residual: Array, noise: Noise, thrusts: Array) -> DisturbanceProfile:
+    """Profile of a residual (n,) over `thrusts` (m,) [s]; the measurement variances stay fixed."""
+    main = 0 if bool(np.any(chain.channel == 0)) else 1
+    pieces = _Pieces(chain, residual, main)
+    size = noise.velocity if main == 0 else noise.position
+    forces = array((noise.force + noise.thrust * pieces.mean_thrust) * np.array(FLOORS))
+    candidates, beside = np.meshgrid(thrusts, forces, indexing="ij")
+    other = np.full(candidates.size, math.log10(noise.position / noise.velocity) if main == 0 else 0.0)
+    squares, logs, n = pieces.filtered(beside.ravel() / size, candidates.ravel() / size, other)
+    cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + DOUBT * (forces > 0.0)
+    best = cost.argmin(axis=1)
+    # Pieces sample a long record: scale the cost to all of it.
+    return DisturbanceProfile(array(cost.min(axis=1) * (chain.counts.sum() / n)), array(forces[best]))
+
+
+def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
+    """Rows of each piece, (length, pieces), and which of them exist: pieces end with their stretch."""
+    edges = np.append(np.flatnonzero(starts), len(starts))
+    firsts, ends = [], []
+    for begin, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        cut = list(range(begin, end, PIECE))
+        firsts += cut
+        ends += [*cut[1:], end]
+    every = max(1, round(len(starts) / ENOUGH))
+    first, end = np.array(firsts[::every]), np.array(ends[::every])
+    rows = first + np.arange(int((end - first).max()))[:, None]
+    return np.minimum(rows, end - 1), rows < end
+
+
+class _Pieces:
+    """Pieces of a chain side by side: (length, pieces) each; missing samples at the end of a piece do not count."""
+
+    def __init__(self, chain: Chain, residual: Array, main: int) -> None:
+        rows, present = _piece_rows(chain.starts)
+        A, Q = transitions(chain)
+        self._A, self._Q = A[rows], Q[rows]
+        self._channel, self._counts = chain.channel[rows], chain.counts[rows] & present
+        self._thrust, self._residual = chain.thrust[rows], residual[rows]
+        self.mean_thrust = max(1e-300, float(self._thrust.mean()))
+        self._memory_s, self._main = max(LEAST_MEMORY_S, chain.memory_s), main
+
+    def scores(self, candidates: NoiseCandidates) -> tuple[Array, Array]:
+        """Twice the negative log-likelihood per sample, and the main channel's variance: (g,) each.
+
+        The likelihood is maximized over the scale of the noise.
+        """
+        total = np.where(candidates.ratio <= DECADES[0], 0.0, 10.0**candidates.ratio)
+        thrust = total * candidates.part / self.mean_thrust
+        squares, logs, n = self.filtered(total * (1.0 - candidates.part), thrust, candidates.other)
+        return np.log(np.maximum(1e-300, squares / n)) + logs / n, squares / n
+
+    def filtered(self, force: Array, thrust: Array, other: Array) -> tuple[Array, Array, int]:
+        """Sums of squared normalized innovations, (g,), and of log variances, (g,), and their number.
+
+        For densities `force` and `thrust` (see `Noise`), in units of the main channel's variance, (g,) each.
+        """
+        density = force + self._thrust[:, :, None] * thrust
+        variances = np.ones((2, len(force)))
+        variances[1 - self._main] = 10.0**other
+        shape = density.shape[1:]
+        vv = ss = np.broadcast_to(WIDE * variances.max(axis=0), shape)
+        vs = va = sa = v = s = a = np.zeros(shape)
+        aa = density[0] / (2.0 * self._memory_s)
+        squares, logs = np.zeros(shape), np.zeros(shape)
+        for k, (A, Q, q) in enumerate(zip(self._A[:, :, :, :, None], self._Q[:, :, :, :, None], density, strict=True)):
+            if k:
+                A00, A01, A02, A10, A11, A12, A22 = (A[:, i, j] for i, j in NONZERO)
+                pv, ps, pa = (
+                    A00 * vv + A01 * vs + A02 * va,
+                    A00 * vs + A01 * ss + A02 * sa,
+                    A00 * va + A01 * sa + A02 * aa,
+                )
+                rv, rs, ra = (
+                    A10 * vv + A11 * vs + A12 * va,
+                    A10 * vs + A11 * ss + A12 * sa,
+                    A10 * va + A11 * sa + A12 * aa,
+                )
+                v, s, a = A00 * v + A01 * s + A02 * a, A10 * v + A11 * s + A12 * a, A22 * a
+                vv, vs = (
+                    pv * A00 + ps * A01 + pa * A02 + Q[:, 0, 0] * q,
+                    pv * A10 + ps * A11 + pa * A12 + Q[:, 0, 1] * q,
+                )
+                va, ss = pa * A22 + Q[:, 0, 2] * q, rv * A10 + rs * A11 + ra * A12 + Q[:, 1, 1] * q
+                sa, aa = ra * A22 + Q[:, 1, 2] * q, A22 * A22 * aa + Q[:, 2, 2] * q
+            is_position, counts = self._channel[k][:, None] == 1, self._counts[k][:, None]
+            hv, hs, ha = np.where(is_position, vs, vv), np.where(is_position, ss, vs), np.where(is_position, sa, va)
+            total = np.where(is_position, hs, hv) + variances[self._channel[k]]
+            error = self._residual[k][:, None] - np.where(is_position, s, v)
+            squares, logs = squares + counts * error * error / total, logs + counts * np.log(total)
+            weight = counts / total
+            kv, ks, ka = hv * weight, hs * weight, ha * weight
+            v, s, a = v + kv * error, s + ks * error, a + ka * error
+            vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
+            ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
+        return squares.sum(axis=0), logs.sum(axis=0), int(self._counts.sum())
+
+    def noise(self, ratio: float, part: float, other: float) -> Noise:
+        """Noise of these unknowns, scaled to the residuals."""
+        _, sizes = self.scores(NoiseCandidates(np.array([ratio]), np.array([part]), np.array([other])))
+        size = max(1e-18, float(sizes[0]))
+        total = 0.0 if ratio <= DECADES[0] else size * 10.0**ratio
+        position = size * 10.0**other if self._main == 0 else size
+        return Noise(size, position, total * (1.0 - part), total * part / self.mean_thrust)

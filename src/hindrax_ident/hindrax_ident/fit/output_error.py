@@ -1,0 +1,315 @@
+"""Output error: the parameters whose simulated motion lies closest to the measured one (Ljung 1999, section 4.3).
+
+Gauss-Newton with a damped step, started from the recursive estimate; disturbances are whitened by a Kalman filter
+with estimated noise. The estimate reaches the Cramer-Rao bound. Its covariance is checked against the remaining color
+and against the scatter between blocks of the record: where the scatter is significantly larger, the model is
+incomplete, and the scatter is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.fit.autoregression import color_backward, effective_samples, fit_autoregression
+from hindrax_ident.fit.noise_likelihood import fit_noise
+from hindrax_ident.fit.output_error_problem import (
+    LinearizedProblem,
+    OutputErrorProblem,
+    build_problem,
+    chain_of,
+    linearize,
+    restarted,
+    whitener_of,
+)
+from hindrax_ident.fit.whitening import Noise, Whitener
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.simulation import Trajectory
+from hindrax_ident.records.axis_record import Record
+
+STEPS = 40
+TOLERANCE = 1e-10
+ROUGH = 1e-4
+"""Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
+TOLERANCE is that of the final search."""
+NEGLIGIBLE = 1e-3
+"""Largest final step, in standard deviations, when rounding keeps the cost from decreasing."""
+TRIMMINGS = 2
+REWEIGHTINGS = 3
+SIMILAR = 0.2
+"""Change of the noise, in natural logarithms, below which it has converged."""
+OUTLIER_SIGMAS = 5.0
+ATTITUDE_SIGMA_rad = 0.01
+"""Standard deviation assigned to a measured angle. Its error is slow, and partly that of the rate, whose integral it
+is: so it only prevents drift of the angle."""
+BLOCK_S = 15.0
+CHANGE_S = 0.5
+CHANCE = 0.999
+
+
+@dataclass(frozen=True, slots=True)
+class OutputErrorFit:
+    """Parameters, (p,), in the model's order and units, their covariance, (p, p), and the fit behind them.
+
+    `effective_samples`: equivalent independent samples of the plain residuals; the covariance uses whitened ones.
+
+    `inflation` (p,): factor by which the scatter between blocks widened the standard deviations (1: not at all);
+    `sigmas`: standard deviations of the velocity and position residuals.
+    """
+
+    model: Model
+    theta: Array
+    covariance: Array
+    samples: int
+    effective_samples: float
+    sigmas: tuple[float, float]
+    inflation: Array
+    problem: OutputErrorProblem
+    linear: LinearizedProblem
+    noise: Noise
+    whitener: Whitener
+    converged: bool
+
+
+def refine(model: Model, record: Record, start: Array, belief: Prior) -> OutputErrorFit:
+    """Fit a record; ValueError when it has too few samples.
+
+    Deterministic: equal records give equal results, from any start within the basin of the solution.
+    """
+    problem = build_problem(model, record)
+    noise = _first_noise(problem)
+    white = whitener_of(problem, belief.values, problem.guess, noise)
+    linear, theta, _ = _descend(problem, start, problem.guess, white, belief, tolerance=ROUGH)
+    # Outliers first: their effect on the motion would be attributed to unknown forces.
+    for _ in range(TRIMMINGS):
+        problem = _without_outliers(problem, linear)
+        white = whitener_of(problem, theta, linear.path, noise)
+        linear, theta, _ = _descend(problem, theta, linear.path, white, belief, tolerance=ROUGH)
+    for _ in range(REWEIGHTINGS):
+        chain = chain_of(problem, theta, linear.path)
+        fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
+        settled, noise = _similar(fresh, noise), fresh
+        white = Whitener(chain, noise)
+        linear, theta, converged = _descend(problem, theta, linear.path, white, belief)
+        if settled:
+            break
+    return _fit_of(problem, linear, theta, white, belief, converged=converged)
+
+
+def reweighted(fit: OutputErrorFit, noise: Noise, belief: Prior) -> OutputErrorFit:
+    """Fit the same measurements again with another noise."""
+    problem = fit.problem
+    white = whitener_of(problem, fit.theta, fit.linear.path, noise)
+    linear, theta, converged = _descend(problem, fit.theta, fit.linear.path, white, belief)
+    return _fit_of(problem, linear, theta, white, belief, converged=converged)
+
+
+def retrained(fit: OutputErrorFit, record: Record, belief: Prior) -> tuple[Array, tuple[float, float]]:
+    """Parameters, (p,), of another record with the noise of this fit, and the deviations of its residuals."""
+    problem = build_problem(fit.model, record)
+    theta, path = fit.theta, problem.guess
+    for _ in range(TRIMMINGS):
+        white = whitener_of(problem, theta, path, fit.noise)
+        linear, theta, _ = _descend(problem, theta, path, white, belief, tolerance=ROUGH)
+        kept, problem, path = problem.samples, _without_outliers(problem, linear), linear.path
+        if problem.samples == kept:
+            break
+    return theta, (_rms(_raw(problem, linear, 0)), _rms(_raw(problem, linear, 1)))
+
+
+def _first_noise(problem: OutputErrorProblem) -> Noise:
+    """Noise before the first fit: white, with the variance of the sample-to-sample changes."""
+    variances = []
+    for channel in (0, 1):
+        changes = [np.diff(problem.y[span][problem.channel[span] == channel], n=2) for span in problem.spans]
+        joined = np.concatenate(changes)
+        variances.append(max(1e-12, float(np.mean(joined**2) / 6.0)) if len(joined) else 1.0)
+    return Noise(variances[0], ATTITUDE_SIGMA_rad**2 if problem.model.restores else variances[1])
+
+
+def _similar(a: Noise, b: Noise) -> bool:
+    least = 1e-12
+    pairs = ((getattr(a, one.name) + least, getattr(b, one.name) + least) for one in fields(Noise))
+    return all(abs(math.log(x / y)) < SIMILAR for x, y in pairs)
+
+
+def _descend(
+    problem: OutputErrorProblem,
+    start: Array,
+    path: Trajectory,
+    white: Whitener,
+    belief: Prior,
+    *,
+    tolerance: float = TOLERANCE,
+) -> tuple[LinearizedProblem, Array, bool]:
+    """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas."""
+    theta, linear = _feasible_start(problem, start, path, white, belief)
+    damping = 1e-3
+    for _ in range(STEPS):
+        information = linear.information + belief.information
+        gradient = linear.gradient + belief.information @ (belief.values - theta)
+        scale = array(np.sqrt(np.diag(information)))
+        normal = array(information / np.outer(scale, scale))
+        wanted = float(np.abs(np.linalg.solve(normal, gradient / scale)).max())
+        step = np.linalg.solve(normal + damping * np.eye(len(theta)), gradient / scale) / scale
+        if float(np.abs(step * scale).max()) < tolerance * math.sqrt(1.0 + problem.samples):
+            return linear, theta, True
+        tried = linearize(problem, theta + step, restarted(problem, linear, step), white)
+        if tried is not None and _total(tried, theta + step, belief) < _total(linear, theta, belief):
+            theta, linear, damping = theta + step, tried, damping * 0.02
+        elif wanted < NEGLIGIBLE or damping > 1e8:
+            return linear, theta, wanted < NEGLIGIBLE
+        else:
+            damping = max(1e-6, damping) * 10.0
+    return linear, theta, False
+
+
+def _total(linear: LinearizedProblem, theta: Array, belief: Prior) -> float:
+    return linear.cost + float(np.sum(((theta - belief.values) / belief.sigmas) ** 2))
+
+
+def _feasible_start(
+    problem: OutputErrorProblem, start: Array, path: Trajectory, white: Whitener, belief: Prior
+) -> tuple[Array, LinearizedProblem]:
+    """Start, (p,), or the prior where the simulation diverges; with fitted initial conditions."""
+    for theta in (start, belief.values):
+        linear = linearize(problem, theta, path, white) if np.all(np.isfinite(theta)) else None
+        if linear is not None:
+            again = linearize(problem, theta, restarted(problem, linear, np.zeros(len(theta))), white)
+            return theta, again or linear
+    raise ValueError("the simulation diverges from both the start and the prior")
+
+
+def _raw(problem: OutputErrorProblem, linear: LinearizedProblem, channel: int) -> Array:
+    """Plain residuals of a channel without outliers: (n,) [m/s, rad/s] or [m, rad]."""
+    return array(linear.raw[(problem.channel == channel) & problem.counts])
+
+
+def _without_outliers(problem: OutputErrorProblem, linear: LinearizedProblem) -> OutputErrorProblem:
+    """Mark measurements as outliers beyond OUTLIER_SIGMAS."""
+    counts = np.ones(len(problem.t), bool)
+    for channel in (0, 1):
+        own = problem.channel == channel
+        counts &= ~own | (np.abs(linear.raw) <= OUTLIER_SIGMAS * _robust_sigma(linear.raw[own]))
+    return replace(problem, counts=counts)
+
+
+def _robust_sigma(raw: Array) -> float:
+    """Standard deviation by the 90th percentile: the median of rounded velocities may be far too small."""
+    return float(np.percentile(np.abs(raw), 90.0)) / 1.645 if len(raw) else math.inf
+
+
+def _fit_of(
+    problem: OutputErrorProblem,
+    linear: LinearizedProblem,
+    theta: Array,
+    white: Whitener,
+    belief: Prior,
+    *,
+    converged: bool,
+) -> OutputErrorFit:
+    inverse = array(np.linalg.inv(linear.information + belief.information))
+    freedom = max(1, problem.samples - problem.nuisances - len(theta))
+    plain = array(inverse * (linear.cost / freedom))
+    covariance = _with_color(problem, linear, belief, inverse, plain)
+    inflation = _inflation(linear, problem, inverse, covariance)
+    return OutputErrorFit(
+        model=problem.model,
+        theta=theta,
+        covariance=covariance * np.outer(inflation, inflation),
+        samples=problem.samples,
+        effective_samples=_effective_samples(problem, linear),
+        sigmas=(_rms(_raw(problem, linear, 0)), _rms(_raw(problem, linear, 1))),
+        inflation=inflation,
+        problem=problem,
+        linear=linear,
+        noise=white.noise,
+        whitener=white,
+        converged=converged,
+    )
+
+
+def _effective_samples(problem: OutputErrorProblem, linear: LinearizedProblem) -> float:
+    """Equivalent independent velocity samples; residuals of positions are integrated velocity errors."""
+    own = (problem.channel == problem.main) & problem.counts
+    pieces = [linear.raw[span][own[span]] for span in problem.spans]
+    if problem.main == 0:
+        return effective_samples(pieces)
+    times = [problem.t[span][own[span]] for span in problem.spans]
+    return effective_samples([_changes(t, r) for t, r in zip(times, pieces, strict=True) if len(t)])
+
+
+def _changes(t: Array, r: Array) -> Array:
+    """Changes of a residual over spans of CHANGE_S: (n,) [m, rad]."""
+    return array(np.diff(r[np.unique(np.searchsorted(t, np.arange(t[0], t[-1], CHANGE_S)))]))
+
+
+def _rms(raw: Array) -> float:
+    return float(np.sqrt(np.mean(raw**2))) if len(raw) else math.nan
+
+
+def _with_color(
+    problem: OutputErrorProblem, linear: LinearizedProblem, belief: Prior, inverse: Array, plain: Array
+) -> Array:
+    """Covariance, (p, p), with remaining color: H^-1 (J' Omega J + B) H^-1; `plain` where residuals are white.
+
+    B is the information of the prior, which has an error too.
+    """
+    middle, colored = belief.information, False
+    for channel in (0, 1):
+        rows = [np.flatnonzero(problem.channel[span] == channel) + span.start for span in problem.spans]
+        pieces = [linear.r[own] for own in rows]
+        color = fit_autoregression(pieces)
+        colored = colored or len(color) > 0
+        size = _innovation_variance(pieces, color)
+        for own in rows:
+            colored_columns = color_backward(color, linear.J[own])
+            middle += colored_columns.T @ colored_columns * size
+    return array(inverse @ middle @ inverse) if colored else plain
+
+
+def _innovation_variance(pieces: list[Array], color: Array) -> float:
+    """Innovation variance of an autoregression of residuals."""
+    errors = [_unpredicted(piece, color) for piece in pieces if len(piece) > len(color)]
+    joined = np.concatenate(errors) if errors else np.zeros(0)
+    return float(np.mean(joined**2)) if len(joined) else 0.0
+
+
+def _unpredicted(piece: Array, color: Array) -> Array:
+    """Innovations of an autoregression: (n - order,), in the unit of the piece."""
+    n, order = len(piece) - len(color), len(color)
+    terms = (a * piece[order - k : order - k + n] for k, a in enumerate(color, 1))
+    return array(piece[order:] - sum(terms, np.zeros(n)))
+
+
+def _inflation(linear: LinearizedProblem, problem: OutputErrorProblem, inverse: Array, covariance: Array) -> Array:
+    """Ratios of the scatter between blocks to the standard deviations, where significantly above 1: (p,) [-]."""
+    gradients, informations = _blocks(linear, problem)
+    blocks = len(gradients)
+    if blocks < 4:
+        return np.ones(len(inverse))
+    scatter = np.sum((gradients @ inverse) ** 2, axis=0) * blocks / (blocks - 1)
+    ratio = scatter / np.diag(covariance)
+    # Blocks with little information on a parameter add few degrees of freedom to its scatter.
+    shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
+    freedom = np.maximum(1.0, shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0) - 1.0)
+    limit = array(chi2.ppf(CHANCE, freedom)) / freedom
+    return array(np.where(ratio > limit, np.sqrt(ratio), 1.0))
+
+
+def _blocks(linear: LinearizedProblem, problem: OutputErrorProblem) -> tuple[Array, list[Array]]:
+    """Gradient of the cost and information of each block of about BLOCK_S seconds: (blocks, p), (p, p) each."""
+    gradients, informations = [], []
+    for span in problem.spans:
+        times, J, r = problem.t[span], linear.J[span], linear.r[span]
+        length = float(times[-1] - times[0])
+        count = max(1, round(length / BLOCK_S))
+        block = np.minimum(count - 1, ((times - times[0]) / max(length, 1e-9) * count).astype(int))
+        gradients += [J[block == one].T @ r[block == one] for one in range(count)]
+        informations += [array(J[block == one].T @ J[block == one]) for one in range(count)]
+    return np.array(gradients), informations

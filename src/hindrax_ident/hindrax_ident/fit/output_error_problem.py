@@ -1,0 +1,249 @@
+"""Output-error problem of one record: residuals and sensitivities, whitened, without the initial conditions.
+
+The model is simulated over the recorded thrust; its velocity (and its position, where measured) is compared with the
+measurements at their times. Initial velocity and position of each stretch are nuisance parameters, removed by
+projection, so that only the parameters remain.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Flags, Index, array
+from hindrax_ident.fit.whitening import Chain, Noise, Whitener
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
+from hindrax_ident.records.axis_record import Record, Series, Stretch
+
+LONGEST_STEP_S = 0.05
+FEWEST_SAMPLES = 8
+SAME_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class OutputErrorProblem:
+    """Grid and measurements of all stretches, the latter in time order, (n,) each.
+
+    `index`: index on the grid; `channel`: 0 for a velocity, 1 for a position; `counts`: false for outliers; `spans`:
+    measurements of each stretch; `guess`: initial guess of the motion; `lag_s`: lag of the thrust; `efforts`: integral
+    of its squares up to each measurement.
+    """
+
+    model: Model
+    grid: Grid
+    t: Array
+    y: Array
+    index: Index
+    channel: Index
+    counts: Flags
+    spans: tuple[slice, ...]
+    guess: Trajectory
+    lag_s: float
+    efforts: Array
+
+    @property
+    def samples(self) -> int:
+        """Number of measurements that count."""
+        return int(self.counts.sum())
+
+    @property
+    def has_position(self) -> tuple[bool, ...]:
+        """Whether each stretch has positions: then its initial position is a nuisance parameter too."""
+        return tuple(bool(np.any(self.channel[span] == 1)) for span in self.spans)
+
+    @property
+    def nuisances(self) -> int:
+        """Number of initial conditions."""
+        return len(self.spans) + sum(self.has_position)
+
+    @property
+    def main(self) -> int:
+        """Main channel, for residuals and quality: velocity where measured, otherwise position."""
+        return 0 if bool(np.any(self.channel == 0)) else 1
+
+    def starts(self) -> Flags:
+        """Measurements that begin a stretch: (n,)."""
+        out = np.zeros(len(self.t), bool)
+        out[[span.start for span in self.spans]] = True
+        return out
+
+
+def build_problem(model: Model, record: Record) -> OutputErrorProblem:
+    """Build grid and measurements of all stretches; ValueError when no stretch has enough samples."""
+    cut = [_measured(record, stretch) for stretch in record.stretches]
+    cut = [(v, s) for v, s in cut if len(v) + len(s) >= FEWEST_SAMPLES]
+    if not cut:
+        raise ValueError(f"no stretch of the record has enough samples, wanted {FEWEST_SAMPLES}")
+    grids = [_grid(_merged(v.t, s.t)) for v, s in cut]
+    times = np.concatenate(grids)
+    offsets = np.cumsum([0, *(len(grid) for grid in grids)])
+    starts = np.zeros(len(times), bool)
+    starts[offsets[:-1]] = True
+    impulse = np.where(starts, 0.0, np.diff(record.impulse(times), prepend=0.0))
+    chains = [_interleaved(v, s, grid, int(at)) for (v, s), grid, at in zip(cut, grids, offsets, strict=False)]
+    t, y, index, channel = (np.concatenate(parts) for parts in zip(*chains, strict=True))
+    edges = np.cumsum([0, *(len(chain[0]) for chain in chains)]).tolist()
+    return OutputErrorProblem(
+        model=model,
+        grid=Grid(times, starts, impulse),
+        t=t,
+        y=y,
+        index=index.astype(np.intp),
+        channel=channel.astype(np.intp),
+        counts=np.ones(len(t), bool),
+        spans=tuple(slice(a, b) for a, b in itertools.pairwise(edges)),
+        guess=_initial_guess(cut, grids),
+        lag_s=record.lag_s,
+        efforts=record.efforts(t),
+    )
+
+
+def _measured(record: Record, stretch: Stretch) -> tuple[Series, Series]:
+    return (
+        record.velocity.between(stretch.start_s, stretch.end_s),
+        record.position.between(stretch.start_s, stretch.end_s),
+    )
+
+
+def _merged(first: Array, second: Array) -> Array:
+    """Times of both, (n,) [s]; those within a microsecond once."""
+    times = np.union1d(first, second)
+    return array(times[np.concatenate([[True], np.diff(times) > SAME_S])])
+
+
+def _grid(times: Array) -> Array:
+    """Measurement times and points between them, (n,) [s], so that no step exceeds LONGEST_STEP_S."""
+    steps = np.diff(times)
+    parts = np.maximum(1, np.ceil(steps / LONGEST_STEP_S - 1e-6)).astype(int)
+    index = np.repeat(np.arange(len(steps)), parts)
+    within = np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)
+    return array(np.append(times[index] + steps[index] * within / parts[index], times[-1]))
+
+
+def _interleaved(v: Series, s: Series, grid: Array, offset: int) -> tuple[Array, Array, Array, Array]:
+    """Times [s], values, grid indices and channels of both series in time order: (n,) each."""
+    t = np.concatenate([v.t, s.t])
+    channel = np.concatenate([np.zeros(len(v)), np.ones(len(s))])
+    order = np.argsort(t, kind="stable")
+    index = np.searchsorted(grid, t[order] - SAME_S) + offset
+    return t[order], np.concatenate([v.y, s.y])[order], array(index), channel[order]
+
+
+def _initial_guess(cut: list[tuple[Series, Series]], grids: list[Array]) -> Trajectory:
+    """Motion as measured; missing quantities are derived from measured ones."""
+    velocities, positions = [], []
+    for (v, s), grid in zip(cut, grids, strict=True):
+        speed = np.interp(grid, v.t, v.y) if len(v) else np.zeros(len(grid))
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(grid) * (speed[1:] + speed[:-1]))])
+        velocities.append(speed)
+        positions.append(np.interp(grid, s.t, s.y) if len(s) else integral)
+    return Trajectory(np.concatenate(velocities), np.concatenate(positions))
+
+
+@dataclass(frozen=True, slots=True)
+class LinearizedProblem:
+    """Problem linearized about one set of parameters.
+
+    `r` (n,) and `J` (n, p) are whitened, in units of the innovations' standard deviations, without the initial
+    conditions; `start` (stretches, 2, 1 + p): residuals and sensitivities of the initial conditions; `raw` (n,): plain
+    residuals [m/s or rad/s; m or rad].
+    """
+
+    r: Array
+    J: Array
+    start: Array
+    raw: Array
+    path: Trajectory
+
+    @property
+    def cost(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.r @ self.r)
+
+    @property
+    def information(self) -> Array:
+        """J'J: (p, p)."""
+        return array(self.J.T @ self.J)
+
+    @property
+    def gradient(self) -> Array:
+        """J'r: (p,)."""
+        return array(self.J.T @ self.r)
+
+
+def linearize(
+    problem: OutputErrorProblem,
+    theta: Array,
+    path: Trajectory,
+    white: Callable[[Array], Array],
+    impulses: Array | None = None,
+) -> LinearizedProblem | None:
+    """Simulate from the start of each stretch of `path` and differentiate; None where it diverges.
+
+    With `impulses` (grid, m), J has m further columns after those of the parameters.
+    """
+    moved = trajectory(problem.model, theta, problem.grid, path)
+    if moved is None:
+        return None
+    S = sensitivities(problem.model, theta, problem.grid, moved, impulses)[problem.index, problem.channel]
+    predicted = np.stack([moved.v, moved.s], axis=1)[problem.index, problem.channel]
+    raw = problem.y - predicted
+    p = len(theta)
+    table = np.column_stack([raw, S[:, :p], S[:, p + 2 :], S[:, p : p + 2]])
+    table = white(table)
+    start = _project(problem, table)
+    return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
+
+
+def chain_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> Chain:
+    """Linearized error dynamics between the measurements."""
+    model, index, starts = problem.model, problem.index, problem.starts()
+    v, s = path.v[index], path.s[index]
+    stiffness = theta[-2] * np.cos(s) / theta[-1] if model.restores else np.zeros(len(s))
+    steps = np.where(starts, 0.0, np.diff(problem.t, prepend=problem.t[:1]))
+    damping, thrust_density = model.slope(theta, v) / theta[-1], _effort(problem, steps) / theta[-1] ** 2
+    return Chain(problem.channel, starts, steps, damping, stiffness, problem.counts, thrust_density, problem.lag_s)
+
+
+def _effort(problem: OutputErrorProblem, steps_s: Array) -> Array:
+    """Mean squared thrust between a measurement and the previous one: (n,) [N^2, N^2 m^2].
+
+    For steps of no length, such as at the start of a stretch, that of the next step.
+    """
+    gained = np.diff(problem.efforts, prepend=problem.efforts[:1])
+    known = steps_s > SAME_S
+    following = np.searchsorted(np.flatnonzero(known), np.arange(len(known)))
+    steps = np.append(np.flatnonzero(known), len(known) - 1)[following]
+    return array(gained[steps] / np.maximum(SAME_S, steps_s[steps]))
+
+
+def whitener_of(problem: OutputErrorProblem, theta: Array, path: Trajectory, noise: Noise) -> Whitener:
+    """Whitener for the motion along a path."""
+    return Whitener(chain_of(problem, theta, path), noise)
+
+
+def _project(problem: OutputErrorProblem, white: Array) -> Array:
+    """Project out the initial conditions (last two columns) per stretch, in place: (stretches, 2, m - 2)."""
+    width = white.shape[1] - 2
+    starts = np.zeros((len(problem.spans), 2, width))
+    for row, (span, has_position) in enumerate(zip(problem.spans, problem.has_position, strict=True)):
+        count = 2 if has_position else 1
+        psi = white[span, width : width + count]
+        Q, R = np.linalg.qr(psi)
+        along = Q.T @ white[span, :width]
+        white[span, :width] -= Q @ along
+        starts[row, :count] = np.linalg.lstsq(R, along, rcond=None)[0]
+    return starts
+
+
+def restarted(problem: OutputErrorProblem, linear: LinearizedProblem, change: Array) -> Trajectory:
+    """Initial guess of the motion after a change of the parameters, with initial conditions updated to first order."""
+    v, s = linear.path.v.copy(), linear.path.s.copy()
+    steps = linear.start[:, :, 0] - linear.start[:, :, 1 : 1 + len(change)] @ change
+    v[problem.grid.starts] += steps[:, 0]
+    s[problem.grid.starts] += steps[:, 1]
+    return Trajectory(v, s)

@@ -1,0 +1,196 @@
+"""Whitening of residuals of a simulated motion by a Kalman filter.
+
+A residual is measurement noise plus the effect of unknown forces (thrust noise, eddies) on the motion, which decays
+with the drag. Thruster lag filters the thrust noise, so an unknown force is correlated over that time; and thrust noise
+grows with the thrust, so part of its density is proportional to the squared thrust. The filter of the linearized error
+(velocity, position, unknown acceleration) predicts each residual from the previous ones; the innovations are white.
+The same filter runs over every column of the sensitivities, so least squares on the result is maximum likelihood to
+first order (Ljung 1999, sections 4.3 and 7.4). Without unknown forces it is plain output error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from hindrax_ident.arrays import Array, Flags, Index, array
+
+LEAST_MEMORY_S = 0.02
+MEMORY_S = 1.0
+NEGLIGIBLE = 1e-4
+"""Share of the measurement variance due to unknown forces within MEMORY_S, below which they are neglected."""
+SHORT = 0.1
+"""Step, in units of the fastest time constant, over which the series of the transition is exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Variances of measured velocity and position; density of the unknown acceleration [m^2/s^3, rad^2/s^3].
+
+    `thrust` [s]: density proportional to the thrust, per squared acceleration due to the thrusters.
+    """
+
+    velocity: float = 1.0
+    position: float = 1.0
+    force: float = 0.0
+    thrust: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Measurements of all stretches in time order, (n,) each, and the linearized error dynamics between them.
+
+    `channel`: 0 velocity, 1 position; `step_s`: time since the previous one, zero at a start; `damping` and
+    `stiffness`: d and k of the error's v' = -d v - k s + a at the measurement [1/s, 1/s^2]; `counts`: false for
+    outliers; `thrust`: sum of the squared accelerations due to the thrusters over the step [m^2/s^4, rad^2/s^4];
+    `memory_s`: time constant of the unknown acceleration a.
+    """
+
+    channel: Index
+    starts: Flags
+    step_s: Array
+    damping: Array
+    stiffness: Array
+    counts: Flags
+    thrust: Array
+    memory_s: float
+
+    def density(self, noise: Noise) -> Array:
+        """Density of the unknown acceleration over each step: (n,) [m^2/s^3, rad^2/s^3]."""
+        return array(noise.force + noise.thrust * self.thrust)
+
+
+def transitions(chain: Chain) -> tuple[Array, Array]:
+    """Transition of the error (v, s, a) over each step, and its covariance for unit density: (n, 3, 3) each, SI.
+
+    Series over a fraction of the step, then repeated doubling.
+    """
+    n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_S, chain.memory_s)
+    fastest = rate + float(np.abs(chain.damping).max() + np.sqrt(np.abs(chain.stiffness).max()))
+    doublings = max(0, math.ceil(math.log2(max(1e-9, fastest * float(chain.step_s.max()) / SHORT))))
+    h = chain.step_s / 2**doublings
+    F = np.zeros((n, 3, 3))
+    F[:, 0, 0], F[:, 0, 1], F[:, 0, 2] = -chain.damping * h, -chain.stiffness * h, h
+    F[:, 1, 0], F[:, 2, 2] = h, -rate * h
+    drive = np.zeros((3, 3))
+    drive[2, 2] = rate * rate
+    A, middle = _series(F), _series(0.5 * F)
+    at_middle, at_end = middle @ drive @ _transposed(middle), A @ drive @ _transposed(A)
+    Q = h[:, None, None] / 6.0 * (drive + 4.0 * at_middle + at_end)
+    for _ in range(doublings):
+        Q = Q + A @ Q @ _transposed(A)
+        A = A @ A
+    return array(A), array(Q)
+
+
+def _series(F: Array) -> Array:
+    """Matrix exponential to fourth order: (n, 3, 3)."""
+    square = F @ F
+    return array(np.eye(3) + F + square / 2.0 + F @ square / 6.0 + square @ square / 24.0)
+
+
+def _transposed(A: Array) -> Array:
+    """Each matrix transposed: (n, 3, 3)."""
+    return array(np.swapaxes(A, 1, 2))
+
+
+def gains(chain: Chain, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:
+    """Kalman gains (n, 3) and standard deviations of the innovations (n,).
+
+    Velocity and position at the start of a stretch count as exact: their errors are nuisance parameters. The unknown
+    acceleration starts at its stationary variance.
+    """
+    A, Q = transition
+    density, variances = chain.density(noise), (noise.velocity, noise.position)
+    grown = Q * density[:, None, None]
+    first = (density / (2.0 * max(LEAST_MEMORY_S, chain.memory_s))).tolist()
+    rows = zip(
+        chain.channel.tolist(),
+        chain.starts.tolist(),
+        chain.counts.tolist(),
+        first,
+        A[:, :2].reshape(-1, 6).tolist(),
+        A[:, 2, 2].tolist(),
+        grown.reshape(-1, 9).tolist(),
+        strict=True,
+    )
+    vv = vs = ss = va = sa = aa = 0.0
+    K, S = [], []
+    for channel, start, counts, begin, (a, b, e, c, d, f), g, (qvv, qvs, qva, _, qss, qsa, _, _, qaa) in rows:
+        if start:
+            vv = vs = ss = va = sa = 0.0
+            aa = begin
+        else:
+            pv, ps, pa = a * vv + b * vs + e * va, a * vs + b * ss + e * sa, a * va + b * sa + e * aa
+            rv, rs, ra = c * vv + d * vs + f * va, c * vs + d * ss + f * sa, c * va + d * sa + f * aa
+            vv, vs, va = pv * a + ps * b + pa * e + qvv, pv * c + ps * d + pa * f + qvs, pa * g + qva
+            ss, sa, aa = rv * c + rs * d + ra * f + qss, ra * g + qsa, g * g * aa + qaa
+        hv, hs, ha = (vs, ss, sa) if channel else (vv, vs, va)
+        total = (ss if channel else vv) + variances[channel]
+        S.append(total)
+        if not counts:
+            K.append((0.0, 0.0, 0.0))
+            continue
+        kv, ks, ka = hv / total, hs / total, ha / total
+        K.append((kv, ks, ka))
+        vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
+        ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
+    return np.array(K).reshape(-1, 3), array(np.sqrt(S))
+
+
+class Whitener:
+    """The filter for one chain and one noise, computed once and applied to many columns."""
+
+    __slots__ = ("_A", "_K", "_chain", "_weight", "noise")
+
+    def __init__(self, chain: Chain, noise: Noise) -> None:
+        """With negligible unknown forces, whitening is only scaling."""
+        self._chain, self.noise = chain, noise
+        self._A: Array | None = None
+        scale = np.where(chain.channel == 0, math.sqrt(noise.velocity), math.sqrt(noise.position))
+        if float(chain.density(noise).mean()) * MEMORY_S > NEGLIGIBLE * min(noise.velocity, noise.position):
+            transition = transitions(chain)
+            self._A = transition[0]
+            self._K, scale = gains(chain, transition, noise)
+        self._weight = array(chain.counts / scale)[:, None]
+
+    def __call__(self, table: Array) -> Array:
+        """Innovations of each column in units of their standard deviation: (n, m) to (n, m); zero for outliers."""
+        if self._A is None:
+            return array(table * self._weight)
+        return array((table - _predicted(self._chain, self._A, self._K, table)) * self._weight)
+
+
+def whiten(chain: Chain, noise: Noise, table: Array) -> Array:
+    """Innovations of each column, for a single use: (n, m) to (n, m) [-]."""
+    return Whitener(chain, noise)(table)
+
+
+def _predicted(chain: Chain, A: Array, K: Array, table: Array) -> Array:
+    """Predicted measurements for all columns, from one banded system: (n, m)."""
+    n, m = table.shape
+    inside = ~chain.starts[1:]
+    moved = (A[1:] @ _update(chain, K)[:-1]) * inside[:, None, None]
+    drive = np.zeros((n, 3, m))
+    drive[1:] = (A[1:] @ K[:-1, :, None]) @ table[:-1, None, :]
+    drive[chain.starts] = 0.0
+    # Row 3 k + i, column 3 (k - 1) + j of the lower band lies 3 + i - j below the diagonal.
+    bands = np.zeros((6, 3 * n))
+    bands[0] = 1.0
+    for i in range(3):
+        for j in range(3):
+            bands[3 + i - j, j : 3 * n - 3 : 3] = -moved[:, i, j]
+    states = solve_banded((5, 0), bands, drive.reshape(3 * n, m), overwrite_b=True, check_finite=False)
+    return array(states.reshape(n, 3, m)[np.arange(n), chain.channel])
+
+
+def _update(chain: Chain, K: Array) -> Array:
+    """I - K H of each measurement: (n, 3, 3)."""
+    out = np.tile(np.eye(3), (len(K), 1, 1))
+    at = np.arange(len(K))
+    for state in range(3):
+        out[at, state, chain.channel] -= K[:, state]
+    return out

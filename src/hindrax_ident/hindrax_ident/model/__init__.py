@@ -1,0 +1,1 @@
+"""The equations of motion, their parameters, and their prior."""

@@ -1,0 +1,178 @@
+"""The models: one equation per degree of freedom, its coefficients with unit, bounds and meaning, its known terms.
+
+    (m + m_a) v' = tau + known - drag(v) - b - k_r s(attitude),    drag(v) = k_q |v| v + k_l v
+
+COB-2023-1394 eq. 2 at constant velocity, with the acceleration of Eidsvik 2015 and the hydrostatics of Fossen 2011
+eq. 4.6. Everything is in SNAME body axes about the center of mass. Heave has separate drag coefficients
+per direction, as in COB-2023-1394 Table 3: its two motions share b (there: the net buoyancy) and the mass.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_core.errors import UsageError
+from hindrax_core.readings import Vec3
+from hindrax_core.vehicle import Thruster, Vehicle
+from hindrax_ident.arrays import Array
+
+HORIZONTAL = (0, 1)
+"""Axes with possible unmeasured current, and with a component of net buoyancy when tilted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One row of COB-2023-1394 Table 3: axis 0 to 5 (surge to yaw) and direction of motion (0: both)."""
+
+    name: str
+    axis: int
+    side: int = 0
+
+
+MOTIONS: dict[str, Motion] = {
+    motion.name: motion
+    for motion in (
+        Motion("surge", 0),
+        Motion("sway", 1),
+        Motion("heave_down", 2, 1),
+        Motion("heave_up", 2, -1),
+        Motion("roll", 3),
+        Motion("pitch", 4),
+        Motion("yaw", 5),
+    )
+}
+
+
+def motion_named(name: str) -> Motion:
+    """Motion by name; UsageError when unknown."""
+    try:
+        return MOTIONS[name]
+    except KeyError as error:
+        raise UsageError(f"motion {name!r}: unknown, wanted one of {', '.join(MOTIONS)}") from error
+
+
+def motions_of(axis: int) -> tuple[Motion, ...]:
+    """Motions that excite an axis: one, or two for heave."""
+    return tuple(motion for motion in MOTIONS.values() if motion.axis == axis)
+
+
+@dataclass(frozen=True, slots=True)
+class Coefficient:
+    """One number of a model: name, unit, physical bounds, meaning."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+
+
+def coefficients(axis: int) -> dict[str, Coefficient]:
+    """Coefficients of motions on this axis, by name, with their units."""
+    rotational = axis >= 3
+    unit = ("N m s^2", "N m s", "N m", "kg m^2", "N m") if rotational else ("N s^2/m^2", "N s/m", "N", "kg", "N")
+    unlimited = math.inf
+    rows = (
+        Coefficient("k_q", unit[0], 0.0, unlimited, "quadratic drag"),
+        Coefficient("k_l", unit[1], -unlimited, unlimited, "linear drag"),
+        Coefficient("b", unit[2], -unlimited, unlimited, "net buoyancy" if axis == 2 else "offset"),
+        Coefficient("added_mass", unit[3], 0.0, unlimited, "added moment of inertia" if rotational else "added mass"),
+        Coefficient("k_r", unit[4], -unlimited, unlimited, "restoring moment per unit of sine"),
+    )
+    return {row.name: row for row in rows}
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """The equation of one axis. Parameters in the order of `names`; the last is always the total mass.
+
+    `split`: separate drag coefficients for negative velocity. `restores`: k_r is among the parameters.
+    """
+
+    axis: int
+    rigid: float
+    split: bool = False
+    restores: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters: drag (k_q, k_l; then for negative velocity), b, k_r where it restores, total mass."""
+        drag = ("k_q", "k_l", "k_q_negative", "k_l_negative") if self.split else ("k_q", "k_l")
+        return (*drag, "b", *(("k_r",) if self.restores else ()), "mass")
+
+    @property
+    def drags(self) -> int:
+        """Number of drag coefficients; b is the next parameter."""
+        return 4 if self.split else 2
+
+    def names_of(self, side: int) -> tuple[str, ...]:
+        """Parameters reported by a motion in one direction, in the order of `Coefficient` names."""
+        suffix = "_negative" if self.split and side < 0 else ""
+        return (f"k_q{suffix}", f"k_l{suffix}", "b", "mass", *(("k_r",) if self.restores else ()))
+
+    def columns(self, v: Array, position: Array) -> Array:
+        """Regressors of all parameters but the mass: (n, p - 1) [m^2/s^2, m/s, 1] or [rad^2/s^2, rad/s, 1, 1]."""
+        square = np.abs(v) * v
+        drag = [square, v]
+        if self.split:
+            ahead, back = v > 0.0, v <= 0.0
+            drag = [square * ahead, v * ahead, square * back, v * back]
+        rest = [np.sin(position)] if self.restores else []
+        return np.stack([*drag, np.ones_like(v), *rest], axis=1)
+
+    def force(self, theta: Array, v: Array, position: Array) -> Array:
+        """Resisting force, drag + b + restoring: (n,) [N] or [N m]."""
+        return np.asarray(self.columns(v, position) @ theta[:-1])
+
+    def slope(self, theta: Array, v: Array) -> Array:
+        """Derivative of drag with respect to velocity: (n,) [N s/m] or [N m s]."""
+        if not self.split:
+            return np.asarray(2.0 * theta[0] * np.abs(v) + theta[1])
+        ahead = v > 0.0
+        return np.where(ahead, 2.0 * theta[0] * v + theta[1], -2.0 * theta[2] * v + theta[3])
+
+
+def rigid_mass(vehicle: Vehicle, axis: int) -> float:
+    """Mass or moment of inertia of the body without added mass [kg, kg m^2]."""
+    return vehicle.mass_kg if axis < 3 else vehicle.inertia[axis - 3]
+
+
+def model_of(vehicle: Vehicle, axis: int, *, split: bool | None = None) -> Model:
+    """Model of an axis: heave is split unless `split` says otherwise, roll and pitch restore."""
+    return Model(axis, rigid_mass(vehicle, axis), axis == 2 if split is None else split, axis in (3, 4))
+
+
+def restoring(vehicle: Vehicle) -> float:
+    """k_r of roll and pitch from the vehicle file: buoyancy times its height above the center of mass [N m]."""
+    return vehicle.buoyancy_N * (vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2])
+
+
+def known_force(vehicle: Vehicle, axis: int, attitude_rad: Vec3) -> float:
+    """Hydrostatic force on surge and sway due to tilt [N]; zero on the other axes. Fossen 2011 eq. 4.6.
+
+    In roll and pitch it is part of k_r, in heave of b.
+    """
+    roll, pitch, _ = attitude_rad
+    sinking_N = -vehicle.net_buoyancy_N
+    if axis == 0:
+        return -sinking_N * math.sin(pitch)
+    if axis == 1:
+        return sinking_N * math.cos(pitch) * math.sin(roll)
+    return 0.0
+
+
+def lag_s(vehicle: Vehicle, axis: int) -> float:
+    """Time constant of the thrust on an axis: mean over the thrusters, weighted by their contributions [s]."""
+    shares = [(abs(unit_wrench(vehicle, thruster)[axis]), thruster.lag_s) for thruster in vehicle.thrusters]
+    total = sum(share for share, _ in shares)
+    return sum(share * lag for share, lag in shares) / total if total > 0.0 else 0.0
+
+
+def unit_wrench(vehicle: Vehicle, thruster: Thruster) -> tuple[float, ...]:
+    """Wrench about the center of mass per newton of a thruster, six numbers [-]*3, [m]*3. COB-2023-1394 eq. 9."""
+    d = thruster.direction
+    x, y, z = (p - c for p, c in zip(thruster.position_m, vehicle.center_of_mass_m, strict=True))
+    return (*d, y * d[2] - z * d[1], z * d[0] - x * d[2], x * d[1] - y * d[0])

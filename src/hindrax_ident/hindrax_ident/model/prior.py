@@ -1,0 +1,66 @@
+"""Priors: wide, from the size of the vehicle, or narrow, from an earlier result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.model.motion_model import Model, restoring
+
+WIDE = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """Values and standard deviations of a model's parameters, (p,) each, in the model's order."""
+
+    values: Array
+    sigmas: Array
+
+    @property
+    def information(self) -> Array:
+        """Inverse covariance: (p, p)."""
+        return np.diag(1.0 / self.sigmas**2)
+
+    def combined_with(self, index: int, value: float, sigma: float) -> Prior:
+        """Prior after an independent measurement of one parameter."""
+        values, sigmas = self.values.copy(), self.sigmas.copy()
+        weight = np.array([1.0 / sigmas[index] ** 2, 1.0 / sigma**2])
+        values[index] = weight @ [values[index], value] / weight.sum()
+        sigmas[index] = weight.sum() ** -0.5
+        return Prior(values, sigmas)
+
+
+def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
+    """Prior from the size alone: drag coefficient 2 +- 30, total mass 1.8 +- 3 body masses.
+
+    It keeps a poor record solvable; the first seconds of any run outweigh it.
+    """
+    length = vehicle.characteristic_length_m
+    rotational = model.axis >= 3
+    unit = 0.5 * vehicle.water.density_kgpm3 * length ** (5 if rotational else 2)
+    drag = [2.0 * unit, 0.0] * (model.drags // 2)
+    rest = [restoring(vehicle)] if model.restores else []
+    values = [*drag, 0.0, *rest, 1.8 * model.rigid]
+    sigmas = [WIDE * unit] * (len(values) - 1) + [3.0 * model.rigid]
+    if model.restores:
+        sigmas[-2] += abs(values[-2])
+    return Prior(np.array(values), np.array(sigmas))
+
+
+def with_prior(belief: Prior, model: Model, prior: Mapping[str, tuple[float, float]]) -> Prior:
+    """Belief with the parameters named by `prior` replaced by its values and standard deviations.
+
+    Names are those of the coefficients; `added_mass` is the total mass minus the body's own.
+    """
+    values, sigmas = belief.values.copy(), belief.sigmas.copy()
+    for index, name in enumerate(model.names):
+        known = prior.get("added_mass" if name == "mass" else name)
+        if known is not None:
+            values[index] = known[0] + (model.rigid if name == "mass" else 0.0)
+            sigmas[index] = known[1]
+    return Prior(values, sigmas)

@@ -1,0 +1,142 @@
+"""Motion predicted by a model for recorded thrust, with its sensitivity to every parameter.
+
+Trapezoidal collocation: on a grid of times t_k with velocities v_k and positions s_k,
+
+    M (v_k+1 - v_k) + h/2 (f_k + f_k+1) = impulse of the thrust over the step,    s_k+1 - s_k = h/2 (v_k + v_k+1)
+
+with f = drag + b + restoring, and the end terms of Euler and Maclaurin (h^2/12 times the change of the rates of f and v
+over the step), which make the rule of fourth order. All steps together are one banded system: Newton's method on it
+gives the whole trajectory in a few solves, and the sensitivities are further right-hand sides of the same matrix
+(implicit function theorem). Stretches of a record are solved side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.model.motion_model import Model
+
+NEWTON_STEPS = 30
+CONVERGED = 1e-11
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Times of all stretches one after the other, (n,) [s]; `starts` (n,) marks the first of each stretch.
+
+    `impulse` (n,): impulse of thrust and known forces over the step that ends at each time [N s, N m s]; zero at a
+    start.
+    """
+
+    times_s: Array
+    starts: Flags
+    impulse: Array
+
+    @property
+    def steps_s(self) -> Array:
+        """Length of the step that ends at each time: (n,) [s]; zero at a start."""
+        steps = np.diff(self.times_s, prepend=self.times_s[:1])
+        return np.where(self.starts, 0.0, steps)
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Velocity and position on the grid, (n,) each [m/s, m] or [rad/s, rad]."""
+
+    v: Array
+    s: Array
+
+
+def trajectory(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Trajectory | None:
+    """Motion from the first velocity and position of each stretch of `start`; the rest of `start` is the first guess.
+
+    None when Newton's method finds no solution: the parameters are implausible.
+    """
+    v, s = start.v.copy(), start.s.copy()
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(NEWTON_STEPS):
+            residual = _residual(model, theta, grid, v, s)
+            if not np.all(np.isfinite(residual)):
+                return None
+            try:
+                change = _solve(_bands(model, theta, grid, v, s), residual)
+            except np.linalg.LinAlgError:
+                return None
+            v, s = v - change[:, 0], s - change[:, 1]
+            if np.abs(change).max(initial=0.0) < CONVERGED * (1.0 + np.abs(v).max(initial=0.0)):
+                return Trajectory(v, s)
+    return None
+
+
+def sensitivities(model: Model, theta: Array, grid: Grid, path: Trajectory, impulses: Array | None = None) -> Array:
+    """Sensitivities of velocity and position: (n, 2, p + 2 + m) [m/s, m or rad/s, rad per unit of each column].
+
+    Columns: the p parameters, then the initial velocity and the initial position of the same stretch, then one per
+    column of `impulses` (n, m): additional impulses over each step.
+    """
+    n, p = len(path.v), len(theta)
+    extra = 0 if impulses is None else impulses.shape[1]
+    right = np.zeros((n, 2, p + 2 + extra))
+    half = 0.5 * grid.steps_s[:, None]
+    columns = model.columns(path.v, path.s)
+    right[1:, 0, : p - 1] = -half[1:] * (columns[1:] + columns[:-1])
+    right[1:, 0, p - 1] = -np.diff(path.v) * ~grid.starts[1:]
+    right[grid.starts, 0, p] = 1.0
+    right[grid.starts, 1, p + 1] = 1.0
+    if impulses is not None:
+        right[:, 0, p + 2 :] = impulses
+    return _solve(_bands(model, theta, grid, path.v, path.s), right)
+
+
+def _residual(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
+    """Residuals of momentum and kinematics: (n, 2) [N s, m] or [N m s, rad]; zero at the start of a stretch."""
+    force, steps = model.force(theta, v, s), grid.steps_s
+    out = np.zeros((len(v), 2))
+    out[1:, 0] = theta[-1] * np.diff(v) + _integral(force, steps) - grid.impulse[1:]
+    out[1:, 1] = np.diff(s) - _integral(v, steps)
+    out[grid.starts] = 0.0
+    return out
+
+
+def _integral(x: Array, steps: Array) -> Array:
+    """Integral of x over each step but the first: (n - 1,) [x s]. Trapezoid with end terms."""
+    return np.asarray(0.5 * steps[1:] * (x[1:] + x[:-1]) - steps[1:] ** 2 / 12.0 * np.diff(_rate(x, steps)))
+
+
+def _rate(x: Array, steps: Array) -> Array:
+    """Rate of change of x: (n,) [x/s], from both neighboring steps; from one at the ends of a stretch."""
+    before = np.divide(np.diff(x, prepend=x[:1]), steps, out=np.zeros_like(x), where=steps > 0.0)
+    after, longer = np.roll(before, -1), np.roll(steps, -1)
+    weight = steps + longer
+    both = np.divide(longer * before + steps * after, weight, out=np.zeros_like(x), where=weight > 0.0)
+    return array(np.where(steps == 0.0, after, np.where(longer == 0.0, before, both)))
+
+
+def _bands(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
+    """Jacobian of the residual, (5, 2 n), over (v_0, s_0, v_1, s_1, ...), in the form of solve_banded((3, 1))."""
+    n, half, inside = len(v), 0.5 * grid.steps_s, ~grid.starts
+    slope = model.slope(theta, v)
+    stiffness = theta[-2] * np.cos(s) if model.restores else np.zeros(n)
+    bands = np.zeros((5, 2 * n))
+    bands[1, 0::2] = np.where(inside, theta[-1] + half * slope, 1.0)
+    bands[1, 1::2] = 1.0
+    bands[0, 1::2] = half * stiffness
+    bands[2, 0::2] = -half
+    later = inside[1:]
+    bands[3, 0 : 2 * n - 2 : 2] = np.where(later, -theta[-1] + half[1:] * slope[:-1], 0.0)
+    bands[2, 1 : 2 * n - 2 : 2] = half[1:] * stiffness[:-1]
+    bands[4, 0 : 2 * n - 2 : 2] = -half[1:]
+    bands[3, 1 : 2 * n - 2 : 2] = np.where(later, -1.0, 0.0)
+    return bands
+
+
+def _solve(bands: Array, right: Array) -> Array:
+    """Solution of the banded system: (n, 2, m), the shape of the right-hand sides."""
+    """Solution of the banded system: (n, 2, m), the shape of the right-hand sides."""
+    flat = right.reshape(2 * right.shape[0], -1)
+    solved = solve_banded((3, 1), bands, flat, overwrite_b=False, check_finite=False)
+    return np.asarray(solved).reshape(right.shape)

@@ -1,0 +1,69 @@
+"""Thrust between commands: piecewise-constant commands through a first-order lag, integrated exactly.
+
+l' = (c - l) / T. Between two commands l(t) = c + (l0 - c) exp(-t / T), so neither the thrust nor its integral needs a
+step size.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Index
+
+
+class LaggedThrust:
+    """Thrust on one axis over a whole record: `times_s` (n,) increasing, `commands` (n,) [N, N m] from each time on."""
+
+    __slots__ = ("_commands", "_impulses", "_lagged", "_times", "lag_s")
+
+    def __init__(self, times_s: Array, commands: Array, lag_s: float) -> None:
+        if len(times_s) == 0:
+            raise ValueError("no thrust in the record, wanted at least one command")
+        self.lag_s = lag_s
+        self._times, self._commands = np.asarray(times_s, float), np.asarray(commands, float)
+        steps = np.diff(self._times)
+        self._lagged = _lagged(self._commands, steps, lag_s)
+        decay = _decay(steps, lag_s)
+        pieces = self._commands[:-1] * steps + (self._lagged[:-1] - self._commands[:-1]) * lag_s * (1.0 - decay)
+        self._impulses = np.concatenate([[0.0], np.cumsum(pieces)])
+
+    def force(self, at_s: Array) -> Array:
+        """Thrust after the lag: (n,) [N, N m]; before the first command, that command."""
+        index, since = self._locate(at_s)
+        command = self._commands[index]
+        return np.asarray(command + (self._lagged[index] - command) * _decay(since, self.lag_s))
+
+    def impulse(self, at_s: Array) -> Array:
+        """Integral of the thrust from the first command to each time: (n,) [N s, N m s]; negative before it."""
+        index, since = self._locate(at_s)
+        command, gap = self._commands[index], self._lagged[index] - self._commands[index]
+        fading = gap * self.lag_s * (1.0 - _decay(since, self.lag_s))
+        return np.asarray(self._impulses[index] + command * since + fading)
+
+    def _locate(self, at_s: Array) -> tuple[Index, Array]:
+        """Index of the command in force, (n,), and time since it, (n,) [s]."""
+        """Index of the command in force, (n,), and time since it, (n,) [s]."""
+        index = np.maximum(np.searchsorted(self._times, at_s, side="right") - 1, 0)
+        return index, np.asarray(at_s, float) - self._times[index]
+
+
+def _decay(spans_s: Array, lag_s: float) -> Array:
+    """Share of a lag's transient that is left after each span: (n,) [-]."""
+    """Share of a lag's transient that is left after each span: (n,) [-]."""
+    if lag_s <= 0.0:
+        return np.zeros_like(spans_s)
+    return np.asarray(np.exp(-np.maximum(spans_s, 0.0) / lag_s))
+
+
+def _lagged(commands: Array, steps: Array, lag_s: float) -> Array:
+    """Thrust after the lag at each command: (n,) [N, N m]; steady at the first."""
+    if lag_s <= 0.0:
+        return commands.copy()
+    value = float(commands[0])
+    out = [value]
+    for command, step in zip(commands[:-1].tolist(), steps.tolist(), strict=True):
+        value = command + (value - command) * math.exp(-step / lag_s)
+        out.append(value)
+    return np.array(out)

@@ -1,0 +1,1 @@
+"""Online identification: filtered regression, recursive least squares, joint EKF, session."""

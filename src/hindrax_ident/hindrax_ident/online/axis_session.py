@@ -1,0 +1,176 @@
+"""One axis of a running session: its estimator, its choice of sources, and its record for the final fit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6, Estimate, Thrust
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.model.coriolis import Masses, coriolis, coriolis_errors
+from hindrax_ident.model.motion_model import Model, Motion, known_force, lag_s, motions_of, unit_wrench
+from hindrax_ident.model.parameter_bounds import bounded
+from hindrax_ident.model.prior import Prior
+from hindrax_ident.model.sign_dependent import reported_parameters
+from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.records.axis_record import Record, Series, Stretch, series
+from hindrax_ident.records.binning import DEPTH_S, NAVIGATORS, Bin, SourceSelector, mean
+from hindrax_ident.tuning import Tuning
+
+ANGLE_S = 0.5
+"""Interval at which measured angles are kept: their errors are slow."""
+LONGEST_DIFFERENCE_S = 0.5
+"""Longest time between depths that give a velocity."""
+
+
+class AxisSession:
+    """One axis. Times in seconds from the start of the session."""
+
+    def __init__(self, vehicle: Vehicle, model: Model, belief: Prior, tuning: Tuning) -> None:
+        """An axis without samples."""
+        self.model, self.belief = model, belief
+        self._vehicle, self._tuning = vehicle, tuning
+        self.lag_s = lag_s(vehicle, model.axis)
+        self.estimator = AxisEstimator(model, self.lag_s, belief, tuning)
+        self._speed_source, self._depth_source = SourceSelector(), SourceSelector()
+        self._speed_bin = Bin(tuning.bin_s)
+        self._position_s = ANGLE_S if model.restores else 0.0
+        self._depth_bin = Bin(DEPTH_S)
+        self._depth_before: tuple[float, float] | None = None
+        self._velocities: dict[str, list[tuple[float, float]]] = {}
+        self._positions: dict[str, list[tuple[float, float]]] = {}
+        self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
+        self._thrusts: list[tuple[float, float]] = []
+        self._efforts: list[tuple[float, float]] = []
+        self._efforts_known = bool(vehicle.thrusters)
+        self._hydrostatics: list[tuple[float, float]] = []
+        self._other_velocities: list[tuple[float, ...]] = []
+        self._others: tuple[float, ...] = ZERO6
+        self._hydrostatic = self._coriolis = 0.0
+        self._reported = {motion.side: reported_parameters(model, motion) for motion in motions_of(model.axis)}
+
+    # ---- inputs, in time order
+
+    def thrust(self, t_s: float, thrust: Thrust) -> None:
+        """Thrust commanded from this time on."""
+        force = thrust.wrench[self.model.axis]
+        self._thrusts.append((t_s, force))
+        self._efforts.append((t_s, self._effort(thrust.forces_N)))
+        self.estimator.thrust(t_s, force)
+
+    def _effort(self, forces_N: tuple[float, ...]) -> float:
+        """Sum of the squared contributions of all thrusters: thrusters that oppose each other are unsteady too."""
+        if len(forces_N) != len(self._per_newton):
+            self._efforts_known = False
+            return 0.0
+        return sum((share * force) ** 2 for share, force in zip(self._per_newton, forces_N, strict=True))
+
+    def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
+        """Velocities of all axes from this time on, and the present estimates of the masses (see `coriolis`)."""
+        axis = self.model.axis
+        others = (*nu[:axis], 0.0, *nu[axis + 1 :])
+        if others == self._others:
+            return
+        self._others = others
+        self._other_velocities.append((t_s, *others))
+        self._coriolis = coriolis(axis, masses.values, nu)
+        self.estimator.known(t_s, self._hydrostatic + self._coriolis)
+
+    def velocity(self, t_s: float, v: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
+        """Add one velocity of one source; return the verdicts on the means that it completes."""
+        if not math.isfinite(v) or not self._speed_source.accepts(source) or self._is_derived:
+            return []
+        return self._learn(self._speed_bin.add(t_s, v), source, refusal)
+
+    @property
+    def _is_derived(self) -> bool:
+        """Whether the velocity of this axis is derived from depth: no instrument measures it."""
+        return self.model.axis == 2 and bool(self._depth_source.name) and self._speed_source.name in ("", *NAVIGATORS)
+
+    def attitude(
+        self, t_s: float, attitude_rad: tuple[float, float, float], depth_m: float, refusal: str
+    ) -> list[tuple[float, Verdict]]:
+        """Add attitude and depth: known forces, angles, and in heave the velocity derived from depth."""
+        axis = self.model.axis
+        roll, pitch, _ = attitude_rad
+        if axis < 2 and math.isfinite(roll) and math.isfinite(pitch):
+            self._hydrostatic = known_force(self._vehicle, axis, attitude_rad)
+            self._hydrostatics.append((t_s, self._hydrostatic))
+            self.estimator.known(t_s, self._hydrostatic + self._coriolis)
+        if axis in (3, 4) and math.isfinite(attitude_rad[axis - 3]):
+            self._add_position(t_s, attitude_rad[axis - 3], "attitude")
+        if axis == 2 and math.isfinite(depth_m):
+            return self._add_depth(t_s, depth_m, "navigation" if math.isfinite(roll) else "depth", refusal)
+        return []
+
+    def _add_position(self, t_s: float, position: float, source: str) -> None:
+        self.estimator.position(t_s, position)
+        kept = self._positions.setdefault(source, [])
+        if not kept or t_s - kept[-1][0] >= self._position_s:
+            kept.append((t_s, position))
+
+    def _add_depth(self, t_s: float, depth_m: float, source: str, refusal: str) -> list[tuple[float, Verdict]]:
+        if not self._depth_source.accepts(source):
+            return []
+        self._add_position(t_s, depth_m, source)
+        if not self._is_derived:
+            return []
+        points = self._depth_bin.add(t_s, depth_m)
+        if not points:
+            return []
+        before, self._depth_before = self._depth_before, mean(points)
+        if before is None or self._depth_before[0] - before[0] > LONGEST_DIFFERENCE_S:
+            return []
+        (earlier_s, higher_m), (later_s, lower_m) = before, self._depth_before
+        at_s, v = 0.5 * (earlier_s + later_s), (lower_m - higher_m) / (later_s - earlier_s)
+        return [(at_s, self.estimator.velocity(at_s, v, refusal, derived=True))]
+
+    def _learn(self, points: list[tuple[float, float]], source: str, refusal: str) -> list[tuple[float, Verdict]]:
+        if not points:
+            return []
+        t_s, v = mean(points)
+        self._velocities.setdefault(source, []).append((t_s, v))
+        return [(t_s, self.estimator.velocity(t_s, v, refusal))]
+
+    # ---- outputs
+
+    def estimate(self, motion: Motion, verdict: Verdict) -> Estimate:
+        """Estimate of one motion after a sample; bounds apply to the report, not to the estimator."""
+        theta, covariance = self.estimator.estimate()
+        reported = self._reported[motion.side]
+        values = theta[reported.rows]
+        values[reported.mass] -= self.model.rigid
+        block = covariance[reported.square]
+        return Estimate(
+            motion=motion.name,
+            names=reported.names,
+            units=reported.units,
+            values=tuple(bounded(values, block, reported.low, reported.high).tolist()),
+            covariance=tuple(map(tuple, block.tolist())),
+            samples=self.estimator.samples,
+            effective_samples=self.estimator.effective_samples,
+            learning=verdict.learned,
+            reason=verdict.reason,
+            innovation=verdict.innovation * self.estimator.regression.rate * float(theta[-1]),
+        )
+
+    def record(self, stretches: tuple[Stretch, ...], plateaus: tuple[Stretch, ...], masses: Masses) -> Record:
+        """Record of the axis, with the stretches of time in which it may be used."""
+        velocities = [] if self._is_derived else self._velocities.get(self._speed_source.name, [])
+        velocity = series(velocities)
+        moved_s, *nu = np.array(self._other_velocities or [(0.0,) * 7]).T
+        position = series(self._positions.get(self._depth_source.name or "attitude", []))
+        return Record(
+            velocity=velocity,
+            thrust=series(self._thrusts),
+            effort=series(self._efforts if self._efforts_known else []),
+            stretches=stretches,
+            known=series(self._hydrostatics),
+            coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),
+            coriolis_errors=tuple(Series(moved_s, error) for error in coriolis_errors(self.model.axis, masses, nu)),
+            position=position,
+            lag_s=self.lag_s,
+            plateaus=plateaus,
+        )

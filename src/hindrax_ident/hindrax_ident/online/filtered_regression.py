@@ -1,0 +1,237 @@
+"""Regression without differentiation: every signal of the model passes the same low-pass filter.
+
+With the filter F: f' = -rate f + x, applied to both sides of M v' = tau - columns(v) . theta, the filtered acceleration
+needs no derivative: (v')_F = v + z with z' = -rate (v + z). It is exact for a rate that changes with time. So
+
+    v + z = (1/M) tau_F - (theta_i / M) column_i,F + noise
+
+is linear in 1/M and theta/M, holds at every velocity sample at any time, and its noise is that of the velocity
+itself, white when the rate is the slope of the drag over the mass (Young 2011, Recursive Estimation and Time-Series
+Analysis, chapter 8, calls that the optimal prefilter). Thrust is piecewise constant behind a first-order lag and
+filtered in closed form; velocity is linear between samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array
+from hindrax_ident.model.motion_model import Model
+
+SETTLED = 0.05
+"""Largest share of the filters' initial transient when samples are used: three time constants."""
+CLEAR_SIGN = 8.0
+"""Square of a velocity, in variances of its noise, above which its own sign is used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One row of the regression: y = x . (theta / M, 1 / M) + noise of the velocity [m/s, rad/s].
+
+    `slope` is the derivative of x by this velocity; `speed` is the filtered velocity; `settled`: the initial
+    transient of the filters has decayed.
+    """
+
+    x: tuple[float, ...]
+    y: float
+    slope: tuple[float, ...]
+    speed: float
+    settled: bool
+
+
+class FilteredRegression:
+    """Filters of one axis; inputs in time order (seconds from any origin)."""
+
+    __slots__ = (
+        "_commanded_s",
+        "_force",
+        "_force_f",
+        "_known",
+        "_lag_s",
+        "_lagged",
+        "_position",
+        "_split",
+        "_start",
+        "_sums",
+        "_t_thrust",
+        "_t_velocity",
+        "_terms",
+        "_undo",
+        "_z",
+        "model",
+        "noise_variance",
+        "rate",
+    )  # fmt: skip
+
+    def __init__(self, model: Model, lag_s: float, rate: float) -> None:
+        """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time."""
+        self.model, self.rate, self.noise_variance = model, rate, 0.0
+        self._lag_s, self._split = lag_s, model.split
+        self._force = self._lagged = self._known = 0.0
+        self._position: tuple[float, float] | None = None
+        self._t_thrust = self._commanded_s = math.nan
+        self.restart()
+
+    def restart(self) -> None:
+        """Reset the velocity filters: after a gap, or before the first sample."""
+        self._t_velocity = math.nan
+        self._z, self._force_f, self._start = 0.0, 0.0, 1.0
+        self._terms = (0.0,) * (len(self.model.names) - 1)
+        self._sums = [0.0] * len(self._terms)
+        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+
+    def undo_last(self) -> None:
+        """Undo the last velocity: an outlier would stay in the filters for seconds."""
+        self._t_velocity, self._z, self._terms, self._sums, self._start = self._undo
+
+    @property
+    def velocity_time_s(self) -> float:
+        """Time of the last velocity sample; NaN before the first."""
+        return self._t_velocity
+
+    @property
+    def thrust_time_s(self) -> float:
+        """Time of the last thrust command; NaN before the first."""
+        return self._commanded_s
+
+    def thrust(self, t_s: float, force: float) -> None:
+        """Force commanded from this time on, before the thrusters' lag [N, N m]."""
+        if math.isnan(self._t_thrust):
+            self._lagged = force
+            self._t_thrust = t_s
+        self._advance_thrust(t_s)
+        self._force, self._commanded_s = force, t_s
+
+    def known(self, t_s: float, force: float) -> None:
+        """Known force from this time on, in addition to the thrust, without lag [N, N m]."""
+        self._advance_thrust(t_s)
+        self._known = force
+
+    def position(self, t_s: float, angle_rad: float) -> None:
+        """Angle measured at this time, for the restoring moment."""
+        self._position = (t_s, angle_rad)
+
+    def velocity(self, t_s: float, v: float, spread_s2: float = 0.0) -> Sample | None:
+        """Add a velocity measured at this time; None for the first after a restart, which only initializes the filters.
+
+        `spread_s2`: variance of the span of time over which it is a mean [s^2].
+        """
+        terms = self._terms_at(t_s, v)
+        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+        if math.isnan(self._t_velocity):
+            self._t_velocity, self._z, self._terms = t_s, -v, terms
+            self._advance_thrust(t_s)
+            self._force_f = 0.0
+            return None
+        self._advance_thrust(t_s)
+        before, self._t_velocity = self._t_velocity, t_s
+        ramp = self._advance_velocity(t_s - before, v, terms)
+        x = (*(-total for total in self._sums), self._force_f + 0.5 * spread_s2 * self._force_curvature)
+        return Sample(
+            x, v + self._z, self._slope(ramp, v, terms), self._z_input_filtered * self.rate, self._start < SETTLED
+        )
+
+    def _terms_at(self, t_s: float, v: float) -> tuple[float, ...]:
+        # Squaring adds the variance of the noise: subtract it.
+        square = v * v - self.noise_variance
+        # Near rest the sign is that of the noise; used as it is, each direction would take half of the noise for speed.
+        ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._z_input_filtered > 0.0
+        square = square if ahead else -square
+        drag: tuple[float, ...] = (square, v)
+        if self._split:
+            drag = (square, v, 0.0, 0.0) if ahead else (0.0, 0.0, square, v)
+        return (*drag, 1.0, *self._restoring_at(t_s, v))
+
+    def _restoring_at(self, t_s: float, v: float) -> tuple[float, ...]:
+        if not self.model.restores:
+            return ()
+        if self._position is None:
+            return (0.0,)
+        since, angle = self._position
+        return (math.sin(angle + v * (t_s - since)),)
+
+    def _slope(self, ramp: float, v: float, terms: tuple[float, ...]) -> tuple[float, ...]:
+        square, linear = -2.0 * ramp * abs(v), -ramp
+        rest = (0.0,) * (len(terms) - self.model.drags + 1)
+        if not self._split:
+            return (square, linear, *rest)
+        return (square, linear, 0.0, 0.0, *rest) if terms[1] else (0.0, 0.0, square, linear, *rest)
+
+    def _advance_velocity(self, step: float, v: float, terms: tuple[float, ...]) -> float:
+        """Advance the filters over one interval, exactly for inputs linear in it; return the weight of its end."""
+        rate = self.rate
+        lost = -math.expm1(-rate * step)
+        keep, constant = 1.0 - lost, lost / rate
+        ramp = (step - constant) / (rate * step)
+        first = constant - ramp
+        old = self._z_input
+        self._z = keep * self._z - rate * (first * old + ramp * v)
+        self._sums = [
+            keep * total + first * was + ramp * now
+            for total, was, now in zip(self._sums, self._terms, terms, strict=True)
+        ]
+        self._start *= keep
+        self._terms = terms
+        return ramp
+
+    @property
+    def _z_input(self) -> float:
+        return self._terms[1] + (self._terms[3] if self._split else 0.0)
+
+    @property
+    def _force_curvature(self) -> float:
+        """Second derivative of the filtered thrust: corrects its mean over a span, like that of the velocity."""
+        rise = (self._force - self._lagged) / self._lag_s if self._lag_s > 0.0 else 0.0
+        return rise - self.rate * (self._lagged + self._known - self.rate * self._force_f)
+
+    @property
+    def _z_input_filtered(self) -> float:
+        return self._sums[1] + (self._sums[3] if self._split else 0.0)
+
+    def _advance_thrust(self, t_s: float) -> None:
+        """Advance lag and filter in cascade, exactly for a command constant since the last call."""
+        step = t_s - self._t_thrust
+        if not step > 0.0:
+            return
+        rate, lag_s = self.rate, self._lag_s
+        kept = math.exp(-rate * step)
+        gap = self._lagged - self._force
+        total = (self._force + self._known) * (1.0 - kept) / rate
+        if lag_s > 0.0:
+            decay = math.exp(-step / lag_s)
+            total += gap * _two_poles(rate, 1.0 / lag_s, step, kept, decay)
+            self._lagged = self._force + gap * decay
+        else:
+            self._lagged = self._force
+        self._force_f = kept * self._force_f + total
+        self._t_thrust = t_s
+
+
+def _two_poles(a: float, b: float, step: float, at_a: float, at_b: float) -> float:
+    """Integral of exp(-a (h - s)) exp(-b s) over s from 0 to h; the poles may coincide."""
+    apart = a - b
+    return (at_b - at_a) / apart if abs(apart) * step > 1e-6 else step * at_a
+
+
+def physical(scaled_values: Sequence[float], covariance: Array) -> tuple[Array, Array]:
+    """Parameters (theta, M) and their covariance from those of the regression (theta / M, 1 / M): (p,), (p, p)."""
+    q = np.asarray(scaled_values, float)
+    mass = 1.0 / q[-1]
+    theta = np.append(q[:-1] * mass, mass)
+    jacobian = np.eye(len(q)) * mass
+    jacobian[:, -1] = -theta * mass
+    return theta, jacobian @ covariance @ jacobian.T
+
+
+def scaled(theta: Sequence[float], covariance: Array) -> tuple[Array, Array]:
+    """Inverse of `physical`: (p,), (p, p)."""
+    physical_values = np.asarray(theta, float)
+    w = 1.0 / physical_values[-1]
+    q = np.append(physical_values[:-1] * w, w)
+    jacobian = np.eye(len(q)) * w
+    jacobian[:, -1] = -q * w
+    return q, jacobian @ covariance @ jacobian.T

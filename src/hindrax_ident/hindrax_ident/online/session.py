@@ -1,0 +1,242 @@
+"""Identification session: events in, estimates out; the same object live, over a bag, and in lock-step.
+
+    session = Session(vehicle)
+    for event in feed.all(measurements):
+        for estimate in session.step(event): ...
+    results = session.finalize().results
+
+It is deterministic. Its events are in the order of their stamps; the feed sorts them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.assessment import (
+    MASS_SHARE,
+    Assessment,
+    DraftFit,
+    assess,
+    combine_drafts,
+    draft,
+    result_of,
+    unidentified,
+)
+from hindrax_ident.assess.results import MotionResult, Results
+from hindrax_ident.fit.one_sided import OnlineEstimates, one_sided, side_of
+from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
+from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
+from hindrax_ident.model.prior import wide_prior, with_prior
+from hindrax_ident.online.axis_estimator import Verdict
+from hindrax_ident.online.axis_session import AxisSession
+from hindrax_ident.records.axis_record import Record
+from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
+from hindrax_ident.tuning import Tuning
+
+Prior = Mapping[str, Mapping[str, tuple[float, float]]]
+"""Per motion and coefficient: value and standard deviation."""
+
+JOIN_S = 1.0
+"""Longest pause between legs of one stretch: the equation of motion holds while the vehicle turns back."""
+NO_FIT = "no coefficients explain this motion by this force: check axes, signs and times of both"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Results, and per axis the assessment for a report."""
+
+    results: Results
+    assessments: Mapping[int, Assessment]
+
+
+class Session:
+    """One run of one vehicle."""
+
+    def __init__(
+        self, vehicle: Vehicle, tuning: Tuning | None = None, prior: Prior | None = None, *, silent: bool = False
+    ) -> None:
+        """`prior`: results of earlier runs to start from; none by default.
+
+        A `silent` session learns the same, but computes no estimate before the end.
+        """
+        self._silent = silent
+        self.vehicle, self.tuning = vehicle, tuning or Tuning()
+        self._prior = prior or {}
+        self._axes: dict[int, AxisSession] = {}
+        self._log = PhaseLog([])
+        self._phase = Phase("", "")
+        self._origin: Stamp | None = None
+        self._thrust: Thrust | None = None
+        self._velocities = VelocityHistory(self.tuning.gap_s)
+        self._masses = self._believed_masses({})
+        self._now_s = 0.0
+
+    # ---- during the run
+
+    def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
+        """Process the next event; return the estimates of the samples that it completes."""
+        if self._origin is None:
+            self._origin = event.stamp
+        t_s = seconds_between(self._origin, event.stamp)
+        assert t_s >= self._now_s, f"event: found at {t_s} s, wanted none before {self._now_s} s, the last"
+        self._now_s = t_s
+        reading = event.reading
+        if isinstance(reading, Phase):
+            self._on_phase(t_s, reading)
+        elif isinstance(reading, Thrust):
+            self._on_thrust(t_s, reading)
+        elif isinstance(reading, Attitude):
+            return self._on_attitude(t_s, reading)
+        else:
+            return self._on_velocity(t_s, reading)
+        return ()
+
+    @property
+    def _motion(self) -> Motion | None:
+        return MOTIONS.get(self._phase.motion)
+
+    def _active(self) -> AxisSession | None:
+        motion = self._motion
+        return self._axes.get(motion.axis) if motion else None
+
+    def _on_phase(self, t_s: float, phase: Phase) -> None:
+        if phase == self._phase:
+            return
+        self._phase = phase
+        self._log.add(t_s, phase.motion, phase.phase)
+        self._masses = self._believed_masses({})
+        motion = self._motion
+        if motion and motion.axis not in self._axes:
+            self._axes[motion.axis] = self._new_axis(motion.axis)
+        if motion and self._thrust is not None:
+            # An axis that was not active before needs the present thrust.
+            self._axes[motion.axis].thrust(t_s, self._thrust)
+
+    def _new_axis(self, axis: int) -> AxisSession:
+        model = model_of(self.vehicle, axis)
+        belief = wide_prior(self.vehicle, model)
+        for motion in motions_of(axis):
+            known = self._prior.get(motion.name, {})
+            suffix = "_negative" if model.split and motion.side < 0 else ""
+            named = {f"{name}{suffix}" if name in ("k_q", "k_l") else name: pair for name, pair in known.items()}
+            belief = with_prior(belief, model, named)
+        return AxisSession(self.vehicle, model, belief, self.tuning)
+
+    def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
+        if not all(np.isfinite(thrust.wrench)):
+            return
+        self._thrust = thrust
+        axis_session = self._active()
+        if axis_session:
+            axis_session.thrust(t_s, thrust)
+
+    def _refusal(self) -> str:
+        phases = ("plateau",) if self.tuning.plateaus_only else self.tuning.phases
+        return "" if self._phase.phase in phases else f"phase {self._phase.phase}"
+
+    def _on_attitude(self, t_s: float, attitude: Attitude) -> Sequence[Stamped[Estimate]]:
+        axis_session = self._active()
+        if not axis_session:
+            return ()
+        return self._estimates(axis_session.attitude(t_s, attitude.attitude_rad, attitude.depth_m, self._refusal()))
+
+    def _on_velocity(self, t_s: float, velocity: Velocity) -> Sequence[Stamped[Estimate]]:
+        measured = self._velocities.update(t_s, velocity.nu)
+        axis_session, motion = self._active(), self._motion
+        if not axis_session or not motion:
+            return ()
+        if measured:
+            axis_session.motion(t_s, self._velocities.at(t_s), self._masses)
+        return self._estimates(axis_session.velocity(t_s, velocity.nu[motion.axis], velocity.source, self._refusal()))
+
+    def _estimates(self, verdicts: list[tuple[float, Verdict]]) -> Sequence[Stamped[Estimate]]:
+        axis_session, motion, origin = self._active(), self._motion, self._origin
+        if self._silent or not axis_session or not motion or origin is None:
+            return ()
+        return [Stamped(after(origin, t_s), axis_session.estimate(motion, verdict)) for t_s, verdict in verdicts]
+
+    # ---- after the run
+
+    def finalize(self) -> Outcome:
+        """Refine every motion flown. May be called at any time; it changes nothing that was learned."""
+        motions: dict[str, MotionResult] = {}
+        drafts: dict[int, DraftFit] = {}
+        assessments: dict[int, Assessment] = {}
+        for axis in sorted(self._axes):
+            try:
+                drafts[axis] = self._draft(axis, self._believed_masses(drafts))
+            except ValueError as error:
+                motions |= self._unidentified(axis, error)
+        for axis, one in combine_drafts(drafts).items():
+            try:
+                assessments[axis] = assess(self.vehicle, one, tuning=self.tuning)
+            except ValueError as error:
+                motions |= self._unidentified(axis, error)
+                continue
+            for motion in self._reported_motions(axis, assessments[axis]):
+                motions[motion.name] = result_of(motion, self.vehicle, assessments[axis], self.tuning)
+        return Outcome(Results(motions, self.vehicle), assessments)
+
+    def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
+        why = NO_FIT if isinstance(error, np.linalg.LinAlgError) else str(error)
+        return {motion.name: unidentified(motion, why) for motion in self._flown(axis)}
+
+    def _flown(self, axis: int) -> tuple[Motion, ...]:
+        names = {motion for _, motion, _ in self._log.changes}
+        return tuple(motion for motion in motions_of(axis) if motion.name in names)
+
+    def _reported_motions(self, axis: int, assessment: Assessment) -> tuple[Motion, ...]:
+        """Both directions where the drag of both was fitted, otherwise the fitted one."""
+        motions = motions_of(axis)
+        if len(motions) == 1 or assessment.fit.model.split:
+            return motions
+        return tuple(motion for motion in motions if motion.side == side_of(assessment.record))
+
+    def _believed_masses(self, drafts: Mapping[int, DraftFit]) -> Masses:
+        values, sigmas = zip(*(self._believed_mass(axis, drafts.get(axis)) for axis in range(6)), strict=True)
+        return Masses(values, sigmas)
+
+    def _believed_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
+        """Total mass of an axis and its deviation [kg, kg m^2]: refined, online, from the prior, or the usual ratio."""
+        rigid = rigid_mass(self.vehicle, axis)
+        if drafted or axis in self._axes:
+            fit = drafted.fit if drafted else None
+            theta, covariance = (fit.theta, fit.covariance) if fit else self._axes[axis].estimator.estimate()
+            value, sigma = float(theta[-1]), float(np.sqrt(covariance[-1, -1]))
+            if sigma < MASS_SHARE * value:
+                return value, sigma
+        for motion in motions_of(axis):
+            if "added_mass" in self._prior.get(motion.name, {}):
+                added, sigma = self._prior[motion.name]["added_mass"]
+                return rigid + added, sigma
+        return USUAL_MASS_RATIO * rigid, USUAL_MASS_RATIO_SIGMA * rigid
+
+    def record(self, axis: int, masses: Masses | None = None) -> Record:
+        """Record of an axis; `masses` of all axes are the online estimates by default."""
+        axis_session, tuning = self._axes[axis], self.tuning
+        names = [motion.name for motion in motions_of(axis)]
+        phases = ("plateau",) if tuning.plateaus_only else tuning.phases
+        spans = self._log.stretches(names, phases, self._now_s, JOIN_S)
+        plateaus = tuple(self._log.stretches(names, ("plateau",), self._now_s))
+        kept = axis_session.record((), plateaus, masses or self._believed_masses({}))
+        measured = kept.velocity.t if len(kept.velocity) else kept.position.t
+        limits = PhaseLimits(tuning.gap_s, tuning.thrust_age_s, tuning.stretch_s)
+        return kept.with_stretches(usable(spans, measured, kept.thrust, limits))
+
+    def _draft(self, axis: int, masses: Masses) -> DraftFit:
+        axis_session = self._axes[axis]
+        record = self.record(axis, masses)
+        model, belief = axis_session.model, axis_session.belief
+        online: OnlineEstimates = (
+            {self.tuning.estimator: axis_session.estimator.estimate()} if axis_session.estimator.samples else {}
+        )
+        side = side_of(record) if model.split else 0
+        if side:
+            model, belief, online = one_sided(model, belief, online, side)
+        return draft(model, record, belief, online, self.tuning.lag_doubt_s)

@@ -1,0 +1,133 @@
+"""Measurements of the stack to identification events: the same code live, over a bag and in lock-step.
+
+    for event in feed.step(measurement):
+        for estimate in session.step(event): ...
+
+Only here measurements of different topics are sorted by their stamps.
+
+Events refer to the center of mass, like the equations of motion.
+
+Surge and sway come from the DVL as measured (moved to the center of mass), not from the navigator, whose filter would
+color their noise. Rates come from the gyroscope. Heave has no instrument of its own: its depth comes directly from the
+pressure, for the same reason; the navigator's heave velocity is used where there is no pressure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TypeAlias
+
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
+from hindrax_core.rotation import cross, matrix, rotate
+from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Velocity
+from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_ident.records.sorter import StampSorter
+from hindrax_ident.tuning import Tuning
+
+# ICM-20948 datasheet table 1: 0.015 dps/sqrt(Hz) over the noise bandwidth of a 50 Hz filter.
+SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
+
+
+Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
+"""A measurement, or an event that needs no conversion."""
+VELOCITIES = (BottomVelocity, Navigation, Velocity)
+"""Measurements to which `velocity_latency_s` applies."""
+
+
+class Feed:
+    """Converts measurements in the order of arrival to identification events in the order of stamps."""
+
+    def __init__(
+        self, vehicle: Vehicle, tuning: Tuning | None = None, *, dvl: str = "dvl75", depth: str = "ms5837"
+    ) -> None:
+        """`dvl` and `depth`: names of their sensors in the vehicle file."""
+        tuning = tuning or Tuning()
+        self._latency_s = tuning.velocity_latency_s
+        self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s))
+        mount = vehicle.sensors.get(dvl, Mount(dvl))
+        roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+        self._rotation = matrix((roll, pitch, yaw))
+        self._center_m = vehicle.center_of_mass_m
+        self._dvl_lever_m = _difference(mount.position_m, self._center_m)
+        self._below_sensor_m = _difference(self._center_m, vehicle.sensors.get(depth, Mount(depth)).position_m)
+        self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
+        self._down: Vec3 = (0.0, 0.0, 1.0)
+        self._surface_Pa = vehicle.water.surface_pressure_Pa
+        self._Pa_per_m = vehicle.water.density_kgpm3 * GRAVITY_mps2
+
+    def step(self, measurement: Stamped[Measurement]) -> Iterator[Stamped[IdentEvent]]:
+        """Add one measurement; yield the events of all measurements released by it."""
+        if self._latency_s and isinstance(measurement.reading, VELOCITIES):
+            measurement = Stamped(after(measurement.stamp, -self._latency_s), measurement.reading)
+        for one in self._sorter.push(measurement):
+            yield from self.events_of(one)
+
+    def flush(self) -> Iterator[Stamped[IdentEvent]]:
+        """Yield the events of all measurements still waiting."""
+        for one in self._sorter.flush():
+            yield from self.events_of(one)
+
+    def all(self, measurements: Iterable[Stamped[Measurement]]) -> Iterator[Stamped[IdentEvent]]:
+        """Yield the events of a whole record."""
+        for measurement in measurements:
+            yield from self.step(measurement)
+        yield from self.flush()
+
+    @property
+    def dropped(self) -> int:
+        """Number of measurements dropped because they arrived too late."""
+        return self._sorter.dropped
+
+    def events_of(self, measurement: Stamped[Measurement]) -> tuple[Stamped[IdentEvent], ...]:
+        """Events of one measurement; none while the DVL has no velocity."""
+        stamp, reading = measurement.stamp, measurement.reading
+        if isinstance(reading, BottomVelocity):
+            return self._dvl(stamp, reading)
+        if isinstance(reading, Pressure):
+            depth_m = (reading.pressure_Pa - self._surface_Pa) / self._Pa_per_m + self._depth_of_lever_m(
+                self._below_sensor_m
+            )
+            return (Stamped(stamp, Attitude((NAN, NAN, NAN), depth_m)),)
+        if isinstance(reading, Navigation):
+            return self._navigation(stamp, reading)
+        return (Stamped(stamp, reading),)
+
+    def _dvl(self, stamp: Stamp, reading: BottomVelocity) -> tuple[Stamped[IdentEvent], ...]:
+        """Surge and sway of the center of mass: velocity at the DVL minus that due to rotation at its lever."""
+        if reading.velocity_mps is None:
+            return ()
+        rotated = rotate(self._rotation, reading.velocity_mps)
+        by_rotation = cross(self._rate_radps, self._dvl_lever_m)
+        nu: Vec6 = (rotated[0] - by_rotation[0], rotated[1] - by_rotation[1], NAN, NAN, NAN, NAN)
+        sigma = reading.sigma_mps
+        return (Stamped(stamp, Velocity(nu, (sigma, sigma, NAN, NAN, NAN, NAN), "dvl")),)
+
+    def _navigation(self, stamp: Stamp, state: Navigation) -> tuple[Stamped[IdentEvent], ...]:
+        """Heave velocity, rates, attitude and depth; the navigator's velocity and depth are those of the origin."""
+        self._rate_radps = state.rate_radps
+        if math.isfinite(sum(state.attitude_rad)):
+            self._down = _down(state.attitude_rad)
+        heave_mps = state.velocity_mps[2] + cross(state.rate_radps, self._center_m)[2]
+        nu: Vec6 = (NAN, NAN, heave_mps, *state.rate_radps)
+        rate = SIGMA_RATE_radps
+        sigma: Vec6 = (NAN, NAN, state.velocity_sigma_mps[2], rate, rate, rate)
+        return (
+            Stamped(stamp, Attitude(state.attitude_rad, state.depth_m + self._depth_of_lever_m(self._center_m))),
+            Stamped(stamp, Velocity(nu, sigma, "navigation")),
+        )
+
+    def _depth_of_lever_m(self, lever_m: Vec3) -> float:
+        """Depth of the end of a lever in body axes below its beginning [m]."""
+        return sum(share * length for share, length in zip(self._down, lever_m, strict=True))
+
+
+def _down(attitude_rad: Vec3) -> Vec3:
+    """Downward direction in body axes. Fossen 2011 eq. 2.18, last row."""
+    roll, pitch, _ = attitude_rad
+    return (-math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll))
+
+
+def _difference(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -1,0 +1,63 @@
+"""How the operator's commands find a running stack and join its ROS graph."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from hindrax_bringup.stack import adopted, environment
+from hindrax_bringup.stack_lock import StackLock, choose, stacks
+from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+TETHER_S = 10.0
+
+
+def add_stack(parser: argparse.ArgumentParser) -> None:
+    """Declare the option for the stack; default: the only one that runs, else the ROS graph of this terminal."""
+    parser.add_argument("--stack", type=int, metavar="PID", help="which stack, when several run (as `up` prints it)")
+    parser.add_argument("--sim-time", action="store_true", help="the stack was not started by `up` and lives in /clock")
+    add_tether(parser)
+
+
+def presence_of(arguments: argparse.Namespace) -> StackLock | None:
+    """Pick the stack that is meant, None when none is announced."""
+    return choose(stacks(), arguments.stack)
+
+
+@contextlib.contextmanager
+def joined(
+    found: StackLock | None, *, sim_time: bool = False, tick: Callable[[], None] = lambda: None
+) -> Iterator[Operator]:
+    """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins."""
+    here = _graph_of_this_terminal() if found is None else environment(mock=False, domain=None) | dict(found.graph)
+    with adopted(here):
+        from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment first
+
+        with Operator(mock=sim_time or (found is not None and found.mock), tick=tick) as operator:
+            operator.wait_for_time()
+            yield operator
+
+
+def _graph_of_this_terminal() -> dict[str, str]:
+    tether = tether_setting()
+    if tether is not None:
+        wait_for_address(tether, TETHER_S, lambda: False, lambda sentence: print(sentence, file=sys.stderr))
+    return environment(mock=False, domain=None, tether=tether)
+
+
+@contextlib.contextmanager
+def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
+    """Yield an operator in the graph that the words of a command mean."""
+    found = presence_of(arguments)
+    if found is None:
+        tether = tether_setting()
+        where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
+        print(f"no `./hindrax up` runs here; looking {where}", file=sys.stderr)
+    with joined(found, sim_time=arguments.sim_time) as operator:
+        yield operator

@@ -1,0 +1,116 @@
+"""The full-screen view: places for the sections, a snapshot five times a second, and three keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, Protocol
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, VerticalScroll
+from textual.widgets import Footer, Static
+
+from hindrax_operator.monitor import draw
+from hindrax_operator.monitor.snapshot import Snapshot
+
+REFRESH_s = 0.2
+FRAMED = ("state", "thrusters", "holds", "health", "maneuver")
+
+
+class Vehicle(Protocol):
+    """What the view watches and may order. Orders return at once and on_done their outcome later, in one sentence."""
+
+    title: str
+
+    def snapshot(self) -> Snapshot:
+        """Return everything known now."""
+
+    def stop(self, on_done: Callable[[str, bool], None]) -> None:
+        """Neutral, disarm, cancel; then `on_done(sentence, went_well)`."""
+
+    def disarm(self, on_done: Callable[[str, bool], None]) -> None:
+        """Disarm; then `on_done(sentence, went_well)`."""
+
+
+class Monitor(App[None]):
+    """The view of one vehicle."""
+
+    TITLE = "hindrax"
+    ENABLE_COMMAND_PALETTE = False
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("s", "stop", "STOP (neutral, disarm, cancel)", priority=True),
+        Binding("d", "disarm", "disarm"),
+        Binding("q", "quit", "quit (the vehicle goes on)"),
+    ]
+    CSS = """
+    Screen { background: $background; }
+    #headline { height: 1; padding: 0 1; }
+    Screen.old .section, Screen.old #estimates { opacity: 45%; }
+    .row { height: auto; }
+    .row Static { width: 1fr; }
+    .section { border-top: solid $primary; border-title-color: $text; border-title-style: bold;
+               padding: 0 1; height: auto; margin: 0 1 0 0; }
+    #state, #thrusters { height: 9; }
+    #holds, #health { height: auto; min-height: 6; max-height: 12; }
+    #maneuver { height: 3; margin: 0; }
+    #rest { height: 1fr; min-height: 2; border-top: solid $primary; border-title-color: $text;
+            border-title-style: bold; padding: 0 1;
+            scrollbar-size-vertical: 1; }
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__()
+        self._vehicle = vehicle
+        # Kept, not looked up: a snapshot may still arrive while the screen is being taken down.
+        self._places = {name: Static(id=name, classes="section") for name in FRAMED}
+        self._places |= {name: Static(id=name) for name in ("headline", "estimates")}
+
+    def compose(self) -> ComposeResult:
+        """Lay out: what moves on top, who is well below, the maneuver and what it teaches at the bottom."""
+        places = self._places
+        yield places["headline"]
+        with Horizontal(classes="row"):
+            yield places["state"]
+            yield places["thrusters"]
+        with Horizontal(classes="row"):
+            yield places["holds"]
+            yield places["health"]
+        yield places["maneuver"]
+        with VerticalScroll(id="rest") as rest:
+            rest.border_title = "estimate, with 95 % bands"
+            yield places["estimates"]
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Name the sections and begin."""
+        for name, place in self._places.items():
+            if place.has_class("section"):
+                place.border_title = name
+        self.set_interval(REFRESH_s, self.refresh_snapshot)
+        self.refresh_snapshot()
+
+    def refresh_snapshot(self) -> None:
+        """Draw what is known now."""
+        view = self._vehicle.snapshot()
+        places = self._places
+        self.screen.set_class(view.silent_s > draw.SILENT_s, "old")
+        places["headline"].update(draw.headline(view, self._vehicle.title))
+        for name, section in draw.SECTIONS.items():
+            places[name].update(section(view))
+        places["thrusters"].border_title = f"thrusters{draw.lost(view.thrusters)}"
+
+    def action_stop(self) -> None:
+        """Stop now; no question is asked."""
+        self.notify("stopping", timeout=2)
+        self._vehicle.stop(self._show_outcome)
+
+    def action_disarm(self) -> None:
+        """Disarm now."""
+        self.notify("disarming", timeout=2)
+        self._vehicle.disarm(self._show_outcome)
+
+    def _show_outcome(self, sentence: str, went_well: bool) -> None:
+        """Show an outcome; called from the thread that has it."""
+        self.call_from_thread(
+            self.notify, sentence, severity="information" if went_well else "error", timeout=3 if went_well else 15
+        )

@@ -1,0 +1,234 @@
+"""Drawing the live view: one function per section, from values to styled text that fits 38 or 78 columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from hindrax_core.signals import Estimate, Navigation
+from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.progress import units
+
+GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
+SILENT_s = 2.0
+FULL_us = 400.0
+"""Half the span of the pulses: a full bar."""
+BAR = 8
+BAND = 1.96
+"""Standard deviations on each side of a 95 % band."""
+LEVEL_STYLES = {"ok": GOOD, "warning": WARN, "error": BAD, "stale": BAD}
+SHORT_NAMES = {"added_mass": "m_a"}
+ANGLES = ("heading", "roll", "pitch")
+
+
+def headline(view: Snapshot, title: str) -> Text:
+    """Armed or not, before everything else; then who and when."""
+    thrusters = view.thrusters
+    if view.silent_s > SILENT_s:
+        silent = "nothing heard yet" if math.isinf(view.silent_s) else f"nothing heard for {view.silent_s:.0f} s"
+        return Text.assemble((f" {silent} ", "bold white on red"), "  ", (title, DIM))
+    color = "bold white on red" if thrusters.armed else "bold black on green"
+    word = thrusters.state.upper() if thrusters.armed or thrusters.state == "disarmed" else thrusters.state
+    style = color if thrusters.armed or thrusters.state == "disarmed" else "bold black on yellow"
+    reason = f"  {thrusters.reason}" if thrusters.reason and thrusters.state != "disarmed" else ""
+    return Text.assemble((f" {word} ", style), reason, "  ", (title, DIM), (f"  {view.time_s:.0f} s", DIM))
+
+
+def state(navigation: Navigation | None) -> RenderableType:
+    """Attitude, depth, velocity, position."""
+    if navigation is None:
+        return Text("no navigation solution yet;\nsee the health of the sensors", style=WARN)
+    roll, pitch, heading = (math.degrees(angle) for angle in navigation.attitude_rad)
+    north, east = navigation.position_m
+    table = _grid(11, 0)
+    locked = Text("locked", style=GOOD) if navigation.dvl_locked else Text("no bottom lock", style=BAD)
+    for name, value in (
+        ("heading", _number(heading % 360.0, ".1f", "deg")),
+        ("roll, pitch", _numbers((roll, pitch), "+.1f", "deg")),
+        ("depth", _number(navigation.depth_m, ".2f", "m")),
+        ("altitude", _number(navigation.altitude_m, ".2f", "m")),
+        ("surge, sway", _numbers(navigation.velocity_mps[:2], "+.3f", "m/s")),
+        ("heave", _number(navigation.velocity_mps[2], "+.3f", "m/s")),
+        ("north, east", _numbers((north, east), "+.2f", "m")),
+        ("DVL", locked),
+    ):
+        table.add_row(Text(name, style=DIM), value)
+    return table
+
+
+def holds(found: tuple[Hold, ...]) -> RenderableType:
+    """Every hold with setpoint and error, or off."""
+    if not found:
+        return Text("no word from the pilot yet", style=DIM)
+    table = _grid(8, 12, 0)
+    for hold in found:
+        name = Text(hold.axis, style=VALUE if hold.engaged else DIM)
+        if not hold.engaged:
+            table.add_row(name, Text("off", style=DIM), Text(hold.note, style=WARN, overflow="ellipsis", no_wrap=True))
+            continue
+        off = hold.note or f"off by {_amount(hold.axis, hold.error, '+')}"
+        table.add_row(
+            name,
+            Text(f"at {_amount(hold.axis, hold.setpoint)}", style=GOOD),
+            Text(off, style=WARN if hold.note else DIM, overflow="ellipsis", no_wrap=True),
+        )
+    return table
+
+
+def thrusters(found: Thrusters) -> RenderableType:
+    """One bar per thruster around neutral, with pulse and force."""
+    if not found.names:
+        return Text("no word from the thrusters yet", style=DIM)
+    table = _grid(2, 2 * BAR + 1, 7, 0)
+    rows = zip(found.names, found.pulses_us, found.forces_N, found.saturated, strict=True)
+    for name, pulse, force, saturated in rows:
+        if name in found.disabled:
+            table.add_row(Text(name, style=BAD), Text("out of use", style=BAD), "", "")
+            continue
+        color = BAD if saturated else "cyan"
+        table.add_row(
+            Text(name, style=VALUE),
+            _bar((pulse - 1500.0) / FULL_us, color),
+            Text(f"{pulse:4.0f} us", style=DIM),
+            _number(force, "+5.1f", "N"),
+        )
+    return table
+
+
+def lost(found: Thrusters) -> str:
+    """Axes that the thrusters in use cannot serve, for the title."""
+    return f", lost: {', '.join(found.lost_axes)}" if found.lost_axes else ""
+
+
+def health(found: Mapping[str, NodeHealth]) -> RenderableType:
+    """Nodes that are ill first, with their words; those that are well in two columns, with their rates."""
+    if not found:
+        return Text("no /diagnostics yet", style=DIM)
+    ill = {name: one for name, one in found.items() if one.level != "ok"}
+    lines: list[RenderableType] = []
+    for name, one in ill.items():
+        words = Text.assemble(("● ", LEVEL_STYLES[one.level]), (name, VALUE), f" {one.message}")
+        words.no_wrap, words.overflow = True, "ellipsis"
+        lines.append(words)
+    well = [_well(name, one) for name, one in found.items() if one.level == "ok"]
+    table = _grid(16, 0)
+    for left in range(0, len(well), 2):
+        table.add_row(*well[left : left + 2])
+    return Group(*lines, table)
+
+
+def _well(name: str, one: NodeHealth) -> Text:
+    rate = "" if math.isnan(one.rate_Hz) else f" {one.rate_Hz:.0f} Hz"
+    return Text.assemble(("● ", GOOD), name, (rate, DIM))
+
+
+def maneuver(flight: ManeuverView | None, width: int = 78) -> RenderableType:
+    """Progress of what is being flown, or how the last one ended."""
+    if flight is None:
+        return Text("none; ./hindrax pool-test flies them", style=DIM)
+    if flight.aborted:
+        return Text(f"{flight.motion} aborted by {flight.aborted}".lstrip(), style=BAD)
+    if flight.phase == "done":
+        return Text("done", style=GOOD)
+    length = max(10, width - 50)
+    done = round(length * min(1.0, max(0.0, flight.progress)))
+    first = Text.assemble(
+        ("━" * done, "cyan"),
+        ("━" * (length - done), "grey27"),
+        f" {100.0 * flight.progress:3.0f} %  ",
+        (f"{flight.motion} {flight.phase}", VALUE),
+        (f"  {_time(flight.remaining_s)} to go", DIM),
+    )
+    unit, rate = units(flight.motion)
+    wall = "" if math.isnan(flight.wall_m) else f", wall {flight.wall_m:.1f} m ahead"
+    second = Text(f"{flight.force:+.1f} {unit}, {flight.velocity:+.3f} {rate}{wall}", style=DIM)
+    return Group(first, second)
+
+
+def estimates(found: Mapping[str, Estimate]) -> RenderableType:
+    """One line per motion: a dot while it learns, coefficients with 95 % bands, samples, why it does not learn."""
+    if not found:
+        return Text("none yet; they come with the first plateau of a maneuver", style=DIM)
+    width = max(len(motion) for motion in found)
+    return Group(*(_estimate(motion.ljust(width), one) for motion, one in found.items()))
+
+
+def _estimate(motion: str, one: Estimate) -> Text:
+    text = Text(no_wrap=True, overflow="ellipsis").append(f"{motion} ", VALUE)
+    text.append("● " if one.learning else "○ ", GOOD if one.learning else DIM)
+    for name, value, sigma in zip(one.names, one.values, one.sigmas, strict=True):
+        band = BAND * sigma
+        style = GOOD if band < 0.1 * abs(value) else WARN if band < abs(value) else DIM
+        short = SHORT_NAMES.get(name, name)
+        text.append(f"{short} ", DIM).append(_short(value), VALUE).append(f" ±{_short(band, 2)} ", style)
+    return text.append(f"n {one.samples} {one.reason}".rstrip(), DIM)
+
+
+def _short(value: float, digits: int = 3) -> str:
+    if not math.isfinite(value):
+        return "?"
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.{digits}g}"
+
+
+def _bar(part: float, color: str) -> Text:
+    """Bar to the left or to the right of a middle line; halves of a cell show small pulses."""
+    halves = round(2 * BAR * min(1.0, abs(part)))
+    full, half = divmod(halves, 2)
+    if part < 0.0:
+        left = ("▐" if half else "") + "█" * full
+        return Text.assemble((left.rjust(BAR), color), ("│", DIM), " " * BAR)
+    right = "█" * full + ("▌" if half else "")
+    return Text.assemble(" " * BAR, ("│", DIM), (right.ljust(BAR), color))
+
+
+def _grid(*least: int) -> Table:
+    """Columns that are at least so wide; the last one gives way when there is not enough room."""
+    table = Table.grid(padding=(0, 1, 0, 0))
+    for width in least:
+        table.add_column(no_wrap=bool(width), min_width=width or None)  # the free one gives way
+    return table
+
+
+def _number(value: float, form: str, unit: str) -> Text:
+    if not math.isfinite(value):
+        return Text("unknown", style=WARN)
+    return Text.assemble((format(value, form), VALUE), (f" {unit}", DIM))
+
+
+def _numbers(values: tuple[float, ...], form: str, unit: str) -> Text:
+    if not all(math.isfinite(value) for value in values):
+        return Text("unknown", style=WARN)
+    return Text.assemble(("  ".join(format(value, form) for value in values), VALUE), (f" {unit}", DIM))
+
+
+def _amount(axis: str, value: float, sign: str = "") -> str:
+    if not math.isfinite(value):
+        return "?"
+    if axis not in ANGLES:
+        return f"{value:{sign}.2f} m"
+    degrees = math.degrees(value)
+    return f"{degrees % 360.0 if axis == 'heading' and not sign else degrees:{sign}.1f} deg"
+
+
+def _time(seconds: float) -> str:
+    if not math.isfinite(seconds):
+        return "?"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+Section = Callable[[Snapshot], RenderableType]
+
+SECTIONS: Mapping[str, Section] = {
+    "state": lambda view: state(view.navigation),
+    "thrusters": lambda view: thrusters(view.thrusters),
+    "holds": lambda view: holds(view.holds),
+    "health": lambda view: health(view.health),
+    "maneuver": lambda view: maneuver(view.flight),
+    "estimates": lambda view: estimates(view.estimates),
+}
+"""The sections by the name of their place."""

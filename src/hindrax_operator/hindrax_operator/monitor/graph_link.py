@@ -1,0 +1,167 @@
+"""Between a view and the ROS graph: one thread owns the operator's node, the view reads snapshots and queues orders."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hindrax_bringup.stack_lock import StackLock
+from hindrax_control.maneuver.maneuver import Goal
+from hindrax_core.errors import HindraxError
+from hindrax_operator.connection import joined
+from hindrax_operator.monitor.snapshot import Snapshot, snapshot
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+TURN_S = 0.02
+SNAPSHOT_S = 0.1
+FLY_S = 3600.0
+LOST_S = 30.0
+"""Silence after which the end of a maneuver is no longer awaited."""
+CLOSE_S = 10.0
+
+OnDone = Callable[[str, bool], None]
+Order = Callable[["Operator"], str]
+
+
+class GraphLink(threading.Thread):
+    """Joins a stack's graph and stays in it until `close`; use it as the `OperatedVehicle` of a page.
+
+    Stop, disarm and cancel are executed at once, also while a maneuver is being flown. `present` says whether a person
+    watches: the heartbeat stands for the person, not for the program.
+    """
+
+    def __init__(self, found: StackLock | None, *, sim_time: bool, present: Callable[[], bool] = lambda: True) -> None:
+        super().__init__(name="operator's link", daemon=True)
+        self.title = found.title if found else "ROS graph of this terminal"
+        self._found, self._sim_time, self._present = found, sim_time, present
+        self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
+        self._urgent: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
+        self._urgent_running = self._waiting = False
+        self._beating = True
+        self._over = threading.Event()
+        self._up = threading.Event()
+        self._operator: Operator | None = None
+        self._heard: object = None
+        self._heard_s = float("-inf")
+        self._refreshed_s = 0.0
+        self._snapshot = Snapshot()
+        self.error: Exception | None = None
+
+    def wait(self, seconds: float) -> None:
+        """Wait until the graph is joined; raises what prevented it."""
+        deadline = time.monotonic() + seconds
+        while not self._up.wait(0.05) and self.is_alive() and time.monotonic() < deadline:
+            pass
+        if self.error is not None:
+            raise self.error
+
+    def snapshot(self) -> Snapshot:
+        """Return the latest snapshot with the silence up to now, also when this thread has ended."""
+        return replace(self._snapshot, silent_s=time.monotonic() - self._heard_s)
+
+    def stop(self, on_done: OnDone) -> None:
+        """Order a stop."""
+        self._urgent.put((_stop, on_done))
+
+    def disarm(self, on_done: OnDone) -> None:
+        """Order to disarm."""
+        self._urgent.put((_disarm, on_done))
+
+    def cancel(self, on_done: OnDone) -> None:
+        """Order to cancel the maneuver."""
+        self._urgent.put((_cancel, on_done))
+
+    def fly(self, goal: Goal, on_done: OnDone) -> None:
+        """Order a maneuver; `on_done` is called when it has ended."""
+        self._orders.put((lambda operator: _fly(operator, goal), on_done))
+
+    def close(self) -> None:
+        """Leave the graph; a maneuver that was ordered here is cancelled."""
+        self._over.set()
+        self.join(CLOSE_S)
+
+    def run(self) -> None:
+        """Spin the node, take snapshots, carry out the orders."""
+        try:
+            with joined(self._found, sim_time=self._sim_time, tick=self._tick) as operator:
+                self._operator = operator
+                self._up.set()
+                while not self._over.is_set():
+                    operator.spin(TURN_S)
+                    if not self._orders.empty():
+                        self._waiting = True
+                        self._carry_out(operator, *self._orders.get())
+                        self._waiting = False
+        except Exception as error:  # noqa: BLE001  # handed to the thread that waits, which raises it
+            self.error = error
+
+    def _tick(self) -> None:
+        operator = self._operator
+        if operator is None:
+            return
+        self._refresh(operator)
+        self._beat(operator)
+        if self._urgent_running:
+            return
+        if not self._urgent.empty():
+            self._urgent_running = True
+            self._carry_out(operator, *self._urgent.get())
+            self._urgent_running = False
+        if self._waiting and (self._over.is_set() or time.monotonic() - self._heard_s > LOST_S):
+            self._waiting = False  # raised once: the maneuver still has to be cancelled
+            raise HindraxError("the end of the maneuver is not waited for any longer; `./hindrax stop` ends it")
+
+    def _refresh(self, operator: Operator) -> None:
+        # The thrusters publish at 50 Hz in every state: without their messages the vehicle is not reachable.
+        if operator.thrusters is not self._heard:
+            self._heard, self._heard_s = operator.thrusters, time.monotonic()
+        if time.monotonic() - self._refreshed_s > SNAPSHOT_S:
+            self._refreshed_s = time.monotonic()
+            self._snapshot = snapshot(operator)
+
+    def _beat(self, operator: Operator) -> None:
+        if self._present() is not self._beating:
+            self._beating = not self._beating
+            operator.beat(on=self._beating)
+
+    def _carry_out(self, operator: Operator, order: Order, on_done: OnDone) -> None:
+        try:
+            on_done(order(operator), True)
+        except HindraxError as error:
+            on_done(str(error), False)
+
+
+def _stop(operator: Operator) -> str:
+    from hindrax_operator.nodes.orders import stop  # noqa: PLC0415  # rclpy is loaded by then
+
+    failed = stop(operator)
+    if failed:
+        raise HindraxError("; ".join(failed))
+    return "stopped and disarmed"
+
+
+def _disarm(operator: Operator) -> str:
+    operator.arm(arm=False)
+    return "disarmed"
+
+
+def _cancel(operator: Operator) -> str:
+    return "the maneuver is cancelled" if operator.cancel_all() else "nothing was being flown"
+
+
+def _fly(operator: Operator, goal: Goal) -> str:
+    from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # rclpy is loaded by then
+
+    require_armed(operator)
+    aborted = operator.fly(
+        list(goal.motions), excitation=goal.excitation, seed=goal.seed, on_cancel=goal.on_cancel, seconds=FLY_S
+    )
+    if aborted:
+        raise HindraxError(f"the maneuver ended early, by {aborted}")
+    return f"flown: {', '.join(goal.motions)}"

@@ -1,0 +1,135 @@
+"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from hindrax_core.signals import NAN, Estimate, Navigation
+
+LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+
+
+@dataclass(frozen=True, slots=True)
+class Thrusters:
+    """Armed or not and why, the pulses applied, and what they achieve [N]; names in order."""
+
+    armed: bool = False
+    state: str = "unknown"
+    reason: str = "no word from the thrusters yet"
+    names: tuple[str, ...] = ()
+    pulses_us: tuple[float, ...] = ()
+    forces_N: tuple[float, ...] = ()
+    saturated: tuple[bool, ...] = ()
+    disabled: tuple[str, ...] = ()
+    lost_axes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """One hold: setpoint and error [rad or m], and why it acts less."""
+
+    axis: str
+    engaged: bool
+    setpoint: float = NAN
+    error: float = NAN
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverView:
+    """The maneuver: what is flown, how it was aborted, progress 0 to 1, force and speed along the motion."""
+
+    motion: str
+    phase: str
+    aborted: str = ""
+    progress: float = 0.0
+    remaining_s: float = NAN
+    wall_m: float = NAN
+    force: float = NAN
+    velocity: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class NodeHealth:
+    """One node: how it is, in a word and a sentence, and its rate [Hz] where it tells one."""
+
+    level: str
+    message: str
+    rate_Hz: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Everything at one moment. `silent_s`: wall time since the vehicle was last heard."""
+
+    time_s: float = NAN
+    silent_s: float = math.inf
+    navigation: Navigation | None = None
+    thrusters: Thrusters = Thrusters()
+    holds: tuple[Hold, ...] = ()
+    flight: ManeuverView | None = None
+    health: Mapping[str, NodeHealth] = field(default_factory=dict)
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+
+
+def snapshot(operator: Any) -> Snapshot:
+    """Copy the last message of every topic that an operator node watches."""
+    stamped = operator.navigation
+    return Snapshot(
+        time_s=operator.now() / 1e9,
+        navigation=stamped.reading if stamped else None,
+        thrusters=_thrusters(operator.thrusters, operator.allocation),
+        holds=_holds(operator.holds),
+        flight=_flight(operator.maneuver),
+        health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
+        estimates={motion: one.reading for motion, one in operator.estimates.items()},
+    )
+
+
+def _thrusters(state: Any, allocation: Any) -> Thrusters:
+    if state is None:
+        return Thrusters()
+    pulses = tuple(float(one) for one in state.pulses)
+    known = allocation is not None and len(allocation.forces) == len(pulses)
+    names = tuple(allocation.thrusters) if known else tuple(f"T{number + 1}" for number in range(len(pulses)))
+    return Thrusters(
+        armed=state.armed,
+        state=state.state,
+        reason=state.reason,
+        names=names,
+        pulses_us=pulses,
+        forces_N=tuple(allocation.forces) if known else (NAN,) * len(pulses),
+        saturated=tuple(allocation.saturated) if known else (False,) * len(pulses),
+        disabled=tuple(allocation.disabled) if known else (),
+        lost_axes=tuple(allocation.lost_axes) if known else (),
+    )
+
+
+def _holds(status: Any) -> tuple[Hold, ...]:
+    if status is None:
+        return ()
+    rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=True)
+    return tuple(Hold(*row) for row in rows)
+
+
+def _flight(status: Any) -> ManeuverView | None:
+    if status is None:
+        return None
+    return ManeuverView(
+        motion=status.motion,
+        phase=status.phase,
+        aborted=status.aborted,
+        progress=status.progress,
+        remaining_s=status.remaining,
+        wall_m=status.wall_distance,
+        force=status.force,
+        velocity=status.velocity,
+    )
+
+
+def _health(one: Any) -> NodeHealth:
+    rates = [pair.value for pair in one.values if pair.key == "rate [Hz]"]
+    return NodeHealth(LEVELS.get(one.level, "error"), one.message, float(rates[0]) if rates else NAN)

@@ -1,0 +1,319 @@
+"""The operator's node: arm, fly, monitor, disarm. Every call has a time-out and names what it waited for."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, Self
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from hindrax_control.maneuver.maneuver import LATE
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.topics import (
+    ALLOCATION,
+    DIAGNOSTICS,
+    ESTIMATE,
+    HEARTBEAT,
+    HOLD_STATUS,
+    MANEUVER,
+    NAVIGATION,
+    THRUSTER_HEALTH,
+    THRUSTER_STATE,
+    Topic,
+    resolved,
+)
+from hindrax_drivers.output.output_guard import ASK_AGAIN
+from hindrax_msgs.action import FlyManeuver
+from hindrax_msgs.msg import Heartbeat
+from hindrax_msgs.srv import Arm
+from hindrax_ros.batched_node import BatchedNode, events_executor
+from hindrax_ros.convert import estimate_from_msg, navigation_from_msg, stamp_from_msg, stamp_to_msg
+from hindrax_ros.graph import publisher, subscription
+
+UP = "`./hindrax up` starts the stack"
+ANSWER_S = 5.0
+AGAIN = "see what is wrong (`./hindrax doctor`), arm and fly again"
+ASKED_AT_MOST = 5
+LINK_S = 0.3
+"""Time for the last messages to reach their subscribers before the node is destroyed."""
+FLOWN_s = 1.0
+MANEUVER_LOST_s = 10.0
+"""Silence about a maneuver on a working link after which it counts as over; the pilot publishes at 10 Hz."""
+
+
+class Operator:
+    """One node that sends orders and subscribes to the state; use it as a context manager.
+
+    The last message of every watched topic is kept; `tick` (where given) is called between spins, so that the caller
+    can look after its processes and show progress.
+    """
+
+    def __init__(self, *, mock: bool, tick: Callable[[], None] = lambda: None) -> None:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]
+        self.node = BatchedNode("operator", parameter_overrides=overrides)
+        self._executor = events_executor()
+        self._executor.add_node(self.node)
+        self._tick, self._mock = tick, mock
+        # Counts on from any operator before this one, also from one that has just left (milliseconds, 32 bit).
+        self._sequence = time.time_ns() // 1_000_000 % (1 << 32)
+        self.navigation: Stamped[Navigation] | None = None
+        self.estimates: dict[str, Stamped[Estimate]] = {}
+        self.thrusters: Any = None
+        self.maneuver: Any = None
+        self._allocation: Any = None
+        self._allocations: Any = None
+        self.holds: Any = None
+        self.health: Any = None
+        self.diagnostics: dict[str, Any] = {}
+        self._subscribe()
+        self._arm = self.node.create_client(Arm, "thrusters/arm")
+        self._fly = ActionClient(self.node, FlyManeuver, "maneuver/fly")
+        self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
+        self._goal: Any = None
+
+    def __enter__(self) -> Self:
+        """Nothing to open: the node is up when it is made."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self._fly.destroy()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def _subscribe(self) -> None:
+        latest: dict[Topic, Callable[[Any], None]] = {
+            NAVIGATION: self._on_navigation,
+            THRUSTER_STATE: lambda message: setattr(self, "thrusters", message),
+            MANEUVER: lambda message: setattr(self, "maneuver", message),
+            HOLD_STATUS: lambda message: setattr(self, "holds", message),
+            THRUSTER_HEALTH: lambda message: setattr(self, "health", message),
+        }
+        for topic, keep in latest.items():
+            subscription(self.node, topic, keep, queue=1)
+        subscription(self.node, ESTIMATE, self._on_estimate)
+        subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
+        self._heartbeats = publisher(self.node, HEARTBEAT, held=False)
+        # The safety monitor measures silence in wall time, so the pace is that of the wall, not that of a mock's clock.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._heartbeat_timer = self.node.create_timer(0.5, self._send_heartbeat, clock=steady)
+
+    def beat(self, *, on: bool) -> None:
+        """Start or stop the heartbeat: it stands for the person, not for the program."""
+        if on:
+            self._heartbeat_timer.reset()
+        else:
+            self._heartbeat_timer.cancel()
+
+    def _send_heartbeat(self) -> None:
+        now = self.now()
+        if now <= 0:  # no /clock yet: an unstamped heartbeat is refused
+            return
+        message = Heartbeat(sequence=self.next(), source="operator")
+        message.header.stamp = stamp_to_msg(now)
+        self._heartbeats.publish(message)
+
+    def _on_navigation(self, message: Any) -> None:
+        self.navigation = navigation_from_msg(message)
+
+    def _on_estimate(self, message: Any) -> None:
+        self.estimates[message.motion] = estimate_from_msg(message)
+
+    @property
+    def allocation(self) -> Any:
+        """The last allocation; subscribed on first use, since it comes at 50 Hz and few callers need it."""
+        if self._allocations is None:
+            keep = partial(setattr, self, "_allocation")
+            self._allocations = subscription(self.node, ALLOCATION, keep, queue=1)
+        return self._allocation
+
+    def _on_diagnostics(self, message: Any) -> None:
+        self.diagnostics.update({one.name: one for one in message.status})
+
+    def next(self) -> int:
+        """Return the next sequence number."""
+        self._sequence = (self._sequence + 1) % (1 << 32)
+        return self._sequence
+
+    def now(self) -> Stamp:
+        """ROS time: the system's, or the mock's."""
+        return Stamp(self.node.get_clock().now().nanoseconds)
+
+    @property
+    def flying(self) -> str:
+        """Motion that is being flown, empty when none is."""
+        seen = self.maneuver
+        if seen is None or seen.phase in ("done", "aborted"):
+            return ""
+        age_s = seconds_between(stamp_from_msg(seen.header.stamp), self.now())
+        return str(seen.motion) if age_s < FLOWN_s else ""
+
+    def wait_for_time(self, seconds: float = ANSWER_S) -> None:
+        """Wait for the clock: system time is known at once, a mock's when /clock arrives."""
+        self.wait(lambda: self.now() > 0, seconds, lambda: "the clock of the mock; is its stack still up?")
+
+    def publishers(self, topic: Topic) -> int:
+        """How many nodes publish a topic, as far as they have been discovered."""
+        return int(self.node.count_publishers(resolved(topic)))
+
+    @contextlib.contextmanager
+    def sender(self, topic: Topic, reader: str) -> Iterator[Callable[[Any], None]]:
+        """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
+        out = publisher(self.node, topic, held=False)
+        try:
+            self.wait(lambda: out.get_subscription_count() > 0, ANSWER_S, lambda: f"{reader}; {UP}")
+            yield out.publish
+            self.pause(LINK_S)
+        finally:
+            self.node.destroy_publisher(out)
+
+    @contextlib.contextmanager
+    def repeating(self, period_s: float, act: Callable[[], None]) -> Iterator[None]:
+        """Act now and again after each period of ROS time."""
+        act()
+        timer = self.node.create_timer(period_s, act)
+        try:
+            yield
+        finally:
+            self.node.destroy_timer(timer)
+
+    def pause(self, seconds: float) -> None:
+        """Spin for this much wall time."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self.spin()
+
+    def spin(self, seconds: float = 0.05) -> None:
+        """Spin once: answers and timers, the last message of every topic, then the caller's tick."""
+        self._executor.spin_once(timeout_sec=seconds)
+        self.node.drain()
+        self._tick()
+
+    def wait(self, done: Callable[[], bool], seconds: float, what: Callable[[], str]) -> None:
+        """Spin until `done`; HindraxError with the sentence of `what` after this much wall time."""
+        deadline = time.monotonic() + seconds
+        while not done():
+            if time.monotonic() > deadline:
+                raise HindraxError(f"waited {seconds:.0f} s for {what()}")
+            self.spin()
+
+    def wait_for_thrusters(self) -> None:
+        """Wait until the thrusters node can be asked to arm: before that, there is no stack to speak of."""
+        self.wait(self._arm.service_is_ready, ANSWER_S, lambda: f"the thrusters node to offer thrusters/arm; {UP}")
+
+    def arm(self, *, arm: bool = True, seconds: float = 30.0) -> None:
+        """Arm or disarm, and wait until the thrusters report it (arming first holds neutral for the ESC's time)."""
+        self.wait_for_thrusters()
+        answer = self._request_arming(arm=arm)
+        # In mock, time runs so fast that a busy machine is late now and then. A real vehicle is never asked again: a
+        # person may have disarmed it meanwhile.
+        for _ in range(ASKED_AT_MOST - 1 if self._mock else 0):
+            if answer.accepted or not answer.reason.endswith(ASK_AGAIN):
+                break
+            answer = self._request_arming(arm=arm)
+        if not answer.accepted:
+            raise HindraxError(f"the thrusters refused to {'arm' if arm else 'disarm'}: {answer.reason}")
+        self.wait(lambda: self.thrusters is not None and self.thrusters.armed is arm, seconds, self._thruster_state)
+
+    def _request_arming(self, *, arm: bool) -> Any:
+        request = Arm.Request(arm=arm, sequence=self.next())
+        request.stamp = stamp_to_msg(self.now())
+        future = self._arm.call_async(request)
+        self.wait(future.done, ANSWER_S, lambda: "an answer from thrusters/arm")
+        return future.result()
+
+    def _thruster_state(self) -> str:
+        if self.thrusters is None:
+            return "the thrusters to say anything"
+        return f"the thrusters, which are {self.thrusters.state} ({self.thrusters.reason})"
+
+    def fly(self, motions: list[str], *, excitation: str, seed: int, on_cancel: str, seconds: float) -> str:
+        """Fly motions to their end; returns the guard's sentence, empty when all was flown. Ctrl-C cancels.
+
+        A goal that arrived too late is sent again: mock time runs so fast that a busy machine is late now and then.
+        """
+        self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
+        goal = FlyManeuver.Goal(motions=motions, excitation=excitation, seed=seed, on_cancel=on_cancel)
+        aborted = ""
+        for _ in range(ASKED_AT_MOST):
+            aborted = self._fly_to_its_end(goal, seconds)
+            if not aborted.startswith(f"{LATE}: "):
+                break
+        return aborted
+
+    def _fly_to_its_end(self, goal: Any, seconds: float) -> str:
+        goal.stamp = stamp_to_msg(self.now())
+        self.maneuver = None
+        future = self._fly.send_goal_async(goal)
+        self.wait(future.done, ANSWER_S, lambda: f"the pilot to answer a goal; {AGAIN}")
+        self._goal = future.result()
+        if not self._goal.accepted:
+            raise HindraxError(
+                "the pilot rejected the maneuver without a reason; it is of another version: start it anew"
+            )
+        result = self._goal.get_result_async()
+        try:
+            self.wait(lambda: result.done() or self._maneuver_lost(), seconds, self._not_ended)
+        except BaseException:
+            with contextlib.suppress(HindraxError):  # report the first error
+                self.cancel()
+            raise
+        self._goal = None
+        if not result.done():
+            return self._lost_outcome()
+        outcome = result.result()
+        if outcome.status == GoalStatus.STATUS_SUCCEEDED and outcome.result.completed:
+            return ""
+        return str(outcome.result.aborted) or "maneuver: ended without a reason"
+
+    def _not_ended(self) -> str:
+        at = f", now at {self.maneuver.motion} {self.maneuver.phase}" if self.maneuver is not None else ""
+        return f"the maneuver to end{at}; it is cancelled"
+
+    def _lost_outcome(self) -> str:
+        """Reason of the end of a maneuver whose result was lost."""
+        if self.maneuver.phase in ("done", "aborted"):
+            return str(self.maneuver.aborted)
+        now = (
+            f"the thrusters are {self.thrusters.state}" if self.thrusters is not None else "the thrusters are not heard"
+        )
+        because = f" ({self.thrusters.reason})" if self.thrusters is not None and self.thrusters.reason else ""
+        return f"link: nothing heard of the maneuver for {MANEUVER_LOST_s:.0f} s, and {now}{because}; {AGAIN}"
+
+    def _maneuver_lost(self) -> bool:
+        """Whether the vehicle still publishes, but no maneuver status: the result was lost with the link."""
+        if self.navigation is None or self.maneuver is None:
+            return False
+        now = self.now()
+        silent_s = seconds_between(stamp_from_msg(self.maneuver.header.stamp), now)
+        return silent_s > MANEUVER_LOST_s and seconds_between(self.navigation.stamp, now) < FLOWN_s
+
+    def cancel(self) -> None:
+        """Cancel what is being flown, if anything."""
+        if self._goal is None:
+            return
+        future = self._goal.cancel_goal_async()
+        self._goal = None
+        self.wait(future.done, ANSWER_S, lambda: "the pilot to cancel")
+
+    def cancel_all(self) -> int:
+        """Cancel every goal, whoever sent it; returns how many there were. Without a pilot there are none."""
+        if not self._cancel.service_is_ready():
+            return 0
+        # A request without an id and without a stamp means all goals (action_msgs/srv/CancelGoal).
+        future = self._cancel.call_async(CancelGoal.Request())
+        self.wait(future.done, ANSWER_S, lambda: "the pilot to cancel")
+        return len(future.result().goals_canceling)

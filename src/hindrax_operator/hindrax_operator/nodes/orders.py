@@ -1,0 +1,217 @@
+"""Manual orders of an operator: holds, wrenches, thrusters out of use, one thruster alone, stop.
+
+The vehicle checks every order. These functions only report in advance what it would refuse, and wait for the outcome.
+Every order expires on board: nothing moves for longer than half a second after the last message of the operator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from std_msgs.msg import Float32MultiArray
+
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, after
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6
+from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
+from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
+from hindrax_operator.nodes.operator_node import UP, Operator
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrapped, wrench_to_msg
+
+SEEN_S = 5.0
+WRENCH_PERIOD_S = 0.1
+COMMAND_PERIOD_S = 0.05
+AGAIN_S = 0.5
+ANSWERED_S = 0.8
+"""Time after which the pilot has received an order and reported its outcome."""
+REFUSED = "refused: "
+KEPT_S = 1.0
+"""Time in which the safety monitor sends its list of thrusters out of use to a restarted pilot."""
+SLOWEST_PACE = 0.2
+"""A mock that is slower than this against the wall clock is given up."""
+ANGLES = ("heading", "roll", "pitch")
+NEAR = 1e-6
+LIGHTS_PERIOD_S = 0.3
+
+
+def stop(operator: Operator) -> list[str]:
+    """Disarm (neutral at once, holds released), then cancel whatever flies; returns a sentence for what failed."""
+    failed: list[str] = []
+    acts: tuple[Callable[[], object], ...] = (lambda: operator.arm(arm=False, seconds=SEEN_S), operator.cancel_all)
+    for act in acts:
+        try:
+            act()
+        except HindraxError as error:
+            failed.append(str(error))
+    return failed
+
+
+def require_armed(operator: Operator) -> None:
+    """HindraxError unless the thrusters are armed and nothing is being flown."""
+    operator.wait(lambda: operator.thrusters is not None, SEEN_S, lambda: f"the thrusters; {UP}")
+    if not operator.thrusters.armed:
+        state, reason = operator.thrusters.state, operator.thrusters.reason
+        raise HindraxError(f"the thrusters are {state} ({reason}), wanted armed; `./hindrax arm` first")
+    operator.pause(0.3)
+    if operator.flying:
+        raise HindraxError(f"a maneuver is being flown ({operator.flying}); `./hindrax stop` ends it")
+
+
+def hold(operator: Operator, axes: Sequence[str], value: float, *, engaged: bool) -> dict[str, float]:
+    """Engage (NaN: where the vehicle is), move or release holds; returns the setpoints in force. Radians and meters."""
+    if engaged:
+        require_armed(operator)
+    with operator.sender(HOLD_SETPOINT, "the pilot, which keeps the holds") as send:
+        for axis in axes:
+            _send_until_held(operator, send, HoldSetpoint(axis=axis, engaged=engaged, value=value))
+    found = dict(zip(operator.holds.axes, operator.holds.setpoints, strict=True))
+    return {axis: found[axis] for axis in axes} if engaged else {}
+
+
+def _send_until_held(operator: Operator, send: Callable[[Any], None], wanted: HoldSetpoint) -> None:
+    """Repeat a setpoint until the pilot reports it: the first matched reader may have been the recorder."""
+    begun = operator.now()
+
+    def publish() -> None:
+        wanted.sequence = operator.next()
+        wanted.header.stamp = stamp_to_msg(operator.now())
+        send(wanted)
+
+    def held() -> bool:
+        refused = _refusal(operator.holds, wanted.axis, after(begun, ANSWERED_S))
+        if refused:
+            raise HindraxError(refused)
+        return _holds_as(operator.holds, wanted)
+
+    verb = "engage" if wanted.engaged else "end"
+    with operator.repeating(AGAIN_S, publish):
+        operator.wait(
+            held,
+            SEEN_S,
+            lambda: f"the {wanted.axis} hold to {verb}{_note(operator.holds, wanted.axis)}",
+        )
+
+
+def _refusal(status: Any, axis: str, since: Stamp) -> str:
+    """Why the pilot refused a setpoint that it has certainly received; an older refusal may belong to another."""
+    if status is None or axis not in status.axes or stamp_from_msg(status.header.stamp) < since:
+        return ""
+    note: str = status.notes[list(status.axes).index(axis)]
+    return note.partition(REFUSED)[2]
+
+
+def _holds_as(status: Any, wanted: HoldSetpoint) -> bool:
+    if status is None or wanted.axis not in status.axes:
+        return False
+    index = list(status.axes).index(wanted.axis)
+    engaged, setpoint = bool(status.engaged[index]), float(status.setpoints[index])
+    if not (engaged and wanted.engaged):
+        return engaged is wanted.engaged
+    if math.isnan(wanted.value):
+        return math.isfinite(setpoint)
+    off = setpoint - wanted.value
+    return abs(wrapped(off) if wanted.axis in ANGLES else off) < NEAR
+
+
+def _note(status: Any, axis: str) -> str:
+    if status is None or axis not in status.axes:
+        return "; the pilot says nothing: it waits for a navigation solution (`./hindrax monitor`)"
+    note = status.notes[list(status.axes).index(axis)]
+    return f"; it says: {note}" if note else "; the pilot gives no reason: does somebody else set this hold? Ask again"
+
+
+def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:
+    """Command a wrench [N, Nm] for a span of vehicle time; returns the last allocation, ends with a zero wrench."""
+    operator.wait(lambda: operator.allocation is not None, SEEN_S, lambda: f"the allocator; {UP}")
+    with operator.sender(OPERATOR_WRENCH, "the pilot, which takes operator wrenches") as send:
+        end = after(operator.now(), seconds)
+        try:
+            with operator.repeating(WRENCH_PERIOD_S, lambda: send(wrench_to_msg(operator.now(), wrench))):
+                _until(operator, lambda: operator.now() >= end, seconds, "the wrench")
+            return operator.allocation
+        finally:
+            send(wrench_to_msg(operator.now(), ZERO6))
+
+
+def _until(operator: Operator, over: Callable[[], bool], seconds: float, what: str) -> None:
+    def done() -> bool:
+        if not operator.thrusters.armed:
+            raise HindraxError(f"{what} ended early: the thrusters are {operator.thrusters.state}")
+        return over()
+
+    operator.wait(done, seconds / SLOWEST_PACE + SEEN_S, lambda: f"{what} to end; time stands still")
+
+
+def set_health(operator: Operator, names: set[str], reason: str, *, usable: bool) -> list[str]:
+    """Take thrusters into use or out of it; returns all that are out, as the allocator has it, with their reasons."""
+    listed = _list_in_force(operator)
+    strange = sorted(names - set(operator.allocation.thrusters))
+    if strange:
+        raise HindraxError(
+            f"found no thruster {', '.join(strange)}; the vehicle has {', '.join(operator.allocation.thrusters)}"
+        )
+    wanted = sorted(set(listed.disabled) - names if usable else names.union(listed.disabled))
+    kept: Mapping[str, str] = dict(zip(listed.disabled, listed.reasons, strict=False))
+    message = ThrusterHealth(disabled=wanted, reasons=[kept.get(name, reason) for name in wanted])
+    # Later than the list in force, whatever the clock did since: the pilot takes nothing older.
+    message.header.stamp = stamp_to_msg(max(operator.now(), stamp_from_msg(listed.header.stamp) + 1))
+    with (
+        operator.sender(THRUSTER_HEALTH_ORDER, "the pilot, which keeps the list of thrusters out of use") as send,
+        operator.repeating(AGAIN_S, lambda: send(message)),
+    ):
+        operator.wait(
+            lambda: sorted(operator.health.disabled) == sorted(operator.allocation.disabled) == wanted,
+            SEEN_S,
+            lambda: "the allocator to take the list",
+        )
+    return wanted
+
+
+def _list_in_force(operator: Operator) -> Any:
+    """Return the pilot's list; after a restart of the pilot, wait until the safety monitor has sent the list again."""
+    operator.wait(
+        lambda: operator.allocation is not None and operator.health is not None,
+        SEEN_S,
+        lambda: f"the allocator and the pilot; {UP}",
+    )
+    if stamp_from_msg(operator.health.header.stamp) == 0:
+        operator.pause(KEPT_S)
+    return operator.health
+
+
+def require_sole(operator: Operator) -> None:
+    """HindraxError when another node commands the thrusters: two masters would fight, and neither could be trusted."""
+    operator.pause(1.0)
+    others = operator.publishers(THRUSTER_COMMAND)
+    if others:
+        raise HindraxError(
+            "the control process commands the thrusters, and a thruster alone needs them for itself; "
+            "end the stack first, or push with `./hindrax wrench`"
+        )
+
+
+def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) -> Any:
+    """Command pulses for a span of vehicle time as the only master; returns the last thruster state of the span."""
+    with operator.sender(THRUSTER_COMMAND, "the thrusters") as send:
+
+        def command(pulses: Sequence[float]) -> None:
+            message = ThrusterCommand(sequence=operator.next(), pulses=list(pulses))
+            message.header.stamp = stamp_to_msg(operator.now())
+            send(message)
+
+        end = after(operator.now(), seconds)
+        with operator.repeating(COMMAND_PERIOD_S, lambda: command(pulses_us)):
+            _until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
+        return operator.thrusters
+
+
+def set_lights(operator: Operator, levels: Sequence[float]) -> None:
+    """Publish the brightness of each lamp, 0 to 1, three times: the lamps do not answer."""
+    message: Any = Float32MultiArray(data=levels)
+    with operator.sender(LIGHTS, "the thrusters, which have the lamps") as send:
+        for _ in range(3):
+            send(message)
+            operator.pause(LIGHTS_PERIOD_S)

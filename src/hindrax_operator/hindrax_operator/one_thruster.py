@@ -1,0 +1,150 @@
+"""One thruster alone, at the bench: to see which one it is, that it turns, and which way it pulls.
+
+Only one master may command thrusters. With the control process up, it is that master, fifty times a second and also
+with nothing to do; so a thruster alone is run either over a thrusters process that nobody else commands, or over one
+that is started for it and ended after it. It is armed for the run and disarmed at its end, whatever ends it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.liveness import pulse
+from hindrax_bringup.processes import THRUSTERS
+from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
+from hindrax_bringup.stack_lock import StackLock, graph_settings, stacks
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_operator.connection import joined
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+UP_S = 30.0
+LOOK_S = 2.0
+ARMING_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class ThrusterRun:
+    """Which thruster, how hard [N] and how long [s], on which vehicle."""
+
+    thruster: str
+    force_N: float
+    seconds: float
+    vehicle_file: Path
+    mock: bool
+
+
+def run_one(run: ThrusterRun) -> str:
+    """Arm, run, disarm; returns what was done in one sentence."""
+    vehicle = load_vehicle(run.vehicle_file)
+    index, pulses = pulses_of(vehicle, run.thruster, run.force_N)
+    name = vehicle.thrusters[index].name
+    from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # invalid arguments end before rclpy loads
+
+    with _thrusters(run) as operator:
+        require_sole(operator)
+        operator.wait_for_thrusters()
+        report(f"arming; {name} will turn, keep clear")
+        try:
+            operator.arm(seconds=ARMING_S)
+            report(f"{name}: {run.force_N:+.1f} N, {pulses[index]:.0f} us, for {run.seconds:g} s; Ctrl-C ends it")
+            applied = list(run_alone(operator, pulses, run.seconds).pulses)
+        finally:
+            with contextlib.suppress(HindraxError):
+                operator.arm(arm=False)
+    others = [pulse for at, pulse in enumerate(applied) if at != index]
+    rest = f"the others between {min(others):.0f} and {max(others):.0f} us" if others else "it is the only one"
+    return f"{name} ran at {applied[index]:.0f} us, {rest}; disarmed"
+
+
+def pulses_of(vehicle: Vehicle, thruster: str, force_N: float) -> tuple[int, list[float]]:
+    """Index of a thruster, by name or number from 1, and the pulses of all that make its force alone [us].
+
+    UsageError when there is no such thruster, or it cannot give this force.
+    """
+    names = [one.name for one in vehicle.thrusters]
+    index = names.index(thruster) if thruster in names else _numbered(thruster, names)
+    curves = thrust_curves(vehicle)
+    curve = curves[index]
+    low, high = curve.range_N
+    if not low <= force_N <= high:
+        raise UsageError(f"thruster {names[index]}: found {force_N:g} N, wanted {low:.1f} to {high:.1f} N")
+    pulses = [one.stop_us for one in curves]
+    pulses[index] = curve.pulse(force_N)
+    if force_N and pulses[index] == curve.stop_us:
+        back, forth = curve.gap_N
+        raise UsageError(
+            f"thruster {names[index]}: {force_N:g} N is less than it can give, {back:.2f} or {forth:+.2f} N at least"
+        )
+    return index, pulses
+
+
+def _numbered(text: str, names: list[str]) -> int:
+    if text.isdigit() and 1 <= int(text) <= len(names):
+        return int(text) - 1
+    raise UsageError(f"thruster {text}: not of this vehicle; it has {', '.join(names)}, or 1 to {len(names)}")
+
+
+@contextlib.contextmanager
+def _thrusters(run: ThrusterRun) -> Iterator[Operator]:
+    """Yield an operator beside a thrusters process: one that runs already, or one of our own."""
+    running = [one for one in stacks() if one.mock is run.mock]
+    if running:
+        with joined(running[0]) as operator:
+            yield operator
+        return
+    if not run.mock:
+        # A stack that was started by a service or by `ros2 launch` announces nothing here; its topics tell.
+        with joined(None) as operator:
+            operator.pause(LOOK_S)
+            if operator.thrusters is not None:
+                yield operator
+                return
+    with _own_thrusters(run) as operator:
+        yield operator
+
+
+@contextlib.contextmanager
+def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
+    with tempfile.TemporaryDirectory(prefix="hindrax-") as place, own_domain(mock=run.mock) as domain, pulse() as beat:
+        folder = RunFolder(Path(place))
+        shutil.copyfile(run.vehicle_file, folder.vehicle)
+        made = environment(mock=run.mock, domain=domain)
+        with Supervisor(folder.logs, made) as supervisor:
+            stack = Stack(folder, load_vehicle(folder.vehicle), supervisor)
+            stack.start(MockOptions(rate=1.0) if run.mock else None, record=False, onboard=(THRUSTERS,))
+            presence = StackLock(0, run.mock, str(folder.vehicle), place, graph_settings(made))
+
+            def look_after() -> None:
+                for sentence in supervisor.check():
+                    report(sentence)
+                supervisor.require()
+                beat.beat(f"thruster {run.thruster} alone", {})
+
+            with joined(presence, tick=look_after) as operator:
+                operator.wait(
+                    lambda: operator.thrusters is not None, UP_S, lambda: f"the thrusters; {_node_problems(operator)}"
+                )
+                yield operator
+
+
+def _node_problems(operator: Operator) -> str:
+    found = [f"{name}: {one.message}" for name, one in operator.diagnostics.items() if one.level != b"\x00"]
+    return "; ".join(found) or "their process says nothing, `./hindrax doctor` looks at the wires"
+
+
+def report(sentence: str) -> None:
+    """One line of progress."""
+    print(sentence, file=sys.stderr, flush=True)

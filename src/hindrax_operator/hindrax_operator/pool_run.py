@@ -1,0 +1,225 @@
+"""One pool test: start, arm, fly, disarm, identify, report."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_run, show
+from hindrax_bag.run_folder import RunFolder, make_run_folder
+from hindrax_bag.write.limits import BagLimits
+from hindrax_bringup.liveness import LivenessFile, pulse
+from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
+from hindrax_bringup.stack_lock import announced
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.tether import available_tether
+from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_core.errors import INTERRUPTED, HindraxError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_operator.progress import Progress
+
+UP_S = 30.0
+FLY_S = 3600.0
+ARMING_S = 60.0
+MOTION_S = 240.0
+"""Upper bound of a motion's duration, for the check of free space; a staircase of plateaus takes two minutes."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoolOptions:
+    """What is flown, with which vehicle, and where the results go."""
+
+    motions: tuple[str, ...]
+    """Names, or `all`: what the vehicle can fly."""
+    vehicle_file: Path
+    mock: MockOptions | None
+    out: str | None
+    seed: int
+    excitation: str
+    on_cancel: str
+    headless: bool
+    json: bool
+
+
+@dataclass(slots=True)
+class FlownManeuver:
+    """Outcome of a flight, besides the bag."""
+
+    aborted: str = ""
+    interrupted: bool = False
+    node_problems: list[str] = field(default_factory=list)
+    """What /diagnostics complained of when it ended."""
+    vehicle_s: float = 0.0
+    wall_s: float = 0.0
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def real_time_factor(self) -> float:
+        """Vehicle time over wall time, from arming to disarming."""
+        return self.vehicle_s / self.wall_s if self.wall_s > 0.0 else 0.0
+
+
+def run_pool_test(options: PoolOptions) -> int:
+    """Fly, identify, print; 0 when all was flown and identified, INTERRUPTED after Ctrl-C."""
+    vehicle = load_vehicle(options.vehicle_file)
+    servable = motions_to_fly(options.motions, vehicle)
+    options = replace(options, motions=servable.flown)
+    folder = make_run_folder(options.out, options.vehicle_file)
+    BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
+    with Progress(headless=options.headless) as progress:
+        progress.report(f"{vehicle.name} {servable}")
+        flight = fly(options, vehicle, folder, progress)
+        progress.report("identifying over the bag")
+        identified = identify_run(folder, vehicle, mock=options.mock is not None, aborted=flight.aborted)
+    document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
+    document |= {"mock": flight.facts} if options.mock else {}
+    if options.json:
+        print(json.dumps(document))
+    else:
+        finish(identified, folder, flight)
+    if flight.interrupted:
+        return INTERRUPTED
+    return 1 if flight.aborted or not identified.complete else 0
+
+
+def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) -> None:
+    """Print the summary of a run."""
+    if identified.results.motions:
+        show(identified)
+    if flight.aborted:
+        print(f"aborted by {flight.aborted}", file=sys.stderr)
+        for line in flight.node_problems:
+            print(f"  {line}", file=sys.stderr)
+        if not identified.results.motions:
+            print("nothing was flown: there is no data, so there are no coefficients", file=sys.stderr)
+    if flight.facts.get("wall_hits"):
+        print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
+    print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
+    for path in (folder.report, folder.coefficients, folder.bag):
+        print(f"  {path}")
+
+
+def fly(options: PoolOptions, vehicle: Vehicle, folder: RunFolder, progress: Progress) -> FlownManeuver:
+    """Start the stack, fly the motions, end the stack; the bag is closed and readable when this returns."""
+    mock = options.mock
+    flight = FlownManeuver()
+    notes = f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}"
+    with own_domain(mock=mock is not None) as domain, pulse() as beating:
+        made = environment(
+            mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report)
+        )
+        with Supervisor(folder.logs, made) as supervisor:
+            stack = Stack(folder, vehicle, supervisor, notes)
+            progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
+            stack.start(mock, record=True)
+            with announced(presence_of(stack, made)), adopted(made):
+                _operate(options, flight, supervisor, progress, Beating(beating, notes))
+            supervisor.stop("recorder")
+            flight.facts = stack.last_facts()
+    return flight
+
+
+@dataclass(frozen=True, slots=True)
+class Beating:
+    """Tells `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
+
+    pulse: LivenessFile
+    notes: str
+
+    def beat(self, operator: Any) -> None:
+        """Say so, at most once a second."""
+        state = "starting" if operator.thrusters is None else operator.thrusters.state
+        self.pulse.beat(f"{self.notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator)))
+
+
+def _operate(
+    options: PoolOptions, flight: FlownManeuver, supervisor: Supervisor, progress: Progress, beating: Beating
+) -> None:
+    from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
+
+    deaths: list[str] = []
+
+    def tick() -> None:
+        for sentence in supervisor.check():
+            progress.report(sentence)
+            deaths.append(sentence)
+        supervisor.require()
+        beating.beat(operator)
+        progress.show(operator.maneuver, operator.navigation, operator.estimates)
+
+    with Operator(mock=options.mock is not None, tick=tick) as operator:
+        operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
+        operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
+        progress.report("sensors and thrusters are up; arming")
+        with deferred_interrupt(), disarmed_at_the_end(operator):
+            operator.arm(seconds=ARMING_S)
+            begin, wall = operator.now(), time.monotonic()
+            progress.report(f"armed; flying {', '.join(options.motions)}")
+            try:
+                flight.aborted = operator.fly(
+                    list(options.motions),
+                    excitation=options.excitation,
+                    seed=options.seed,
+                    on_cancel=options.on_cancel,
+                    seconds=FLY_S,
+                )
+            except KeyboardInterrupt:
+                flight.aborted, flight.interrupted = "operator: stopped by Ctrl-C", True
+            except HindraxError as error:
+                # The bag holds the flight up to here, which can still be identified.
+                flight.aborted = f"stack: {error}"
+            else:
+                flight.aborted += f"; meanwhile {deaths[-1]}" if flight.aborted and deaths else ""
+            flight.node_problems = node_problems(operator) if flight.aborted else []
+            flight.wall_s = time.monotonic() - wall
+            flight.vehicle_s = (operator.now() - begin) / 1e9
+        progress.report("disarmed")
+
+
+@contextlib.contextmanager
+def disarmed_at_the_end(operator: Any) -> Iterator[None]:
+    """Disarm whatever happens; a failure to do so must not hide what went wrong before (the silence does it then)."""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(HindraxError):
+            operator.cancel()
+        with contextlib.suppress(HindraxError):
+            operator.arm(arm=False, seconds=5.0)
+
+
+@contextlib.contextmanager
+def deferred_interrupt() -> Iterator[None]:
+    """The first Ctrl-C interrupts the flight; further ones do not interrupt the landing."""
+    count = 0
+
+    def interrupt(number: int, frame: Any) -> None:
+        nonlocal count
+        count += 1
+        if count == 1:
+            signal.default_int_handler(number, frame)
+
+    before: dict[int, Any] = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def missing_solution(operator: Any) -> str:
+    """What is still missing, from /diagnostics."""
+    return "a navigation solution\n  " + ("\n  ".join(node_problems(operator)) or "no node has reported anything")
+
+
+def node_problems(operator: Any) -> list[str]:
+    """Every problem in /diagnostics, as `node: problem`."""
+    found = operator.diagnostics.items()
+    return [f"{name.removeprefix('hindrax: ')}: {one.message}" for name, one in found if one.level != b"\x00"]

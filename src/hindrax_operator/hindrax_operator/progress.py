@@ -1,0 +1,105 @@
+"""Progress of a maneuver on stderr: a live view on a terminal, else one line per phase."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from typing import Any, Self
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from hindrax_control.maneuver.plan import TURNING
+from hindrax_core.events import Stamped
+from hindrax_core.signals import Estimate
+
+REFRESH_S = 0.2
+
+
+class Progress:
+    """Shows `ManeuverStatus` messages and estimates on stderr; use it as a context manager."""
+
+    def __init__(self, *, headless: bool) -> None:
+        self._console = Console(stderr=True)
+        self._live = None if headless or not sys.stderr.isatty() else Live(console=self._console, auto_refresh=False)
+        self._begin = time.monotonic()
+        self._shown = 0.0
+        self._phase = ("", "")
+
+    def __enter__(self) -> Self:
+        """Start the live view."""
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the live view."""
+        if self._live is not None:
+            self._live.stop()
+
+    def report(self, text: str) -> None:
+        """Print one line with the wall time since the start."""
+        line = f"[{time.monotonic() - self._begin:5.1f} s] {text}"
+        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+    def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:
+        """Show the state of the maneuver, at most five times a second."""
+        if maneuver is None or time.monotonic() - self._shown < REFRESH_S:
+            return
+        self._shown = time.monotonic()
+        if self._live is not None:
+            self._live.update(panel(maneuver, navigation, estimates), refresh=True)
+            return
+        phase = (maneuver.motion, maneuver.phase)
+        if phase != self._phase:
+            self._phase = phase
+            if maneuver.phase == "plateau":
+                self.report(plateau_line(maneuver, estimates))
+
+
+def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> Table:
+    """The live view: maneuver, vehicle, estimates so far."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    done = round(20 * min(1.0, max(0.0, maneuver.progress)))
+    bar = "#" * done + "." * (20 - done)
+    table.add_row("maneuver", f"{bar} {100.0 * maneuver.progress:3.0f} %  {maneuver.motion} {maneuver.phase}")
+    unit, rate = units(maneuver.motion)
+    now = f"{maneuver.force:+.1f} {unit}, {maneuver.velocity:+.3f} {rate}{wall(maneuver)}"
+    table.add_row("", f"{now}, {maneuver.remaining:.0f} s of vehicle time to go")
+    if navigation is not None:
+        state = navigation.reading
+        heading = math.degrees(state.attitude_rad[2])
+        table.add_row(
+            "vehicle", f"altitude {state.altitude_m:.2f} m, depth {state.depth_m:.2f} m, heading {heading:.0f} deg"
+        )
+    for motion, stamped in estimates.items():
+        table.add_row(motion, coefficients_line(stamped.reading))
+    return table
+
+
+def plateau_line(maneuver: Any, estimates: dict[str, Stamped[Estimate]]) -> str:
+    """One line for a plateau that begins: where the maneuver is, and what is known of this motion by now."""
+    line = f"{maneuver.motion}: plateau at {maneuver.force:+.1f} {units(maneuver.motion)[0]}"
+    line += f", {100.0 * maneuver.progress:.0f} %, {maneuver.remaining:.0f} s to go{wall(maneuver)}"
+    known = estimates.get(maneuver.motion)
+    return f"{line}; {coefficients_line(known.reading)}" if known else line
+
+
+def units(motion: str) -> tuple[str, str]:
+    """Units of the force and of the rate along a motion."""
+    return ("Nm", "rad/s") if motion in TURNING else ("N", "m/s")
+
+
+def wall(maneuver: Any) -> str:
+    """How far the wall ahead is, where that is known."""
+    return "" if math.isnan(maneuver.wall_distance) else f", wall {maneuver.wall_distance:.1f} m ahead"
+
+
+def coefficients_line(estimate: Estimate) -> str:
+    """Values with standard deviations, and whether it learns."""
+    pairs = zip(estimate.names, estimate.values, estimate.sigmas, strict=True)
+    values = "  ".join(f"{name} {value:.2f} +- {sigma:.2f}" for name, value, sigma in pairs)
+    state = f"{estimate.samples} samples" if estimate.learning else f"holding: {estimate.reason}"
+    return f"{values}  ({state})"

@@ -1,0 +1,85 @@
+"""Who may ask: the right host, the right origin, the right token. Pure; the sentences are for whoever was refused."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from hindrax_core.errors import UsageError
+
+BEARER = "Bearer "
+HOST = re.compile(r"(?:\[([0-9a-f:.]+)\]|([0-9a-z.-]+))(?::[0-9]{1,5})?", re.IGNORECASE)
+
+
+class RefusedRequest(Exception):  # noqa: N818  # an answer to a browser, not a fault of ours
+    """A request that is not served: status and one sentence."""
+
+    def __init__(self, status: HTTPStatus, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status, self.sentence = status, sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What a request must bring: one of these host names, and the token."""
+
+    hosts: frozenset[str]
+    token: str
+
+    def check_place(self, hosts: Sequence[str], origins: Sequence[str]) -> None:
+        """Refuse a strange Host (a name of somebody else that leads here: DNS rebinding) and a strange Origin."""
+        if len(hosts) != 1 or hostname(hosts[0]) not in self.hosts:
+            found = ", ".join(hosts) or "none"
+            raise RefusedRequest(
+                HTTPStatus.MISDIRECTED_REQUEST, f"Host: found {found}, wanted {' or '.join(sorted(self.hosts))}"
+            )
+        if origins and list(origins) != [f"http://{hosts[0]}"]:
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, "Origin: found another page, wanted the one that is served here")
+
+    def check_token(self, authorization: str | None) -> None:
+        """Refuse whoever does not have the token; the comparison takes as long whatever was given."""
+        given = (authorization or "").removeprefix(BEARER)
+        if not hmac.compare_digest(given.encode(), self.token.encode()):
+            raise RefusedRequest(
+                HTTPStatus.UNAUTHORIZED, "token: missing or wrong; open the address that `./hindrax web` printed"
+            )
+
+
+def hostname(host: str) -> str:
+    """Name in a Host header in lower case, without port and brackets; empty when it is none."""
+    found = HOST.fullmatch(host)
+    return (found[1] or found[2]).lower() if found else ""
+
+
+def hosts_of(address: str) -> frozenset[str]:
+    """Names by which a browser may call a server at this address; UsageError for one that means every address."""
+    try:
+        found = ipaddress.ip_address(address)
+    except ValueError:
+        raise UsageError(
+            f"--address: found {address!r}, wanted an address in numbers, such as 192.168.2.2; `ip address` lists yours"
+        ) from None
+    if found.is_unspecified:
+        raise UsageError(f"--address: {address} means every interface, wanted the address of one, such as the tether's")
+    return frozenset({str(found)} | ({"localhost"} if found.is_loopback else set()))
+
+
+def security_headers(script_hash: str) -> Mapping[str, str]:
+    """Headers of every answer. The style is open because a report brings its own; a report's script never runs."""
+    policy = (
+        f"default-src 'none'; script-src 'sha256-{script_hash}'; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return {
+        "Content-Security-Policy": policy,
+        "Cache-Control": "no-store",
+        "Referrer-Policy": "no-referrer",
+        "X-Content-Type-Options": "nosniff",
+        "X-Frame-Options": "DENY",
+        "Cross-Origin-Opener-Policy": "same-origin",
+        "Cross-Origin-Resource-Policy": "same-origin",
+    }

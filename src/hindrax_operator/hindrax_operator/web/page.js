@@ -1,0 +1,361 @@
+/* What the page does: reads the news, draws them, passes orders on. Texts enter as text, never as markup. */
+"use strict";
+const at = id => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILENT_s = 2, PATIENCE_ms = 3000;
+const past = [], trace = [];
+let token = "", last = null, heard_ms = 0, beaten_ms = 0, told = null, readOnly = null, locked = false;
+
+const make = (name, text, kind) => {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (kind) made.className = kind;
+  return made;
+};
+const draw = (name, attributes) => {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+};
+const number = (value, digits, unit, sign) => value === null ? "unknown"
+  : (sign && value >= 0 ? "+" : "") + value.toFixed(digits) + " " + unit;
+const short = value => value === null ? "?"
+  : Math.abs(value) >= 1000 ? value.toFixed(0) : String(+value.toPrecision(3));
+const rows = (place, found) => place.replaceChildren(...found.flatMap(([name, text, kind]) =>
+  [make("dt", name), make("dd", text, kind)]));
+
+/* ---- the server */
+
+const ask = (path, words) => fetch(path, {
+  method: words ? "POST" : "GET", cache: "no-store", credentials: "omit",
+  headers: {Authorization: "Bearer " + token, ...(words ? {"Content-Type": "application/json"} : {})},
+  body: words ? JSON.stringify(words) : undefined});
+
+const order = async (name, words = {}) => {
+  try {
+    const answer = await ask("/" + name, words);
+    if (!answer.ok) notify(await answer.text(), false);
+  } catch { notify(name + ": no way to the vehicle; `./hindrax stop` in a terminal, or cut the power", false); }
+};
+
+function notify(sentence, well) {
+  const line = make("p", sentence, well ? "good" : "bad");
+  at("told").prepend(line);
+  while (at("told").childElementCount > 4) at("told").lastChild.remove();
+  setTimeout(() => line.remove(), well ? 8000 : 30000);
+}
+
+async function listen() {
+  for (;;) {
+    try {
+      const answer = await ask("/news");
+      if (answer.status === 401) { askForToken(); return; }
+      if (!answer.ok) throw new Error(await answer.text());
+      await read(answer.body.getReader());
+    } catch (error) { if (error.message) at("reason").textContent = error.message; }
+    await new Promise(go => setTimeout(go, 1000));
+  }
+}
+
+async function read(reader) {
+  const decoder = new TextDecoder();
+  let rest = "";
+  for (;;) {
+    const {value, done} = await reader.read();
+    if (done) return;
+    const parts = (rest + decoder.decode(value, {stream: true})).split("\n\n");
+    rest = parts.pop();
+    if (parts.length) receive(JSON.parse(parts.at(-1).replace(/^data: /, "")));
+  }
+}
+
+function receive(news) {
+  last = news;
+  heard_ms = Date.now();
+  if (!news.read_only && heard_ms - beaten_ms >= BEAT_ms && !document.hidden) {
+    beaten_ms = heard_ms;
+    ask("/here", {}).catch(() => {});
+  }
+  if (news.navigation) past.push({at: heard_ms, ...news.navigation});
+  while (past.length && heard_ms - past[0].at > KEPT_ms) past.shift();
+  const place = news.pool.place;
+  if (place && place.x !== null) trace.push([place.x, place.y]);
+  if (trace.length > 3000) trace.splice(0, 600);
+  const newest = Math.max(0, ...news.told.map(one => one.number));
+  for (const one of news.told) if (told !== null && one.number > told) notify(one.sentence, one.well);
+  if (told !== null && newest > told) listReports();
+  told = newest;
+  requestAnimationFrame(show);
+}
+
+function askForToken() {
+  locked = true;
+  at("ask").hidden = false;
+  at("view").hidden = true;
+  at("armed").textContent = "no token";
+}
+
+/* ---- what is seen */
+
+function show() {
+  headline();
+  if (!last) return;
+  state(last.navigation);
+  pool(last.pool);
+  thrusters(last);
+  flight(last);
+  holds(last.holds);
+  health(last.health);
+  estimates(last.estimates);
+  document.querySelectorAll("canvas").forEach(plot);
+}
+
+function headline() {
+  if (locked) return;
+  const cut = Date.now() - heard_ms > PATIENCE_ms;
+  const silent = last && (last.silent === null || last.silent > SILENT_s);
+  at("view").classList.toggle("old", Boolean(cut || silent));
+  const pill = at("armed");
+  if (cut || silent) {
+    pill.className = "pill warn";
+    pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
+    at("reason").textContent = cut ? "the page gets no news" : "nothing is heard from the thrusters";
+    return;
+  }
+  pill.className = "pill " + (last.armed ? "armed" : last.state === "disarmed" ? "safe" : "warn");
+  pill.textContent = last.armed || last.state === "disarmed" ? last.state.toUpperCase() : last.state;
+  at("reason").textContent = last.state === "disarmed" ? "" : last.reason;
+  at("title").textContent = last.title + (last.read_only ? ", only to watch" : "");
+  if (readOnly !== last.read_only) {
+    readOnly = last.read_only;
+    for (const id of ["stop", "disarm", "fly"]) at(id).hidden = readOnly;
+  }
+}
+
+function state(found) {
+  if (!found) { rows(at("state"), [["", "no navigation solution yet; see the health", "warn"]]); return; }
+  rows(at("state"), [
+    ["heading", number(found.heading, 1, "deg")],
+    ["roll", number(found.roll, 1, "deg", true)], ["pitch", number(found.pitch, 1, "deg", true)],
+    ["depth", number(found.depth, 2, "m")], ["altitude", number(found.altitude, 2, "m")],
+    ["surge", number(found.surge, 3, "m/s", true)], ["sway", number(found.sway, 3, "m/s", true)],
+    ["heave", number(found.heave, 3, "m/s", true)],
+    ["DVL", found.locked ? "locked" : "no bottom lock", found.locked ? "good" : "bad"]]);
+}
+
+/* Pool axes: x along the length (drawn to the right), y to the right of it (drawn downward). */
+function pool(found) {
+  const [length, width] = found.size, place = found.place, svg = at("pool");
+  svg.setAttribute("viewBox", [-0.1, -0.1, length + 0.2, width + 0.2].join(" "));
+  const parts = [draw("rect", {x: 0, y: 0, width: length, height: width, class: "water"})];
+  for (let x = 1; x < length; x++) parts.push(draw("line", {x1: x, x2: x, y1: 0, y2: width, class: "meter"}));
+  for (let y = 1; y < width; y++) parts.push(draw("line", {x1: 0, x2: length, y1: y, y2: y, class: "meter"}));
+  if (trace.length > 1) parts.push(draw("polyline", {points: trace.map(one => one.map(v => v.toFixed(2))).join(" "),
+    class: "trace"}));
+  if (place && place.x !== null && place.heading !== null) {
+    const [a, b] = found.hull.map(side => side / 2);
+    const move = `translate(${place.x.toFixed(3)} ${place.y.toFixed(3)}) rotate(${place.heading.toFixed(1)})`;
+    const hull = draw("g", {transform: move});
+    hull.append(draw("rect", {x: -a, y: -b, width: 2 * a, height: 2 * b, rx: 0.08, class: "hull"}),
+      draw("path", {d: `M${a + 0.22} 0L${a - 0.1} ${-b * 0.7}L${a - 0.1} ${b * 0.7}Z`, class: "bow"}));
+    parts.push(hull);
+  }
+  svg.replaceChildren(...parts);
+  at("where").textContent = `${length} m by ${width} m, a square is 1 m; ` +
+    (!place || place.x === null ? "no position yet" :
+    `${place.x.toFixed(2)} m along, ${place.y.toFixed(2)} m across, by dead reckoning` +
+    (found.guessed ? "; armed before this page was served, so how it lay at the start is guessed" : ""));
+}
+
+function thrusters(found) {
+  at("lost").textContent = found.lost.length ? "lost: " + found.lost.join(", ") : "";
+  at("thrusters").replaceChildren(...found.thrusters.map(one => {
+    const row = make("div", undefined, "thruster" + (one.saturated ? " full" : ""));
+    const track = make("span"), bar = make("i");
+    const part = Math.max(-1, Math.min(1, (one.pulse - 1500) / 400)) * 50;
+    bar.style.left = (part < 0 ? 50 + part : 50) + "%";
+    bar.style.width = Math.abs(part) + "%";
+    track.append(bar);
+    row.append(make("b", one.name), track, make("span", one.disabled ? "out" : one.pulse.toFixed(0) + " us",
+      one.disabled ? "bad" : "soft"), make("span", one.disabled ? "of use" : number(one.force, 1, "N", true),
+      one.disabled ? "bad" : ""));
+    return row;
+  }));
+}
+
+function flight(news) {
+  const found = news.flight, place = at("flight"), over = !found || ["done", "aborted"].includes(found.phase);
+  if (!found) place.replaceChildren(make("p", "none yet", "soft"));
+  else if (found.aborted) place.replaceChildren(make("p", found.motion + " ended by " + found.aborted, "bad"));
+  else if (over) place.replaceChildren(make("p", "done", "good"));
+  else if (!news.armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
+  else {
+    const bar = make("div", undefined, "bar"), done = make("i");
+    done.style.width = 100 * Math.max(0, Math.min(1, found.progress)) + "%";
+    bar.append(done);
+    const [force, rate] = found.units;
+    place.replaceChildren(make("b", `${found.motion} ${found.phase}, ${(100 * found.progress).toFixed(0)} %`), bar,
+      make("p", (found.remaining === null ? "" : found.remaining.toFixed(0) + " s to go, ") +
+        number(found.force, 1, force, true) + ", " + number(found.velocity, 3, rate, true) +
+        (found.wall === null ? "" : ", wall " + found.wall.toFixed(1) + " m ahead"), "soft"));
+  }
+  const busy = news.ordered || news.armed && !over;
+  at("flying").disabled = !news.armed || busy;
+  at("why").textContent = readOnly ? "" : busy ? "" : news.armed ? "" :
+    "the page cannot arm: `./hindrax arm` in a terminal";
+}
+
+function holds(found) {
+  const words = one => {
+    const digits = one.unit === "m" ? 2 : 1;
+    return one.note || (one.engaged ? `at ${number(one.setpoint, digits, one.unit)}, ` +
+      `off by ${number(one.error, digits, one.unit, true)}` : "off");
+  };
+  rows(at("holds"), found.length
+    ? found.map(one => [one.axis, words(one), one.note ? "warn" : one.engaged ? "good" : "soft"])
+    : [["", "no word from the pilot yet", "soft"]]);
+}
+
+const KINDS = {ok: "good", warning: "warn"};
+const health = found => at("health").replaceChildren(...found
+  .sort((a, b) => (a.level === "ok") - (b.level === "ok"))
+  .map(one => {
+    const line = make("li"), kind = KINDS[one.level] || "bad";
+    line.append(make("span", one.level === "ok" ? "\u2713 " : "\u2717 ", kind), make("b", one.name),
+      make("span", (one.rate === null ? "" : " " + one.rate.toFixed(0) + " Hz") +
+        (one.level === "ok" ? "" : " " + one.message), one.level === "ok" ? "soft" : kind));
+    return line;
+  }));
+
+function estimates(found) {
+  const body = found.map(one => {
+    const row = make("tr");
+    row.append(make("td", one.motion));
+    const cell = make("td", undefined, "many");
+    cell.append(...one.values.map(v =>
+      make("span", `${v.name} ${short(v.value)} \u00b1${short(v.band)} ${v.unit}`, "coefficient")));
+    row.append(cell, make("td", one.samples), make("td", one.learning ? "learning" : one.reason || "resting",
+      one.learning ? "good" : "soft"));
+    return row;
+  });
+  const head = make("tr");
+  head.append(...["motion", "coefficients", "samples", ""].map(word => make("th", word)));
+  at("estimates").replaceChildren(...(body.length ? [head, ...body]
+    : [make("caption", "none yet; they come with the first plateau of a maneuver", "soft")]));
+}
+
+/* ---- plots */
+
+function plot(canvas) {
+  const width = canvas.clientWidth, height = canvas.clientHeight, scale = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+    canvas.width = Math.round(width * scale);
+    canvas.height = Math.round(height * scale);
+  }
+  const pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
+  const color = name => style.getPropertyValue("--" + name);
+  const keys = canvas.dataset.keys.split(" "), left = 44, bottom = height - 16;
+  pen.setTransform(scale, 0, 0, scale, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  const values = past.flatMap(one => keys.map(key => one[key])).filter(value => value !== null);
+  if (!values.length) return;
+  let low = Math.min(...values), high = Math.max(...values);
+  const lacking = Number(canvas.dataset.span) - (high - low);
+  if (lacking > 0) { low -= lacking / 2; high += lacking / 2; }
+  const step = nice((high - low) / 3);
+  low = Math.floor(low / step) * step;
+  high = Math.ceil(high / step) * step;
+  const x = at_ms => left + (width - left - 4) * (1 - (heard_ms - at_ms) / KEPT_ms);
+  const y = value => bottom - (bottom - 8) * (value - low) / (high - low);
+  pen.font = "12px system-ui,sans-serif";
+  pen.lineWidth = 1;
+  pen.textAlign = "right";
+  for (let value = low; value < high + step / 2; value += step) {
+    pen.strokeStyle = color("grid");
+    pen.beginPath(); pen.moveTo(left, y(value)); pen.lineTo(width, y(value)); pen.stroke();
+    pen.fillStyle = color("soft");
+    pen.fillText(value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9))), left - 5, y(value) + 4);
+  }
+  for (const [text, seconds] of [["-120 s", 120], ["-60 s", 60], ["now", 0]]) {
+    pen.textAlign = seconds === 0 ? "right" : seconds === 120 ? "left" : "center";
+    pen.fillText(text, x(heard_ms - 1000 * seconds), height - 2);
+  }
+  keys.forEach((key, index) => line(pen, key, color("abc"[index]), x, y));
+}
+
+function line(pen, key, color, x, y) {
+  pen.strokeStyle = color;
+  pen.lineWidth = 2;
+  pen.lineJoin = "round";
+  pen.beginPath();
+  let before = null;
+  for (const one of past) {
+    const value = one[key];
+    /* A gap where nothing was known, and where the heading goes through north. */
+    const on = before !== null && value !== null && one.at - before.at < 1500 &&
+      !(key === "heading" && Math.abs(value - before[key]) > 180);
+    if (value !== null) pen[on ? "lineTo" : "moveTo"](x(one.at), y(value));
+    before = value === null ? null : one;
+  }
+  pen.stroke();
+}
+
+function nice(step) {
+  const power = 10 ** Math.floor(Math.log10(step)), part = step / power;
+  return power * (part > 5 ? 10 : part > 2 ? 5 : part > 1 ? 2 : 1);
+}
+
+/* ---- reports */
+
+async function listReports() {
+  const answer = await ask("/reports").catch(() => null);
+  if (!answer || !answer.ok) return;
+  const names = await answer.json();
+  at("reports").replaceChildren(...(names.length ? names.map(name => {
+    const line = make("li"), link = make("a", name);
+    link.href = "#";
+    link.addEventListener("click", event => { event.preventDefault(); openReport(name); });
+    line.append(link);
+    return line;
+  }) : [make("li", "none in the folder of runs", "soft")]));
+}
+
+async function openReport(name) {
+  const answer = await ask("/reports/" + encodeURIComponent(name)).catch(() => null);
+  if (!answer) return;
+  if (!answer.ok) { notify(await answer.text(), false); return; }
+  location.assign(URL.createObjectURL(new Blob([await answer.blob()], {type: "text/html"})));
+}
+
+/* ---- begin */
+
+function begin(found) {
+  token = found.replace(/^.*#/, "").trim();
+  sessionStorage.setItem("hindrax", token);
+  locked = false;
+  at("ask").hidden = true;
+  at("view").hidden = false;
+  listen();
+  listReports();
+}
+const choices = JSON.parse(at("choices").textContent);
+at("motions").append(...choices.motions.map(name => {
+  const label = make("label", undefined, "pick"), box = make("input");
+  Object.assign(box, {type: "checkbox", name: "motion", value: name, checked: name === "surge"});
+  label.append(box, name);
+  return label;
+}));
+at("excitation").append(...choices.excitations.map(name => make("option", name)));
+for (const name of ["stop", "disarm", "cancel"]) at(name).addEventListener("click", () => order(name));
+at("fly").addEventListener("submit", event => {
+  event.preventDefault();
+  const motions = [...document.querySelectorAll("[name=motion]:checked")].map(one => one.value);
+  const seed = Number(at("seed").value);
+  order("fly", {motions, excitation: at("excitation").value, seed, on_cancel: at("ending").value});
+});
+at("ask").addEventListener("submit", event => { event.preventDefault(); begin(at("token").value); });
+/* Another token typed into the same window: begin anew with it. */
+window.addEventListener("hashchange", () => location.reload());
+setInterval(headline, 500);
+const given = location.hash.slice(1) || sessionStorage.getItem("hindrax") || "";
+history.replaceState(null, "", "/");
+if (given) begin(given); else askForToken();

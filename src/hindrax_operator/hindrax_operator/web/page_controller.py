@@ -1,0 +1,170 @@
+"""Between the page and the vehicle: updates for the page, orders for the vehicle, and whether an operator watches."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from typing import Any, Protocol
+
+from hindrax_control.maneuver.maneuver import Goal, check_goal
+from hindrax_core.errors import UsageError
+from hindrax_operator.monitor.draw import SILENT_s
+from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.web.access import RefusedRequest
+from hindrax_operator.web.reports import Reports
+from hindrax_operator.web.summary import Chart, finite, summary
+
+PERIOD_S = 0.2
+VIEWER_LOST_S = 1.5
+"""A page that has reported nothing for this long has no viewer, or no connection."""
+OUTCOMES = 8
+SEEDS = 1 << 32
+
+OnDone = Callable[[str, bool], None]
+"""Outcome of an order: a sentence, and whether the order succeeded."""
+
+
+class OperatedVehicle(Protocol):
+    """What the page shows and may order. Orders return at once; `on_done` gets the outcome later."""
+
+    title: str
+
+    def snapshot(self) -> Snapshot:
+        """Return everything known now."""
+
+    def stop(self, on_done: OnDone) -> None:
+        """Neutral, disarm, cancel."""
+
+    def disarm(self, on_done: OnDone) -> None:
+        """Disarm."""
+
+    def cancel(self, on_done: OnDone) -> None:
+        """End what is being flown."""
+
+    def fly(self, goal: Goal, on_done: OnDone) -> None:
+        """Fly; done when the maneuver has ended."""
+
+
+class ViewerHeartbeat:
+    """Whether an operator watches the vehicle: pages report that with every update."""
+
+    def __init__(self) -> None:
+        self._seen_s = float("-inf")
+
+    def beat(self) -> None:
+        """Note that somebody is there."""
+        self._seen_s = time.monotonic()
+
+    def present(self) -> bool:
+        """Whether somebody was there a moment ago."""
+        return time.monotonic() - self._seen_s < VIEWER_LOST_S
+
+
+class PageController:
+    """Passes on orders and updates for all pages; its methods may be called from any thread."""
+
+    def __init__(
+        self,
+        vehicle: OperatedVehicle,
+        chart: Chart,
+        reports: Reports,
+        heartbeat: ViewerHeartbeat,
+        *,
+        read_only: bool,
+        log: Callable[[str], None],
+    ) -> None:
+        self.reports, self.read_only, self._heartbeat = reports, read_only, heartbeat
+        self._vehicle, self._chart, self._log = vehicle, chart, log
+        self._lock = threading.Lock()
+        self._outcomes: deque[Mapping[str, Any]] = deque(maxlen=OUTCOMES)
+        self._number = 0
+        self._flying = False
+        self._update, self._updated_s = "", float("-inf")
+
+    def update(self) -> str:
+        """Return the update for every page as JSON; made once for all of them."""
+        with self._lock:
+            if time.monotonic() - self._updated_s >= PERIOD_S / 2:
+                view = self._vehicle.snapshot()
+                found = summary(view) | {
+                    "title": self._vehicle.title,
+                    "read_only": self.read_only,
+                    "ordered": self._flying,
+                    "pool": self._chart.step(view),
+                    "told": list(self._outcomes),
+                }
+                self._update = json.dumps(finite(found), allow_nan=False, separators=(",", ":"))
+                self._updated_s = time.monotonic()
+            return self._update
+
+    def note_viewer(self) -> None:
+        """Note that a page is being viewed; a viewer of a read-only page is no operator."""
+        if not self.read_only:
+            self._heartbeat.beat()
+
+    def order(self, name: str, words: Mapping[str, Any]) -> None:
+        """Pass an order on; Refused where it may not be, or makes no sense. Its outcome is part of a later update."""
+        if self.read_only:
+            raise RefusedRequest(HTTPStatus.FORBIDDEN, f"{name}: this page only watches (`./hindrax web --read-only`)")
+        if name == "fly":
+            self._fly(goal_of(words))
+            return
+        if words:
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name}: found {', '.join(sorted(words))}, wanted no words")
+        ends = {"stop": self._vehicle.stop, "disarm": self._vehicle.disarm, "cancel": self._vehicle.cancel}
+        ends[name](lambda sentence, well: self._done(name, sentence, well))
+
+    def _fly(self, goal: Goal) -> None:
+        view = self._vehicle.snapshot()
+        if view.silent_s > SILENT_s:
+            raise RefusedRequest(HTTPStatus.CONFLICT, "fly: the vehicle is silent; `./hindrax doctor` says why")
+        if not view.thrusters.armed:
+            raise RefusedRequest(
+                HTTPStatus.CONFLICT,
+                f"fly: the thrusters are {view.thrusters.state}, wanted armed; `./hindrax arm` in a terminal first",
+            )
+        with self._lock:
+            if self._flying:
+                raise RefusedRequest(
+                    HTTPStatus.CONFLICT, "fly: a maneuver from this page is under way; cancel it first"
+                )
+            self._flying = True
+        self._vehicle.fly(goal, self._flown)
+
+    def _flown(self, sentence: str, well: bool) -> None:
+        self._flying = False
+        self._done("fly", sentence, well)
+
+    def _done(self, name: str, sentence: str, well: bool) -> None:
+        self._log(f"{name}: {sentence}")
+        with self._lock:
+            self._number += 1
+            self._outcomes.append({"number": self._number, "sentence": f"{name}: {sentence}", "well": well})
+
+
+def goal_of(words: Mapping[str, Any]) -> Goal:
+    """Read a goal from a request; Refused names the word that is wrong."""
+    strange = sorted(set(words) - {"motions", "excitation", "seed", "on_cancel"})
+    if strange:
+        raise _wrong(f"found {', '.join(strange)}, wanted motions, excitation, seed, on_cancel")
+    motions, seed = words.get("motions"), words.get("seed", 1)
+    if not isinstance(motions, list) or not all(isinstance(one, str) for one in motions):
+        raise _wrong("motions: wanted a list of names")
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < SEEDS:
+        raise _wrong(f"seed: wanted a whole number from 0 to {SEEDS - 1}")
+    if len(set(motions)) != len(motions):
+        raise _wrong("motions: one is named twice")
+    goal = Goal(tuple(motions), str(words.get("excitation", "plateaus")), seed, str(words.get("on_cancel", "hold")))
+    try:
+        check_goal(goal)
+    except UsageError as error:
+        raise _wrong(str(error)) from error
+    return goal
+
+
+def _wrong(sentence: str) -> RefusedRequest:
+    return RefusedRequest(HTTPStatus.BAD_REQUEST, f"fly: {sentence}")

@@ -1,0 +1,168 @@
+"""One request: refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
+
+GET /: the page (no secrets in it, so no token). GET /news: server-sent events, five a second. GET /reports: names of
+the finished; GET /reports/NAME: one of them. POST /here: the page is being viewed. POST /fly, /cancel, /stop, /disarm.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, cast
+from urllib.parse import unquote
+
+from tornado.http1connection import HTTP1Connection
+from tornado.httputil import HTTPHeaders, HTTPMessageDelegate, RequestStartLine, ResponseStartLine
+from tornado.iostream import IOStream, StreamClosedError
+
+from hindrax_operator.web.access import Access, RefusedRequest, security_headers
+from hindrax_operator.web.page import PAGE, SCRIPT_HASH
+from hindrax_operator.web.page_controller import PERIOD_S, PageController
+
+BODY_bytes, CHUNK_bytes = 4096, 1 << 16
+ORDERS = ("fly", "cancel", "stop", "disarm")
+JSON_TYPE, TEXT_TYPE, HTML_TYPE = "application/json", "text/plain; charset=utf-8", "text/html; charset=utf-8"
+NEWS_TYPE = "text/event-stream; charset=utf-8"
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What all requests share: the limits, and the connections that receive updates now."""
+
+    access: Access
+    controller: PageController
+    most_streams: int
+    patience_s: float
+    streams: set[IOStream] = field(default_factory=set)
+
+
+class Request(HTTPMessageDelegate):
+    """Answers one request; the connection ends with it."""
+
+    def __init__(self, site: Site, connection: HTTP1Connection) -> None:
+        self._site, self._connection = site, connection
+        self._order, self._body = "", bytearray()
+
+    async def headers_received(self, start_line: RequestStartLine | ResponseStartLine, headers: HTTPHeaders) -> None:
+        """Answer a GET; of a POST, say whether its body is wanted."""
+        line = cast("RequestStartLine", start_line)
+        try:
+            await self._begin(line, headers)
+        except RefusedRequest as refused:
+            self._answer(refused.status, f"{refused.sentence}\n" if line.method != "HEAD" else "")
+        except (StreamClosedError, TimeoutError):  # a client that has gone, or does not take what it is sent
+            self._connection.close()
+
+    def data_received(self, chunk: bytes) -> None:
+        """Keep a piece of the body; the server bounds it."""
+        self._body += chunk
+
+    def finish(self) -> None:
+        """Take the order, now that the request is whole."""
+        try:
+            self._post(_object(self._body))
+        except RefusedRequest as refused:
+            self._answer(refused.status, f"{refused.sentence}\n")
+
+    async def _begin(self, line: RequestStartLine, headers: HTTPHeaders) -> None:
+        self._site.access.check_place(headers.get_list("Host"), headers.get_list("Origin"))
+        if line.method == "GET":
+            await self._get(line.path, headers)
+        elif line.method == "POST":
+            self._expect(line.path, headers)
+        else:
+            raise RefusedRequest(HTTPStatus.NOT_IMPLEMENTED, f"{line.method}: wanted GET or POST")
+
+    async def _get(self, path: str, headers: HTTPHeaders) -> None:
+        if path == "/":
+            await self._send(HTML_TYPE, PAGE.encode())
+            return
+        self._site.access.check_token(headers.get("Authorization"))
+        reports, name = self._site.controller.reports, path.removeprefix("/reports/")
+        if path == "/news":
+            await self._stream_updates()
+        elif path == "/reports":
+            await self._send(JSON_TYPE, json.dumps(await asyncio.to_thread(reports.names)).encode())
+        elif name != path:
+            await self._send(HTML_TYPE, await asyncio.to_thread(reports.read, unquote(name)))
+        else:
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "nothing is served under this path")
+
+    def _expect(self, path: str, headers: HTTPHeaders) -> None:
+        self._site.access.check_token(headers.get("Authorization"))
+        self._order = path.removeprefix("/")
+        if self._order not in ("here", *ORDERS):
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "no such order")
+        check_body(headers)
+
+    def _post(self, words: Mapping[str, Any]) -> None:
+        controller = self._site.controller
+        if self._order == "here":
+            controller.note_viewer()
+            self._answer(HTTPStatus.NO_CONTENT, "")
+        else:
+            controller.order(self._order, words)
+            self._answer(HTTPStatus.ACCEPTED, f"{self._order}: passed on\n")
+
+    async def _stream_updates(self) -> None:
+        """Send updates until the page or the server closes, or the page stops reading."""
+        site, stream = self._site, self._connection.stream
+        if len(site.streams) >= site.most_streams:
+            full = f"news: {site.most_streams} pages are open already; close one"
+            raise RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, full)
+        site.streams.add(stream)
+        try:
+            self._head(HTTPStatus.OK, NEWS_TYPE)
+            while True:
+                await self._write(f"data: {site.controller.update()}\n\n".encode())
+                await asyncio.sleep(PERIOD_S)
+        finally:
+            site.streams.discard(stream)
+
+    async def _send(self, kind: str, content: bytes) -> None:
+        self._head(HTTPStatus.OK, kind, len(content))
+        for start in range(0, len(content), CHUNK_bytes):
+            await self._write(content[start : start + CHUNK_bytes])
+        self._connection.finish()
+
+    async def _write(self, content: bytes) -> None:
+        async with asyncio.timeout(self._site.patience_s):
+            await self._connection.write(content)
+
+    def _answer(self, status: HTTPStatus, text: str) -> None:
+        """Answer in a few words, which the kernel takes at once."""
+        content = text.encode()
+        self._head(status, TEXT_TYPE, len(content))
+        self._connection.write(content)
+        self._connection.finish()
+
+    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
+        headers = HTTPHeaders({"Server": "hindrax", "Connection": "close", "Content-Type": kind})
+        headers.update(security_headers(SCRIPT_HASH))
+        if length is not None:
+            headers["Content-Length"] = str(length)
+        self._connection.write_headers(ResponseStartLine("HTTP/1.1", status, status.phrase), headers)
+
+
+def check_body(headers: HTTPHeaders) -> None:
+    """Refuse a body that is not announced as short JSON, by its length."""
+    if headers.get("Content-Type", "").partition(";")[0].strip().lower() != JSON_TYPE:
+        raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"body: wanted {JSON_TYPE}")
+    length = headers.get("Content-Length", "")
+    if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in headers:
+        raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "body: wanted a Content-Length")
+    if len(length) > 6 or int(length) > BODY_bytes:
+        raise RefusedRequest(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"body: wanted at most {BODY_bytes} bytes")
+
+
+def _object(body: bytes | bytearray) -> Mapping[str, Any]:
+    try:
+        found = json.loads(body)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise RefusedRequest(HTTPStatus.BAD_REQUEST, "body: wanted one JSON object")
+    return found

@@ -1,0 +1,253 @@
+"""The live view: everything is on the screen at 80 columns, and the keys order what they say."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import math
+import os
+import pty
+import select
+import struct
+import subprocess
+import sys
+import termios
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace as Message
+
+import pytest
+from rich.console import Console
+
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.signals import Estimate, Navigation
+from hindrax_operator.monitor import draw
+from hindrax_operator.monitor.app import Monitor
+from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
+
+NAVIGATION = Navigation(
+    attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(-90.0)),
+    rate_radps=(0.0, 0.0, 0.0),
+    velocity_mps=(0.312, -0.004, 0.011),
+    depth_m=0.82,
+    altitude_m=0.98,
+    position_m=(1.25, -0.33),
+    dvl_locked=True,
+)
+THRUSTERS = Thrusters(
+    armed=True,
+    state="armed",
+    reason="",
+    names=tuple(f"T{number}" for number in range(1, 9)),
+    pulses_us=(1640, 1640, 1500, 1372, 1560, 1440, 1900, 1500),
+    forces_N=(5.0, 5.0, 0.0, -4.4, 2.0, -2.0, 15.5, 0.0),
+    saturated=(False,) * 6 + (True, False),
+    disabled=("T3",),
+    lost_axes=(),
+)
+ESTIMATE = Estimate(
+    "surge",
+    ("k_q", "k_l", "b", "added_mass"),
+    ("",) * 4,
+    (66.1, 1.31, 0.0167, 12.1),
+    tuple(
+        tuple(sigma**2 if row == column else 0.0 for column in range(4))
+        for row, sigma in enumerate((0.4, 0.3, 0.0037, 0.46))
+    ),
+    812,
+    812.0,
+    learning=True,
+    reason="",
+)
+FULL = Snapshot(
+    time_s=123.0,
+    silent_s=0.1,
+    navigation=NAVIGATION,
+    thrusters=THRUSTERS,
+    holds=(
+        Hold("heading", True, math.radians(-90.0), math.radians(0.4)),
+        Hold("roll", False),
+        Hold("pitch", False),
+        Hold("depth", False),
+        Hold("altitude", True, 1.0, 0.02, "no echo: holding depth"),
+    ),
+    flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312),
+    health={
+        "allocator": NodeHealth("ok", "allocating"),
+        "dvl75": NodeHealth("ok", "measuring", 20.0),
+        "icm20948": NodeHealth("ok", "measuring", 225.1),
+        "identifier": NodeHealth("ok", "learning"),
+        "ms5837": NodeHealth("ok", "measuring", 49.9),
+        "navigator": NodeHealth("ok", "navigating"),
+        "pilot": NodeHealth("ok", "armed"),
+        "ping1d": NodeHealth("error", "no reading for 3.2 s; line is silent"),
+        "thrusters": NodeHealth("ok", "armed", 50.0),
+    },
+    estimates={"surge": ESTIMATE, "heave_down": replace(ESTIMATE, learning=False, reason="waiting for a plateau")},
+)
+
+
+class Fake:
+    """A vehicle that shows one picture and notes what it is ordered."""
+
+    title = "mock vehicle, ROS domain 3, process 4711"
+
+    def __init__(self, shown: Snapshot) -> None:
+        self.shown, self.orders = shown, []
+
+    def snapshot(self) -> Snapshot:
+        return self.shown
+
+    def stop(self, _tell) -> None:
+        self.orders.append("stop")
+
+    def disarm(self, _tell) -> None:
+        self.orders.append("disarm")
+
+
+def screen(shown: Snapshot, keys: tuple[str, ...] = (), size: tuple[int, int] = (80, 24)) -> tuple[str, Fake]:
+    """Text of the screen after some keys."""
+    vehicle = Fake(shown)
+
+    async def look() -> str:
+        app = Monitor(vehicle)
+        async with app.run_test(size=size) as pilot:
+            await pilot.press(*keys)
+            await pilot.pause()
+            for _ in range(500):  # a busy machine is slow to pass keys on
+                if len(vehicle.orders) < len(keys):
+                    await pilot.pause(0.02)
+            return "\n".join(
+                "".join(segment.text for segment in line) for line in app.screen._compositor.render_strips()
+            )
+
+    return asyncio.run(look()), vehicle
+
+
+def test_everything_is_on_a_screen_of_80_by_24():
+    text, _ = screen(FULL)
+    for words in (
+        "ARMED",
+        "heading     270.0 deg",
+        "roll, pitch +1.2  -3.4 deg",
+        "surge, sway +0.312  -0.004 m/s",
+        "locked",
+        "1640 us",
+        "+15.5 N",
+        "out of use",
+        "at 270.0 deg",
+        "no echo",
+        "dvl75 20 Hz",
+        "no reading for 3.2 s",
+        "42 %",
+        "surge plateau",
+        "1 min 33 s to go",
+        "66.1 ±0.78",
+        "m_a 12.1 ±0.9",
+        "surge      ● k_q 66.1 ±0.78 k_l",
+        "heave_down ○ k_q",
+        "STOP",
+    ):
+        assert words in text, words
+    assert max(len(line) for line in text.splitlines()) == 80
+
+
+def test_a_wider_screen_tells_also_why_nothing_is_learnt():
+    assert "n 812 waiting for a plateau" in screen(FULL, size=(110, 30))[0]
+
+
+def test_keys_order_what_the_footer_says():
+    assert screen(FULL, ("s",))[1].orders == ["stop"]
+    assert screen(FULL, ("d", "s"))[1].orders == ["disarm", "stop"]
+
+
+ON_A_TERMINAL = """
+import sys
+from test_operator_monitor import FULL, Fake
+from hindrax_operator.monitor.app import Monitor
+vehicle = Fake(FULL)
+Monitor(vehicle).run()
+print(",".join(vehicle.orders))
+"""
+
+
+def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back():
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
+    before = termios.tcgetattr(theirs)
+    environment = dict(
+        os.environ, TERM="xterm-256color", PYTHONPATH=os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    )
+    command = [sys.executable, "-c", ON_A_TERMINAL]
+    child = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=theirs, text=True, env=environment)
+    try:
+        shown = b""
+        for key, awaited in ((b"d", b"STOP"), (b"s", b"disarming"), (b"q", b"stopping")):
+            while awaited not in shown:
+                assert select.select([ours], (), (), 60.0)[0], f"waited 60 s for {awaited!r}"
+                shown += os.read(ours, 1 << 16)
+            os.write(ours, key)
+        while child.poll() is None:
+            if select.select([ours], (), (), 0.1)[0]:
+                os.read(ours, 1 << 16)
+    finally:
+        child.kill()
+    assert child.communicate()[0] == "disarm,stop\n"
+    assert child.returncode == 0
+    assert termios.tcgetattr(theirs) == before
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same():
+    text, vehicle = screen(Snapshot(), ("s",))
+    assert "nothing heard yet" in text
+    assert "no navigation solution yet" in text
+    assert vehicle.orders == ["stop"]
+
+
+def test_a_vehicle_that_falls_silent_is_not_shown_as_armed():
+    text, _ = screen(replace(FULL, silent_s=7.4))
+    assert "nothing heard for 7 s" in text
+    assert "ARMED" not in text
+
+
+@pytest.mark.parametrize(("part", "shown"), [(0.0, " " * 8 + "│" + " " * 8), (1.0, " " * 8 + "│" + "█" * 8)])
+def test_bars_begin_in_the_middle(part, shown):
+    assert draw._bar(part, "cyan").plain == shown
+
+
+def test_a_bar_astern_ends_at_the_middle():
+    assert draw._bar(-0.1875, "cyan").plain == "      ▐█│        "
+
+
+def test_an_aborted_maneuver_names_its_guard():
+    console = Console(width=78)
+    with console.capture() as found:
+        console.print(draw.maneuver(ManeuverView("sway", "aborted", "pool_box: 0.2 m to the north wall")))
+    assert "sway aborted by pool_box: 0.2 m to the north wall" in found.get()
+
+
+def test_a_picture_is_copied_out_of_messages():
+    operator = Message(
+        navigation=Stamped(Stamp(0), NAVIGATION),
+        now=lambda: 5_000_000_000,
+        thrusters=Message(armed=True, state="armed", reason="", pulses=[1500.0, 1600.0]),
+        allocation=Message(
+            thrusters=["L", "R"], forces=[0.0, 3.0], saturated=[False, False], disabled=["L"], lost_axes=["sway"]
+        ),
+        holds=Message(axes=["depth"], engaged=[True], setpoints=[1.0], errors=[0.1], notes=[""]),
+        maneuver=None,
+        diagnostics={
+            "hindrax: dvl75": Message(level=b"\x01", message="slow", values=[Message(key="rate [Hz]", value="7.5")])
+        },
+        estimates={"surge": Stamped(Stamp(0), ESTIMATE)},
+    )
+    found = snapshot(operator)
+    assert found.time_s == 5.0
+    assert (found.thrusters.names, found.thrusters.forces_N) == (("L", "R"), (0.0, 3.0))
+    assert found.thrusters.disabled == ("L",)
+    assert found.holds == (Hold("depth", True, 1.0, 0.1),)
+    assert found.health == {"dvl75": NodeHealth("warning", "slow", 7.5)}
+    assert found.flight is None
+    assert found.estimates["surge"] is ESTIMATE

@@ -1,0 +1,550 @@
+"""The page's server: what is refused and why, what is passed on, what never leaves the folder of runs."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+import math
+import re
+import shutil
+import socket
+import subprocess
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, served
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate.web import startup_text
+from hindrax_control.maneuver.excitation import EXCITATIONS
+from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_operator.monitor.graph_link import GraphLink
+from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.web import page as page_text
+from hindrax_operator.web import page_controller, server
+from hindrax_operator.web.access import hosts_of
+from hindrax_operator.web.page import PAGE
+from hindrax_operator.web.summary import Chart, finite, summary
+
+GETS = ("/news", "/reports", "/reports/one", "/nowhere")
+POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
+EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in POSTS]
+
+
+@pytest.fixture
+def page(tmp_path):
+    with served(tmp_path / "runs") as found:
+        yield found
+
+
+# ---- who may ask
+
+
+@pytest.mark.parametrize(("method", "path"), EVERY)
+@pytest.mark.parametrize(
+    "host",
+    [None, "evil.example", "127.0.0.1.evil.example", "evil@127.0.0.1", "127.0.0.1/x", "0.0.0.0", "[::1]", "127.1"],
+)
+def test_another_host_name_is_refused_whatever_is_asked(page, method, path, host):
+    status, _, text = page.ask(method, path, b"{}" if method == "POST" else None, {"Host": host})
+    assert status == 421
+    assert "wanted 127.0.0.1 or localhost" in text
+    assert not page.vehicle.orders
+
+
+@pytest.mark.parametrize(("method", "path"), EVERY)
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1"])
+def test_another_page_is_refused_whatever_it_asks(page, method, path, origin):
+    status, _, _ = page.ask(method, path, b"{}" if method == "POST" else None, {"Origin": origin})
+    assert status == 403
+    assert not page.vehicle.orders
+
+
+def test_the_page_s_own_origin_is_served_also_through_a_forwarded_port(page):
+    for host in (f"127.0.0.1:{page.server.port}", "localhost:9000", "LOCALHOST"):
+        status, _, _ = page.ask("POST", "/stop", b"{}", {"Host": host, "Origin": f"http://{host}"})
+        assert status == 202
+
+
+@pytest.mark.parametrize(("method", "path"), [one for one in EVERY if one != ("GET", "/")])
+@pytest.mark.parametrize("given", [None, "", "Bearer ", TOKEN[:-1], f"Bearer {TOKEN}x", "Bearer \xe4", "Basic x"])
+def test_without_the_token_nothing_is_served_but_the_empty_page(page, method, path, given):
+    status, _, text = page.ask(method, path, b"{}" if method == "POST" else None, {"Authorization": given})
+    assert status == 401
+    assert "`./hindrax web` printed" in text
+    assert not page.vehicle.orders
+
+
+def test_the_empty_page_tells_nothing_and_runs_only_its_own_script(page):
+    status, headers, text = page.ask("GET", "/", headers={"Authorization": None})
+    assert (status, text) == (200, PAGE)
+    assert TOKEN not in text
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy.split("script-src")[1].split(";")[0]
+    assert headers["Server"].strip() == "hindrax"
+    assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_the_page_is_one_answer_with_style_script_and_choices_in_it():
+    markup = Path(page_text.__file__).with_name("page.html").read_text(encoding="utf-8")
+    for place in (page_text.NO_CHOICES, page_text.STYLE_LINK, page_text.SCRIPT_LINK):
+        assert markup.count(place) == 1
+        assert place not in PAGE
+    assert f"<script>{page_text.SCRIPT}</script>" in PAGE
+    assert "<" not in page_text.CHOICES
+    (offered,) = re.findall(r'<script type="application/json" id="choices">(.*)</script>', PAGE)
+    assert json.loads(offered) == {"motions": list(MOTIONS), "excitations": ["plateaus", *EXCITATIONS]}
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node on the PATH to parse the script")
+def test_the_script_parses():
+    script = Path(page_text.__file__).with_name("page.js")
+    assert subprocess.run(["node", "--check", script], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "OPTIONS", "HEAD", "TRACE", "CONNECT", "PATCH"])
+def test_other_methods_are_not_served(page, method):
+    status, headers, _ = page.ask(method, "/stop", b"{}")
+    assert status == 501
+    assert not any(name.lower().startswith("access-control") for name in headers)
+    assert not page.vehicle.orders
+
+
+def test_orders_are_posts_and_strange_paths_lead_nowhere(page):
+    for path in ("/stop", "/fly", "/nowhere", "/?x", "/../runs", "http://127.0.0.1/news"):
+        assert page.ask("GET", path)[0] == 404
+    assert page.ask("POST", "/reports", b"{}")[0] == 404
+    assert not page.vehicle.orders
+
+
+# ---- orders
+
+
+@pytest.mark.parametrize("shown", [ARMED, DISARMED, Snapshot()])
+def test_an_end_is_always_passed_on(tmp_path, shown):
+    with served(tmp_path, shown) as page:
+        assert [page.order(name)[0] for name in ("stop", "cancel", "disarm")] == [202, 202, 202]
+        assert page.vehicle.orders == ["stop", "cancel", "disarm"]
+        assert page.said == [
+            "stop: stopped and disarmed",
+            "cancel: nothing was being flown",
+            "disarm: the thrusters refused to disarm",
+        ]
+
+
+def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page):
+    words = {"motions": ["surge", "yaw"], "excitation": "chirp", "seed": 7, "on_cancel": "neutral"}
+    page.vehicle.shown = DISARMED
+    status, text = page.order("fly", **words)
+    assert (status, text) == (
+        409,
+        "fly: the thrusters are disarmed, wanted armed; `./hindrax arm` in a terminal first\n",
+    )
+    page.vehicle.shown = replace(ARMED, silent_s=3.0)
+    assert page.order("fly", **words)[0] == 409
+    page.vehicle.shown = ARMED
+    assert page.order("fly", **words)[0] == 202
+    assert page.vehicle.orders == [Goal(("surge", "yaw"), "chirp", 7, "neutral")]
+    status, text = page.order("fly", **words)
+    assert status == 409
+    assert "under way" in text
+    page.vehicle.landed("flown: surge, yaw", True)
+    assert page.order("fly", **words)[0] == 202
+
+
+def test_the_page_cannot_arm(page):
+    assert page.order("arm")[0] == 404
+    assert not page.vehicle.orders
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({}, "motions: wanted a list"),
+        ({"motions": []}, "no motion"),
+        ({"motions": "surge"}, "motions: wanted a list"),
+        ({"motions": ["surge", 3]}, "motions: wanted a list"),
+        ({"motions": ["loop"]}, "'loop' unknown"),
+        ({"motions": ["surge", "surge"]}, "named twice"),
+        ({"motions": ["surge"], "excitation": "noise"}, "'noise' unknown"),
+        ({"motions": ["surge"], "on_cancel": "sink"}, "'sink' unknown"),
+        ({"motions": ["surge"], "seed": -1}, "seed: wanted"),
+        ({"motions": ["surge"], "seed": 1 << 32}, "seed: wanted"),
+        ({"motions": ["surge"], "seed": True}, "seed: wanted"),
+        ({"motions": ["surge"], "seed": 1.5}, "seed: wanted"),
+        ({"motions": ["surge"], "force": 5}, "found force"),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_refused_by_the_word(page, words, said):
+    status, text = page.order("fly", **words)
+    assert status == 400
+    assert said in text
+    assert not page.vehicle.orders
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "status"),
+    [
+        (b"", {}, 400),
+        (b"{", {}, 400),
+        (b"[]", {}, 400),
+        (b"[" * 4000, {}, 400),
+        (b"\xff", {}, 400),
+        (b'{"now": true}', {}, 400),
+        (b" " * 5000, {}, 413),
+        (b"{}", {"Content-Length": "9" * 400}, 413),
+        (b"{}", {"Content-Length": "-2"}, 411),
+        (b"{}", {"Content-Length": "\xb2"}, 411),
+        (b"{}", {"Content-Length": None}, 411),
+        (b"{}", {"Transfer-Encoding": "chunked"}, 411),
+        (b"{}", {"Content-Type": "text/plain"}, 415),
+        (b"{}", {"Content-Type": None}, 415),
+    ],
+)
+def test_a_body_is_a_short_json_object(page, body, headers, status):
+    assert page.ask("POST", "/stop", body, headers)[0] == status
+    assert not page.vehicle.orders
+
+
+def test_a_page_that_only_watches_orders_nothing_and_is_no_operator(tmp_path):
+    with served(tmp_path, read_only=True) as page:
+        for name in ("stop", "cancel", "disarm"):
+            assert page.order(name)[0] == 403
+        assert page.order("fly", motions=["surge"])[0] == 403
+        assert page.order("here")[0] == 204
+        assert not page.vehicle.orders
+        assert not page.heartbeat.present()
+
+
+def test_who_sees_the_news_is_there_for_a_moment(page, monkeypatch):
+    assert not page.heartbeat.present()
+    assert page.order("here")[0] == 204
+    assert page.heartbeat.present()
+    monkeypatch.setattr(page_controller, "VIEWER_LOST_S", 0.0)
+    assert not page.heartbeat.present()
+
+
+# ---- news
+
+
+@contextlib.contextmanager
+def listening(page):
+    connection = http.client.HTTPConnection(ADDRESS, page.server.port, timeout=20)
+    connection.request("GET", "/news", headers={"Authorization": f"Bearer {TOKEN}"})
+    with contextlib.closing(connection), connection.getresponse() as answer:
+        yield answer
+
+
+def news_has_room(page):
+    """Whether the news are served to one more page within ten seconds."""
+    for _ in range(100):
+        with listening(page) as answer:
+            if answer.status == 200:
+                return True
+        time.sleep(0.1)
+    return False
+
+
+def test_the_news_are_events_with_the_outcomes_of_orders(page):
+    page.order("disarm")
+    with listening(page) as answer:
+        assert answer.getheader("Content-Type") == "text/event-stream; charset=utf-8"
+        for _ in range(2):
+            kind, _, text = answer.readline().partition(b": ")
+            assert kind == b"data"
+            assert answer.readline() == b"\n"
+    found = json.loads(text)
+    assert found["armed"] is True
+    assert found["navigation"]["heave"] is None
+    assert found["told"] == [{"number": 1, "sentence": "disarm: the thrusters refused to disarm", "well": False}]
+
+
+def test_pages_are_bounded_and_make_room_when_they_close(tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "STREAMS", 2)
+    with served(tmp_path) as page:
+        with listening(page) as first, listening(page) as second:
+            assert first.readline()
+            assert second.readline()
+            status, _, text = page.ask("GET", "/news")
+            assert status == 503
+            assert "2 pages are open" in text
+            assert page.order("stop")[0] == 202, "a full house must not keep anybody from stopping"
+        assert news_has_room(page)
+
+
+# ---- clients that are slow
+
+
+HEAD = f"POST /stop HTTP/1.1\r\nHost: {ADDRESS}\r\n".encode()
+UNFINISHED_BODY = (
+    HEAD + f"Authorization: Bearer {TOKEN}\r\nContent-Type: application/json\r\nContent-Length: 4096\r\n\r\n".encode()
+)
+
+
+@contextlib.contextmanager
+def dripping(page, count, begin=HEAD):
+    """Connections that send a byte every 50 ms, and are made anew when the server ends them."""
+    over = threading.Event()
+
+    def connect():
+        made = socket.create_connection((ADDRESS, page.server.port), 20)
+        made.sendall(begin)
+        return made
+
+    def drip():
+        while not over.wait(0.05):
+            for index, one in enumerate(drips):
+                try:
+                    one.sendall(b" ")
+                except OSError:
+                    one.close()
+                    drips[index] = connect()
+
+    drips = [connect() for _ in range(count)]
+    thread = threading.Thread(target=drip)
+    thread.start()
+    try:
+        yield drips
+    finally:
+        over.set()
+        thread.join()
+        for one in drips:
+            one.close()
+
+
+def refuses(client):
+    """Whether the server has ended a connection, seen by sending it another byte."""
+    time.sleep(0.05)
+    try:
+        client.sendall(b" ")
+    except OSError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("begin", [b"", HEAD, UNFINISHED_BODY])
+def test_stop_gets_through_while_connections_drip(page, begin):
+    with dripping(page, 40, begin):
+        assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
+    assert page.vehicle.orders == ["stop"] * 20
+
+
+def test_stop_gets_through_when_every_connection_is_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "CONNECTIONS", 16)
+    with served(tmp_path) as page, listening(page) as answer, dripping(page, 40):
+        assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
+        for _ in range(20):
+            assert answer.readline(), "who reads the news does not make room for who drips"
+
+
+def test_the_connection_that_waits_longest_makes_room_for_a_new_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "CONNECTIONS", 2)
+    with served(tmp_path) as page, contextlib.ExitStack() as held:
+        idle = [held.enter_context(socket.create_connection((ADDRESS, page.server.port), 20)) for _ in range(3)]
+        assert idle[0].recv(1) == b"", "the first is closed at once"
+        idle[1].sendall(HEAD + b"\r\n")
+        assert idle[1].recv(12) == b"HTTP/1.1 401"
+
+
+@pytest.mark.parametrize("begin", [b"", HEAD, UNFINISHED_BODY])
+def test_a_request_has_a_deadline_however_it_drips(tmp_path, monkeypatch, begin):
+    monkeypatch.setattr(server, "PATIENCE_S", 0.3)
+    with served(tmp_path) as page, socket.create_connection((ADDRESS, page.server.port), 20) as client:
+        client.sendall(begin)
+        assert any(refuses(client) for _ in range(200)), "dripped for ten seconds, and was still listened to"
+    assert not page.vehicle.orders
+
+
+def test_a_page_that_does_not_take_its_news_makes_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "STREAMS", 1)
+    monkeypatch.setattr(server, "PATIENCE_S", 0.3)
+    with served(tmp_path) as page:
+        page.vehicle.title = "x" * 20_000_000  # more than the kernel takes for a client that does not read
+        with listening(page) as idle:
+            assert idle.status == 200
+            assert news_has_room(page)
+
+
+def test_every_number_of_the_news_is_json():
+    found = finite(summary(replace(ARMED, navigation=replace(NAVIGATION, position_m=(math.inf, math.nan)))))
+    text = json.dumps(found, allow_nan=False)
+    assert json.loads(text)["navigation"]["heading"] == pytest.approx(30.0)
+    assert found["holds"][0]["setpoint"] == pytest.approx(270.0)
+    assert finite(summary(Snapshot()))["silent"] is None
+    (value, _) = found["estimates"][0]["values"]
+    assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
+
+
+def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed():
+    vehicle = load_vehicle(default_vehicle())
+    chart = Chart(vehicle)
+    assert chart.step(Snapshot())["place"] is None
+    start = replace(NAVIGATION, position_m=(0.0, 0.0))
+    for heading in (10.0, 30.0):
+        turned = replace(start, attitude_rad=(0.0, 0.0, math.radians(heading)))
+        place = chart.step(replace(DISARMED, navigation=turned))["place"]
+        assert place == {"x": vehicle.pool.length_m / 2, "y": vehicle.pool.width_m / 2, "heading": 0.0}
+    moved = replace(start, attitude_rad=(0.0, 0.0, math.radians(120.0)), position_m=(0.0, 2.0))
+    found = chart.step(replace(ARMED, navigation=turned)), chart.step(replace(ARMED, navigation=moved))
+    assert not found[1]["guessed"]
+    # 2 m east with the pool lying at 30 deg: 1 m along, 1.73 m to its right.
+    assert found[1]["place"]["x"] == pytest.approx(vehicle.pool.length_m / 2 + 1.0)
+    assert found[1]["place"]["y"] == pytest.approx(vehicle.pool.width_m / 2 + math.sqrt(3.0))
+    assert found[1]["place"]["heading"] == pytest.approx(90.0)
+    assert Chart(vehicle).step(ARMED)["guessed"]
+
+
+# ---- reports
+
+
+def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path):
+    runs, secret = tmp_path / "runs", tmp_path / "secret"
+    for folder in (runs / "one", runs / "two é", runs / "empty", runs / "deep" / "three", secret):
+        folder.mkdir(parents=True)
+    for folder in (runs / "one", runs / "two é", runs / "deep" / "three", secret):
+        (folder / "report.html").write_text(f"<p>{folder.name}", encoding="utf-8")
+    (runs / "one" / "vehicle.yaml").write_text("secret", encoding="utf-8")
+    (runs / "linked").symlink_to(secret)
+    (runs / "leak").mkdir()
+    (runs / "leak" / "report.html").symlink_to(secret / "report.html")
+    with served(runs) as page:
+        assert sorted(json.loads(page.ask("GET", "/reports")[2])) == ["one", "two é"]
+        assert page.ask("GET", "/reports/one")[2] == "<p>one"
+        assert page.ask("GET", "/reports/two%20%C3%A9")[2] == "<p>two é"
+        for name in (
+            *("", ".", "..", "../secret", "..%2Fsecret", "%2e%2e/secret", "linked", "leak", "empty", "deep/three"),
+            *("one/vehicle.yaml", "one/report.html", "one%00", "/etc/passwd", "%2Fetc%2Fpasswd", "one?x", "%ff"),
+        ):
+            status, _, text = page.ask("GET", f"/reports/{name}")
+            assert (status, "none of that name" in text) == (404, True), name
+
+
+def test_a_report_that_is_too_large_is_not_read(tmp_path, monkeypatch):
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "report.html").write_text("<p>long", encoding="utf-8")
+    monkeypatch.setattr("hindrax_operator.web.reports.LARGEST_bytes", 3)
+    with served(tmp_path) as page:
+        assert page.ask("GET", "/reports/one")[0] == 404
+
+
+def test_without_any_runs_there_are_no_reports(page):
+    assert json.loads(page.ask("GET", "/reports")[2]) == []
+
+
+# ---- the command
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [("0.0.0.0", "every interface"), ("::", "every interface"), ("vehicle.local", "in numbers"), ("", "in numbers")],
+)
+def test_only_one_address_is_served_and_it_is_said_in_numbers(address, words, capsys):
+    with pytest.raises(UsageError, match=words):
+        hosts_of(address)
+    assert main(["web", "--address", address]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken_or_is_none_is_named_with_the_remedy(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    with socket.create_server((ADDRESS, 0)) as taken:
+        port = taken.getsockname()[1]
+        assert main(["web", "--port", str(port)]) == 1
+    assert (
+        f"port {port} of 127.0.0.1 is taken by another program; name a free one with --port" in capsys.readouterr().err
+    )
+    assert main(["web", "--port", "70000"]) == 2
+    assert main(["web", "--address", "192.0.2.1"]) == 1  # reserved for documentation: nobody has it
+    assert "not an address of this machine" in capsys.readouterr().err
+
+
+def test_no_vehicle_is_named_with_the_remedy(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    monkeypatch.setattr("hindrax_cli.commands.operate.web.VEHICLE_S", 0.1)
+    monkeypatch.setattr(GraphLink, "run", lambda _link: None)
+    assert main(["web", "--port", "0"]) == 1
+    assert "start one with `./hindrax up`" in capsys.readouterr().err
+
+
+def test_a_server_that_ends_by_itself_ends_the_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    over = threading.Event()
+    monkeypatch.setattr(GraphLink, "wait", lambda _link, _seconds: None)
+    monkeypatch.setattr(GraphLink, "run", lambda _link: over.wait(20.0))
+    monkeypatch.setattr(GraphLink, "snapshot", lambda _link: ARMED)
+    monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
+    monkeypatch.setattr(server.Server, "run", lambda _server: None)
+    assert main(["web", "--port", "0"]) == 1
+    assert "start `./hindrax web` again" in capsys.readouterr().err
+
+
+def test_the_address_is_said_with_the_token_where_no_server_sees_it():
+    here = startup_text("127.0.0.1", 8480, "abc", read_only=False)
+    assert here.splitlines()[0] == "web: http://127.0.0.1:8480/#abc"
+    assert "ssh -L 8480:localhost:8480" in here
+    there = startup_text("192.168.2.2", 1, "abc", read_only=True)
+    assert "unencrypted" in there
+    assert "stop" not in there
+    assert "http://[fe80::1]:1/#abc" in startup_text("fe80::1", 1, "abc", read_only=True)
+
+
+# ---- the link behind it
+
+
+class Flown:
+    """An operator whose maneuver lasts until it is cancelled; turning is all that happens meanwhile."""
+
+    def __init__(self) -> None:
+        self.orders = []
+        self.beats = []
+        self.thrusters = object()
+
+    def beat(self, *, on: bool) -> None:
+        self.beats.append(on)
+
+    def last(self, link: GraphLink) -> str:
+        while "cancelled" not in self.orders:
+            link._tick()
+        return "flown"
+
+
+def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch):
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    link, operator, told = GraphLink(None, sim_time=False), Flown(), []
+    link._operator = operator
+    link._waiting = True
+    link._urgent.put((lambda found: found.orders.append("cancelled") or "done", lambda *said: told.append(said)))
+    link._carry_out(operator, lambda found: found.last(link), lambda *said: told.append(said))
+    assert told == [("done", True), ("flown", True)]
+
+
+def test_a_link_that_ends_gives_up_waiting_once(monkeypatch):
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    link, operator = GraphLink(None, sim_time=False), Flown()
+    link._operator = operator
+    link._waiting = True
+    link._over.set()
+    with pytest.raises(HindraxError, match="not waited for"):
+        operator.last(link)
+    link._tick()
+
+
+def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch):
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
+    looks = [True]
+    link, operator = GraphLink(None, sim_time=False, present=lambda: looks[-1]), Flown()
+    link._operator = operator
+    for looks[-1] in (True, False, False, True, True):
+        link._tick()
+    assert operator.beats == [False, True]

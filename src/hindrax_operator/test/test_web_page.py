@@ -1,0 +1,95 @@
+"""The page in a real browser without a screen: it shows the vehicle, passes orders on, opens reports, fits a phone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from browser import browser, browser_at_hand
+from web_rig import ARMED, TOKEN, served
+
+from hindrax_control.maneuver.maneuver import Goal
+from hindrax_operator.monitor.snapshot import ManeuverView
+
+PROGRAM = browser_at_hand()
+
+pytestmark = pytest.mark.skipif(
+    PROGRAM is None, reason="needs a browser: chromium or google-chrome on the PATH (`apt install chromium`)"
+)
+SHOWN = (
+    *("heading", "30.0 deg", "+0.312 m/s", "unknown", "1640 us", "lost: sway", "at 270.0 deg", "no echo"),
+    *("no reading for <b>3.2 s</b>", "k_q 66.1 ±0.784", "20 Hz", "m along"),
+)
+"""What the page must show; what a node says is text, not markup."""
+
+
+def text(place: str) -> str:
+    return f"document.getElementById('{place}').textContent"
+
+
+def test_the_page_in_a_browser(tmp_path):
+    runs = tmp_path / "runs"
+    (runs / "first day").mkdir(parents=True)
+    report = "<!doctype html><h1 style='color:rgb(1,2,3)'>A report</h1><script>window.ran = true</script>"
+    (runs / "first day" / "report.html").write_text(report, encoding="utf-8")
+    with served(runs) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.look(1400, 900)
+        seen.open(f"{page.url}#{TOKEN}")
+        seen.wait(f"{text('armed')} === 'ARMED'")
+        # The token is not left in the address.
+        assert seen.run("location.href") == page.url
+        shown = seen.run("document.body.innerText")
+        for words in SHOWN:
+            assert words in shown, words
+        seen.wait("document.querySelector('#pool polyline') !== null")
+        colored = "[...document.querySelector('canvas').getContext('2d').getImageData(0,0,200,130).data].some(v => v)"
+        assert seen.run(colored)
+
+        # Orders: one maneuver at a time, its outcome, an end at any time.
+        seen.run("document.querySelector('[value=yaw]').click()")
+        seen.run("document.getElementById('start').click()")
+        seen.wait("document.getElementById('flying').disabled")
+        assert page.vehicle.orders == [Goal(("surge", "yaw"), "plateaus", 1, "hold")]
+        page.vehicle.landed("the maneuver ended early, by operator: cancelled", False)
+        seen.wait(f"{text('told')}.includes('ended early')")
+        for name in ("cancel", "disarm", "stop"):
+            seen.run(f"document.getElementById('{name}').click()")
+            seen.wait(f"{text('told')}.includes('{name}: ')")
+        assert page.vehicle.orders[1:] == ["cancel", "disarm", "stop"]
+        assert page.heartbeat.present()
+
+        # A vehicle that falls silent is not shown as armed.
+        page.vehicle.shown = replace(ARMED, silent_s=7.0)
+        seen.wait(f"{text('armed')} === 'vehicle silent'")
+        page.vehicle.shown = replace(ARMED, flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312))
+        seen.wait(f"{text('flight')}.includes('42 %')")
+
+        # Nothing is wider than a phone, in any color.
+        for scheme in ("light", "dark"):
+            seen.look(390, 844, scheme)
+            assert seen.run("document.documentElement.scrollWidth") <= 390
+            assert seen.run(
+                "[...document.querySelectorAll('.scroll')].every(one => one.scrollWidth <= one.clientWidth)"
+            )
+            seen.picture(tmp_path / f"phone-{scheme}.png")
+        assert not seen.complaints
+
+        seen.run("document.querySelector('#reports a').click()")
+        seen.wait("document.querySelector('h1') !== null")
+        assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
+        assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
+
+
+def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_buttons(tmp_path):
+    with served(tmp_path, read_only=True) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.open(page.url)
+        seen.wait("!document.getElementById('ask').hidden")
+        seen.run("document.title = 'the page before'")
+        seen.open(f"{page.url}#wrong")
+        seen.wait(f"document.title === 'hindrax' && {text('armed')} === 'no token'")
+        seen.run(f"document.getElementById('token').value = '{page.url}#{TOKEN}'")
+        seen.run("document.querySelector('#ask button').click()")
+        seen.wait(f"{text('armed')} === 'ARMED'")
+        for name in ("stop", "disarm", "start", "cancel"):
+            assert seen.run(f"document.getElementById('{name}').offsetParent === null"), name
+        assert not page.heartbeat.present()

@@ -1,0 +1,1 @@
+"""Recorded wire frames through the real code again, compared field by field with what was recorded."""

@@ -1,0 +1,117 @@
+"""`replay --ros`: the real processes on recorded wires; their new bag is compared with the recorded one.
+
+Sensors, control, identifier and recorder run as on the vehicle. Which sample falls into which cycle, and when a node
+was up, differs from day to day: so a message is compared with the recorded one of equal values (devices) or the nearest
+in time (computed from them), with the tolerances of the section `ros`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hindrax_bag.message_comparison import ComparisonReport, Rules
+from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
+from hindrax_bringup.stack import environment, first_line, mock_parameters, own_domain
+from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import NS_PER_S
+from hindrax_replay.bag_comparison import compare_bags
+from hindrax_replay.bag_replay import Replayed
+from hindrax_replay.recorded_devices import parameters_of
+
+READY_S = 20.0
+PATIENCE_S = 60.0
+"""Wall time for all processes to start."""
+SLOWEST = 20.0
+"""Wall seconds per recorded second; slower is a fault, not a slow machine."""
+OF_THE_RUN = {"vehicle", "use_sim_time", "port", "clock", "bag", "notes"}
+"""Parameters of the place of that run; all others are tuning."""
+
+
+def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Path | None = None) -> Replayed:
+    """Run the processes over a bag and compare; with `out` the folder of that run is kept.
+
+    UsageError when the bag holds no wire frames or no vehicle file; HindraxError when a process ends on the way.
+    """
+    begin = time.perf_counter()
+    done = Replayed(bag, ComparisonReport(rules))
+    for message in messages(bag):
+        done.begin = done.begin or message.received
+        done.vehicle_s = max(done.vehicle_s, (message.received - done.begin) / NS_PER_S)
+    with _folder(out) as folder:
+        _run(bag, folder, vehicle_file, done.vehicle_s)
+        compare_bags(bag, folder.bag, done.ledger)
+    done.wall_s = time.perf_counter() - begin
+    return done
+
+
+@contextlib.contextmanager
+def _folder(out: Path | None) -> Iterator[RunFolder]:
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        yield RunFolder(out.resolve())
+        return
+    place = tempfile.mkdtemp(prefix="hindrax-replay-")
+    try:
+        yield RunFolder(Path(place))
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float) -> None:
+    inside = attachments(bag)
+    if vehicle_file:
+        shutil.copyfile(vehicle_file, folder.vehicle)
+    elif "vehicle.yaml" in inside:
+        folder.vehicle.write_bytes(inside["vehicle.yaml"])
+    else:
+        raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
+    tuned = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
+    with own_domain(mock=True) as domain, Supervisor(folder.logs, environment(mock=True, domain=domain)) as supervisor:
+        words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]
+        wires = supervisor.start(REPLAY, words, pipe=True)
+        facts = first_line(wires, READY_S, folder.logs / "replay.log")
+        arguments = write_parameters(folder, _parameters(folder, tuned, mock_parameters(facts)))
+        for process in (RECORDER, SENSORS, CONTROL, IDENTIFIER):
+            supervisor.start(process, [*arguments, *(UNHEARD if process is CONTROL else ())])
+        _wait(wires, supervisor, folder, READY_S + PATIENCE_S + SLOWEST * seconds)
+        supervisor.stop("recorder")
+
+
+def _parameters(
+    folder: RunFolder, tuned: dict[str, dict[str, Any]], ports: dict[str, dict[str, object]]
+) -> dict[str, dict[str, object]]:
+    """Parameters of the recorded run, at the ports of this one."""
+    made: dict[str, dict[str, object]] = {
+        f"/**/{node}": {name: value for name, value in block.items() if name not in OF_THE_RUN}
+        for node, block in tuned.items()
+        if node != "**"
+    }
+    for node, block in ports.items():
+        made.setdefault(node, {}).update(block)
+    made.setdefault("/**/recorder", {}).update({"bag": str(folder.bag), "notes": "replay in mock"})
+    made["/**"] = {"vehicle": str(folder.vehicle), "use_sim_time": True}
+    return {node: block for node, block in made.items() if block}
+
+
+def _wait(wires: SupervisedProcess, supervisor: Supervisor, folder: RunFolder, seconds: float) -> None:
+    """Until the record is at its end; HindraxError when it does not come there or a process is down for good."""
+    deadline = time.monotonic() + seconds
+    while wires.handle.poll() is None:
+        if time.monotonic() > deadline:
+            raise HindraxError(f"the replay has not ended within {seconds:.0f} s; read {folder.logs}")
+        time.sleep(0.2)
+        wires_code = wires.handle.poll()
+        if wires_code is None:
+            supervisor.check()
+            supervisor.require()
+    if wires.handle.returncode:
+        raise HindraxError(f"the replayed wires ended; {last_words(folder.logs / 'replay.log')}")

@@ -1,0 +1,151 @@
+"""Second stage of a replay: navigator and identification over the replayed readings, compared with the record."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from hindrax_bag.message_comparison import ComparisonReport, flat
+from hindrax_bag.read.bag_reader import BagMessage
+from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
+from hindrax_control.nodes.navigator_node import SOURCES
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.signals import Estimate, Navigation, Thrust
+from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, ODOMETRY, resolved
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.nodes import measurement_messages
+from hindrax_ident.online.session import Session
+from hindrax_ident.records.feed import Feed, Measurement
+from hindrax_ident.tuning import Tuning
+from hindrax_replay.recorded_devices import Parameters, knobs_of
+from hindrax_ros.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
+from hindrax_ros.graph import message_class
+from hindrax_ros.serialization import deserialized, serialized
+
+NEAR_NS = NS_PER_S // 50
+"""A recorded navigation state has a replayed one within a tick."""
+SAME_NS = 1000
+"""Sample times count from the start of the identification and are rounded: they differ by a nanosecond."""
+STATE_NS = NS_PER_S // 10
+"""Distance of the navigation states that are compared."""
+LATEST = 1000
+"""Navigation states kept: recorded messages are rarely later than a second."""
+SETTLING_NS = NS_PER_S
+"""In its first second the navigator receives its sensors one by one, in the order of that day."""
+SAMPLE_NS = NS_PER_S
+"""Distance of the samples of a reference."""
+READERS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read in SOURCES.items()}
+BYTES_LISTENERS = {resolved(topic): one for topic, one in measurement_messages.AS_BYTES.items()}
+SESSION_INPUTS = {resolved(topic): one for topic, one in measurement_messages.LISTENERS.items()}
+NAVIGATION_NAME, ESTIMATE_NAME, ALLOCATION_NAME = resolved(NAVIGATION), resolved(ESTIMATE), resolved(ALLOCATION)
+STATES: dict[str, Callable[[Stamped[Navigation]], Any]] = {
+    NAVIGATION_NAME: navigation_to_msg,
+    resolved(ODOMETRY): odometry_to_msg,
+}
+INPUTS = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME}
+"""Input topics of this stage."""
+OBJECTS = INPUTS - READERS.keys() - BYTES_LISTENERS.keys() - STATES.keys()
+"""Inputs that are decoded to messages; the others are read from their bytes."""
+
+
+class StateStage:
+    """Navigator and identification, fed with the recorded messages or their replacements from the first stage."""
+
+    def __init__(
+        self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: dict[str, dict[str, Any]]
+    ) -> None:
+        self._ledger, self._samples = ledger, samples
+        self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
+        tuning = knobs_of(Tuning, parameters, "identifier")
+        self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
+        # One queue per topic, for a burst is recorded topic by topic.
+        self._states = {topic: deque[Stamped[Navigation]](maxlen=LATEST) for topic in STATES}
+        self._estimates: dict[str, list[Stamped[Estimate]]] = {}
+        self._recorded_estimates: list[tuple[str, Stamp, BagMessage]] = []
+        self._next_sample: dict[str, int] = {}
+        self._next_state: dict[str, int] = {}
+
+    def feed(self, message: BagMessage, replaced: bytes | None) -> None:
+        """Feed the next message of INPUTS; `replaced` is its replacement, if any."""
+        topic, data = message.topic, replaced or message.data
+        decoded: Any = None
+        if topic in OBJECTS or message.form.old:
+            decoded = deserialized(replaced, message_class(message.type)) if replaced else message.decoded()
+        reader = READERS.get(topic)
+        if reader is not None:
+            read, source = reader
+            found = self._navigator.step(read(data if decoded is None else serialized(decoded)), source)
+            if found is not None:
+                for states in self._states.values():
+                    states.append(found)
+        elif topic in STATES:
+            self._check_state(message)
+        elif topic == ESTIMATE_NAME:
+            self._recorded_estimates.append((decoded.motion, stamp_from_msg(decoded.header.stamp), message))
+        # The identification gets the recorded navigation: its result must equal that of the day.
+        if decoded is None and topic in BYTES_LISTENERS:
+            self._identify(BYTES_LISTENERS[topic](data))
+        elif topic in SESSION_INPUTS:
+            self._identify(SESSION_INPUTS[topic](decoded))
+
+    def finish(self) -> None:
+        """Compare the estimates that were published."""
+        for motion, estimates in self._estimates.items():
+            for one in estimates:
+                if self._sample_due(f"{ESTIMATE_NAME} {motion}", one.stamp):
+                    values = dict(flat(estimate_to_msg(one)))
+                    self._samples.setdefault(ESTIMATE_NAME, {})[f"{one.stamp} {motion}"] = values
+        for motion, stamp, message in self._recorded_estimates:
+            self._check_estimate(motion, stamp, message)
+
+    def _check_estimate(self, motion: str, stamp: Stamp, message: BagMessage) -> None:
+        made = self._estimates.get(motion, [])
+        at = bisect_left(made, stamp - SAME_NS, key=lambda one: one.stamp)
+        if at == len(made) or made[at].stamp > stamp + SAME_NS:
+            self._ledger.unmatched(ESTIMATE_NAME, stamp, "recorded, not replayed", motion, "none")
+            return
+        data = serialized(estimate_to_msg(made[at]))
+        self._ledger.compare_bytes(ESTIMATE_NAME, stamp, message.data, data, message.form.decode)
+
+    def keep_results(self) -> None:
+        """Store the identified coefficients for a reference; those of unidentifiable motions are rounding."""
+        results = self._session.finalize().results
+        for motion, result in results.motions.items():
+            if not result.identifiable:
+                continue
+            values = {name: number.value for name, number in result.coefficients.items()}
+            sigmas = {f"{name} std": number.std for name, number in result.coefficients.items()}
+            self._samples.setdefault("results", {})[motion] = {**values, **sigmas}
+
+    def _check_state(self, message: BagMessage) -> None:
+        """Compare with the nearest state: the tick grid begins where the navigator was started."""
+        topic, stamp = message.topic, stamp_of(message.data)
+        states = self._states[topic]
+        while len(states) > 1 and abs(states[1].stamp - stamp) <= abs(states[0].stamp - stamp):
+            states.popleft()
+        if stamp < self._next_state.setdefault(topic, stamp + SETTLING_NS):
+            return
+        self._next_state[topic] = stamp + STATE_NS
+        if not states or abs(states[0].stamp - stamp) > NEAR_NS:
+            self._ledger.unmatched(topic, stamp, "recorded, not replayed", "a message", "none")
+            return
+        made = dict(flat(STATES[topic](states[0])))
+        self._ledger.compare_values(topic, stamp, dict(flat(message.decoded())), made)
+        if self._sample_due(topic, stamp):
+            self._samples.setdefault(topic, {})[str(stamp)] = made
+
+    def _identify(self, measurement: Stamped[Measurement]) -> None:
+        if isinstance(measurement.reading, Thrust):
+            self._navigator.thrust(measurement.stamp, measurement.reading.forces_N)
+        for event in self._feed.step(measurement):
+            for estimate in self._session.step(event):
+                self._estimates.setdefault(estimate.reading.motion, []).append(estimate)
+
+    def _sample_due(self, topic: str, stamp: int) -> bool:
+        if stamp < self._next_sample.get(topic, 0):
+            return False
+        self._next_sample[topic] = stamp + SAMPLE_NS
+        return True

@@ -1,0 +1,114 @@
+"""Recorded frames into devices: in step, after failures that were not recorded, and where the driver has changed."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hindrax_core.bus_operations import DeviceError, Pause, Transaction, Write, WriteRead
+from hindrax_core.driver_interface import Identity
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.readings import Pressure
+from hindrax_core.wire_frames import pack_transaction
+from hindrax_replay.recorded_wires import RegisterWire, SerialWire
+
+SETUP = Write(0x10, b"\x01")
+CONVERT = Write(0x10, b"\x02")
+FETCH = WriteRead(0x10, b"\x03", 1)
+
+
+class Gauge:
+    """A register device of two transactions and a pause."""
+
+    period_s = 0.1
+
+    def configure(self):
+        yield SETUP
+        return Identity("gauge")
+
+    def cycle(self, stamp):
+        yield CONVERT
+        yield Pause(0.01)
+        raw = yield FETCH
+        if raw == b"\xff":
+            raise DeviceError("nonsense")
+        return [Stamped(stamp, Pressure(float(raw[0]), 20.0))]
+
+
+def _run(wire: RegisterWire, script: list[tuple[int, Transaction, bytes]]) -> list[object]:
+    said: list[object] = []
+    for second, transaction, answer in script:
+        stamp = Stamp(second * NS_PER_S)
+        said += wire.frame(stamp, 1, pack_transaction(transaction))
+        said += wire.frame(stamp, 0, answer)
+    return said
+
+
+def _pressures(said: list[object]) -> list[tuple[int, float]]:
+    return [(one.stamp // NS_PER_S, one.reading.pressure_Pa) for one in said if isinstance(one, Stamped)]
+
+
+def test_programs_run_in_step_with_the_record():
+    wire = RegisterWire("gauge", Gauge())
+    said = _run(wire, [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\x07"), (3, CONVERT, b""), (3, FETCH, b"\x08")])
+    assert said[0] == Identity("gauge")
+    assert _pressures(said) == [(2, 7.0), (3, 8.0)]
+    assert wire.strange == []
+
+
+def test_a_transaction_that_is_not_recorded_had_failed():
+    wire = RegisterWire("gauge", Gauge())
+    # At 3 s the fetch failed on the wire: the record goes on with the device being configured anew.
+    script = [(1, SETUP, b""), (3, CONVERT, b""), (4, SETUP, b""), (5, CONVERT, b""), (5, FETCH, b"\x09")]
+    assert _pressures(_run(wire, script)) == [(5, 9.0)]
+    assert wire.strange == []
+
+
+def test_a_program_that_refuses_an_answer_is_begun_anew():
+    wire = RegisterWire("gauge", Gauge())
+    script = [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\xff"), (3, SETUP, b""), (4, CONVERT, b"")]
+    said = _run(wire, [*script, (4, FETCH, b"\x05")])
+    assert _pressures(said) == [(4, 5.0)]
+    assert wire.strange == []
+
+
+def test_a_record_of_another_driver_is_strange():
+    wire = RegisterWire("gauge", Gauge())
+    assert _run(wire, [(1, Write(0x10, b"\x55"), b"")]) == []
+    assert len(wire.strange) == 1
+    assert "the record has Write(address=16, data=b'U')" in wire.strange[0]
+
+
+class Echoing:
+    """A serial device that notes what it was told."""
+
+    baud = 9600
+    ready = True
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[str, float, bytes]] = []
+
+    def start(self, stamp):
+        self.heard.append(("start", stamp / NS_PER_S, b""))
+        return ()
+
+    def feed(self, data, stamp):
+        self.heard.append(("feed", stamp / NS_PER_S, data))
+        return ()
+
+    def tick(self, stamp):
+        self.heard.append(("tick", stamp / NS_PER_S, b""))
+        return ()
+
+
+def test_serial_device_hears_bytes_and_the_passing_of_time():
+    device = Echoing()
+    wire = SerialWire(device)
+    for stamp, direction, data in [(1.0, 1, b"order"), (1.02, 0, b"ab"), (1.14, 0, b"cd")]:
+        list(wire.frame(Stamp(round(stamp * NS_PER_S)), direction, data))
+    assert [one for one in device.heard if one[0] != "tick"] == [
+        ("start", 1.0, b""),
+        ("feed", 1.02, b"ab"),
+        ("feed", 1.14, b"cd"),
+    ]
+    ticks = [at for word, at, _ in device.heard if word == "tick"]
+    assert max(later - earlier for earlier, later in pairwise(ticks)) <= 0.0501

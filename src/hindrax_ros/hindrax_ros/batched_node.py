@@ -1,0 +1,125 @@
+"""Nodes that read their subscriptions in batches, instead of waking for every message.
+
+Waking a Python process costs far more than reading a message does. Most of what travels here comes in bursts (a FIFO
+of inertial samples, all outputs of one control cycle), and no reader has anything to do before the burst is complete.
+So a process sleeps until its leading topic says that there is something new, or for a while, and then takes all that
+waits. Services, actions and timers stay with the executor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.subscription import Subscription
+
+from hindrax_core.topics import NAMESPACE
+from hindrax_ros.checked_node import CheckedNode
+from hindrax_ros.deferred_publisher import PublishQueue
+
+if TYPE_CHECKING:
+    from rclpy.context import Context
+    from rclpy.executors import Executor
+
+TURN_S = 0.05
+"""Longest wait between two turns of a process [wall time]."""
+
+
+class BatchedNode(CheckedNode):
+    """A node whose subscriptions are read by `drain`, not by the executor.
+
+    Without `ros_time` it reads no /clock: for nodes that have their time from the messages or from their wire.
+    """
+
+    lead: Subscription | None = None
+    """The subscription whose messages begin a turn; without one the process turns every `TURN_S`."""
+    settle_s = 0.0
+    """Time in which the rest of a burst follows the first message of the lead [wall time]."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        publish_queue: PublishQueue | None = None,
+        ros_time: bool = True,
+        parameter_overrides: Sequence[Parameter] = (),
+        **options: Any,
+    ) -> None:
+        self.publish_queue = PublishQueue() if publish_queue is None else publish_queue
+        overrides = [*parameter_overrides]
+        if not ros_time:
+            overrides.append(Parameter("use_sim_time", Parameter.Type.BOOL, False))  # as rclpy has it
+        super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
+
+    def every(self, seconds: float, act: Callable[[], None]) -> None:
+        """Call `act` periodically, in wall time."""
+        self.create_timer(seconds, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Empty, so that the executor waits for none of them."""
+        return iter(())
+
+    def drain(self) -> None:
+        """Pass every waiting message to its callback, topic by topic in the order of subscription."""
+        for one in list(super().subscriptions):
+            take, kind, raw = one.handle.take_message, one.msg_type, one.raw
+            count = 2 if one._callback_type is Subscription.CallbackType.WithMessageInfo else 1  # noqa: SLF001  # as rclpy
+            while (found := take(kind, raw)) is not None:
+                one.callback(*found[:count])
+
+
+def events_executor(context: Context | None = None) -> Executor:
+    """Make the executor. It keeps the stderr of the process, for reports of its own crashes."""
+    with contextlib.redirect_stderr(sys.__stderr__):
+        return EventsExecutor(context=context)
+
+
+class SpinLoop:
+    """The loop of a process: wait for the leading topic, read all subscriptions, then spin the executor."""
+
+    def __init__(self, nodes: Sequence[Node], executor: Executor) -> None:
+        self._batched = [node for node in nodes if isinstance(node, BatchedNode)]
+        self._executor = executor
+        leads = [node.lead for node in self._batched if node.lead is not None]
+        self._leads = [lead.handle for lead in leads]
+        self._settle_s = max((node.settle_s for node in self._batched), default=0.0)
+        self._set: Any = None
+        if leads:
+            self._set = rclpy_implementation.WaitSet(len(leads), 0, 0, 0, 0, 0, nodes[0].context.handle)
+        self._served = 0.0
+
+    def spin_once(self) -> None:
+        """Run one turn of the loop."""
+        if self._set is None:
+            self._executor.spin_once(timeout_sec=TURN_S)
+        else:
+            self._wait()
+            now = time.monotonic()
+            if now - self._served >= TURN_S:
+                self._served = now
+                self._executor.spin_once(timeout_sec=0.0)
+        for node in self._batched:
+            node.drain()
+        self.flush()
+
+    def flush(self) -> None:
+        """Send the queued messages of the nodes."""
+        for node in self._batched:
+            node.publish_queue.flush()
+
+    def _wait(self) -> None:
+        self._set.clear_entities()
+        for lead in self._leads:
+            self._set.add_subscription(lead)
+        self._set.wait(int(TURN_S * 1e9))
+        if self._settle_s > 0.0:
+            time.sleep(self._settle_s)

@@ -1,0 +1,92 @@
+"""The /diagnostics of one node: rate, rejections by reason, last trouble, identity and age as keys and values."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from hindrax_core.events import Rejected, Stamp, seconds_between
+from hindrax_core.topics import DIAGNOSTICS
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.graph import publisher
+
+
+@dataclass(slots=True)
+class NodeDiagnostics:
+    """Counters of one device or node; `report` turns them into a status and starts a new second."""
+
+    hardware: str = ""
+    identity: str = ""
+    trouble: str = ""
+    troubles: int = 0
+    readings: int = 0
+    rejects: Counter[str] = field(default_factory=Counter)
+    last_reading: Stamp | None = None
+    last_report: Stamp | None = None
+    note: str = ""
+    withheld: str = ""
+    """Why an operator has it publish nothing; empty when he has not."""
+
+    def reading(self, stamp: Stamp) -> None:
+        """Count a valid reading."""
+        self.readings += 1
+        self.last_reading = stamp
+
+    def reject(self, rejected: Rejected) -> None:
+        """Count rejected bytes by reason."""
+        self.rejects[rejected.reason] += 1
+
+    def troubled(self, text: str) -> None:
+        """Set the last trouble, for the operator."""
+        self.trouble = text
+        self.troubles += 1
+
+    def report(self, name: str, now: Stamp, stale_s: float) -> DiagnosticStatus:
+        """Return the status since the last report."""
+        elapsed = seconds_between(self.last_report, now) if self.last_report is not None else 0.0
+        rate = self.readings / elapsed if elapsed > 0.0 else 0.0
+        age = seconds_between(self.last_reading, now) if self.last_reading is not None else float("inf")
+        level, message = self._verdict(age, stale_s)
+        self.readings, self.last_report = 0, now
+        values = {
+            "identity": self.identity,
+            "rate [Hz]": f"{rate:.1f}",
+            "age [s]": f"{age:.3f}",
+            "rejects": str(sum(self.rejects.values())),
+            "troubles": str(self.troubles),
+            "last trouble": self.trouble,
+            **{f"rejected: {reason}": str(count) for reason, count in sorted(self.rejects.items())},
+        }
+        return status(name, level, message, values, hardware=self.hardware)
+
+    def _verdict(self, age: float, stale_s: float) -> tuple[bytes, str]:
+        if self.withheld:
+            return DiagnosticStatus.WARN, self.withheld
+        if not self.identity:
+            return DiagnosticStatus.ERROR, self.trouble or "has not answered yet"
+        if age > stale_s:
+            return DiagnosticStatus.ERROR, f"no reading for {age:.1f} s; {self.trouble or 'line is silent'}"
+        return DiagnosticStatus.OK, self.note or "measuring"
+
+
+def status(name: str, level: bytes, message: str, values: Mapping[str, str], *, hardware: str = "") -> DiagnosticStatus:
+    """Make one status."""
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticStatus(name=name, level=level, message=message, values=pairs, hardware_id=hardware)
+
+
+class DiagnosticsPublisher:
+    """Publishes statuses of one node on /diagnostics."""
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = publisher(node, DIAGNOSTICS)
+
+    def publish(self, now: Stamp, *statuses: DiagnosticStatus) -> None:
+        """Publish them with this stamp."""
+        array = DiagnosticArray(status=list(statuses))
+        array.header.stamp = stamp_to_msg(now)
+        self._publisher.publish(array)

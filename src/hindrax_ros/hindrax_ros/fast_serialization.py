@@ -1,0 +1,267 @@
+"""The inertial samples and the topics of every control cycle as CDR bytes, without message objects (see `cdr_layout`).
+
+Writing the numbers into the bytes of the previous message takes 3 us, filling and serializing a message object up to
+50 (ADR 26 has the figures; slower topics are message objects). Each writer and reader names the function of `convert`
+that it replaces, and is tested against it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range
+from std_msgs.msg import Header
+
+from hindrax_core.events import NS_PER_S, Stamp, Stamped
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec6
+from hindrax_core.signals import Navigation, Thrust
+from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
+from hindrax_ros import convert
+from hindrax_ros.cdr_layout import CdrReader, CdrWriter
+
+_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+_ZERO3 = (0.0, 0.0, 0.0)
+_NOTHING = Inertial(_ZERO3, _ZERO3, math.nan)
+_NOWHERE = Navigation(_ZERO3, _ZERO3, _ZERO3, 0.0, 0.0, (0.0, 0.0), dvl_locked=False)
+
+
+def _xyz(path: str) -> tuple[str, str, str]:
+    return f"{path}.x", f"{path}.y", f"{path}.z"
+
+
+_IMU = (*_STAMP, *_xyz("angular_velocity"), *_xyz("linear_acceleration"))
+_ATTITUDE = (*_STAMP, *_xyz("orientation"), "orientation.w")
+_NAVIGATION = (
+    *_STAMP,
+    *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
+    *("heave_velocity", "heave_velocity_age", "heave_velocity_valid", "heading", "roll", "pitch"),
+    *("surge_velocity", "sway_velocity", "surge_velocity_sigma", "sway_velocity_sigma", "heave_velocity_sigma"),
+    *("roll_rate", "pitch_rate", "yaw_rate", "position_north", "position_east", "dvl_locked"),
+)
+_ODOMETRY = (
+    *_STAMP,
+    *_xyz("pose.pose.position"),
+    *_xyz("pose.pose.orientation"),
+    "pose.pose.orientation.w",
+    *_xyz("twist.twist.linear"),
+    *_xyz("twist.twist.angular"),
+    "twist.covariance",
+)
+
+
+def inertial_writer(frame: str, sigma_force: float, sigma_rate: float) -> Callable[[Stamped[Inertial]], bytes]:
+    """Make the writer of one sensor: `convert.inertial_to_msg`."""
+    writer = CdrWriter(*_IMU)
+    writer.learn(None, convert.inertial_to_msg(Stamped(Stamp(0), _NOTHING), frame, sigma_force, sigma_rate))
+
+    def write(stamped: Stamped[Inertial]) -> bytes:
+        reading = stamped.reading
+        return writer.write(
+            (*divmod(stamped.stamp, NS_PER_S), *reading.rate_radps, *reading.specific_force_mps2),
+        )
+
+    return write
+
+
+def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
+    """Make a writer: `convert.navigation_to_msg`."""
+    writer = CdrWriter(*_NAVIGATION, "ages")
+
+    def write(stamped: Stamped[Navigation]) -> bytes:
+        state, ages = stamped.reading, stamped.reading.ages_s
+        sources = tuple(ages)
+        if writer.key != sources:
+            writer.learn(sources, convert.navigation_to_msg(stamped))
+        u, v, w = state.velocity_mps
+        roll, pitch, heading = state.attitude_rad
+        depth_age, altitude_age = ages.get("ms5837", math.inf), ages.get("ping1d", math.inf)
+        return writer.write(
+            (
+                *divmod(stamped.stamp, NS_PER_S),
+                *(state.depth_m, depth_age, math.isfinite(state.depth_m)),
+                *(state.altitude_m, altitude_age, math.isfinite(state.altitude_m)),
+                *(w, min(depth_age, altitude_age), math.isfinite(w)),
+                *(heading, roll, pitch, u, v),
+                *state.velocity_sigma_mps,
+                *state.rate_radps,
+                *state.position_m,
+                state.dvl_locked,
+                *ages.values(),
+            )
+        )
+
+    return write
+
+
+def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
+    """Make a writer: `convert.odometry_to_msg`."""
+    writer = CdrWriter(*_ODOMETRY)
+    writer.learn(None, convert.odometry_to_msg(Stamped(Stamp(0), _NOWHERE)))
+
+    def write(stamped: Stamped[Navigation]) -> bytes:
+        state = stamped.reading
+        north, east = state.position_m
+        covariance = [0.0] * 36
+        for axis, sigma in enumerate(state.velocity_sigma_mps):
+            covariance[7 * axis] = sigma * sigma
+        return writer.write(
+            (
+                *divmod(stamped.stamp, NS_PER_S),
+                *(east, north, -state.depth_m),
+                *convert.xyzw_from_sname(*state.attitude_rad),
+                *convert.half_turn(state.velocity_mps),
+                *convert.half_turn(state.rate_radps),
+                *covariance,
+            )
+        )
+
+    return write
+
+
+def wrench_writer() -> Callable[[Stamp, Vec6], bytes]:
+    """Make a writer: `convert.wrench_to_msg`."""
+    writer = CdrWriter(*_STAMP, *_xyz("wrench.force"), *_xyz("wrench.torque"))
+    writer.learn(None, convert.wrench_to_msg(Stamp(0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    return lambda stamp, wrench: writer.write((*divmod(stamp, NS_PER_S), *wrench))
+
+
+def command_writer(thrusters: int, frame: str) -> Callable[[Stamp, int, Sequence[float]], bytes]:
+    """Make a writer of ThrusterCommand: stamp, sequence, pulses [us]."""
+    writer = CdrWriter(*_STAMP, "sequence", "pulses")
+    writer.learn(None, ThrusterCommand(header=Header(frame_id=frame), pulses=[0.0] * thrusters))
+    return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
+
+
+def applied_writer(output: str) -> Callable[[ThrusterStateFields, str, str], bytes]:
+    """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
+    writer = CdrWriter(*_STAMP, "armed", "pulses", "sequence")
+
+    def write(applied: ThrusterStateFields, state: str, reason: str) -> bytes:
+        shape = (state, reason, len(applied.pulses_us))
+        if writer.key != shape:
+            writer.learn(shape, ThrusterState(state=state, reason=reason, pulses=applied.pulses_us, output=output))
+        return writer.write(
+            (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence),
+        )
+
+    return write
+
+
+class CommandFields(NamedTuple):
+    """The numbers of a ThrusterCommand."""
+
+    stamp: Stamp
+    sequence: int
+    pulses_us: tuple[float, ...]
+    lights_us: tuple[float, ...]
+
+
+class ThrusterStateFields(NamedTuple):
+    """The numbers of a ThrusterState."""
+
+    stamp: Stamp
+    armed: bool
+    pulses_us: tuple[float, ...]
+    sequence: int
+
+
+_inertial = CdrReader(Imu, *_IMU).read
+_magnetic = CdrReader(MagneticField, *_STAMP, *_xyz("magnetic_field")).read
+_echo = CdrReader(Range, *_STAMP, "range").read
+_attitude = CdrReader(Imu, *_ATTITUDE).read
+_dvl = CdrReader(Dvl, *_STAMP, *_xyz("velocity"), "velocity_covar", "confidence", "device_time", "interval").read
+_pressure = CdrReader(FluidPressure, *_STAMP, "fluid_pressure").read
+_navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
+_command = CdrReader(ThrusterCommand, *_STAMP, "sequence", "pulses").read
+_lamps = CdrReader(ThrusterCommand, "lights").read
+_applied = CdrReader(ThrusterState, *_STAMP, "armed", "pulses", "sequence").read
+_thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces").read
+
+
+def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
+    """Read what `convert.inertial_from_msg` reads."""
+    s, ns, p, q, r, x, y, z = _inertial(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Inertial((x, y, z), (p, q, r), math.nan))
+
+
+def magnetic_from_bytes(data: bytes) -> Stamped[Magnetic]:
+    """Read what `convert.magnetic_from_msg` reads."""
+    s, ns, x, y, z = _magnetic(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Magnetic((x, y, z)))
+
+
+def echo_from_bytes(data: bytes) -> Stamped[Echo]:
+    """Read what `convert.echo_from_msg` reads."""
+    s, ns, range_m = _echo(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Echo(range_m, 1.0))
+
+
+def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
+    """Read what `convert.attitude_from_msg` reads."""
+    s, ns, x, y, z, w = _attitude(data)
+    return convert.attitude_track(Stamp(s * NS_PER_S + ns), convert.sname_from_xyzw(x, y, z, w))
+
+
+def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:
+    """Read what `convert.dvl_from_msg` reads."""
+    s, ns, u, v, w, variance, *_, confidence, device_us, interval_s = _dvl(data)
+    velocity = None if variance < 0.0 else (u, v, w)
+    reading = BottomVelocity(velocity, math.sqrt(max(0.0, variance)), confidence, interval_s, device_us)
+    return Stamped(Stamp(s * NS_PER_S + ns), reading)
+
+
+def pressure_from_bytes(data: bytes) -> Stamped[Pressure]:
+    """Read what `convert.pressure_from_msg` reads."""
+    s, ns, pressure_Pa = _pressure(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Pressure(pressure_Pa, math.nan))
+
+
+def navigation_from_bytes(data: bytes) -> Stamped[Navigation]:
+    """Read what `convert.navigation_from_msg` reads, but for the ages."""
+    s, ns, *found = _navigation(data)
+    depth_m, _, _, altitude_m, _, _, w, _, _, yaw, roll, pitch, u, v, su, sv, sw, p, q, r, north, east, locked = found
+    state = Navigation(
+        attitude_rad=(roll, pitch, yaw),
+        rate_radps=(p, q, r),
+        velocity_mps=(u, v, w),
+        depth_m=depth_m,
+        altitude_m=altitude_m,
+        position_m=(north, east),
+        dvl_locked=locked,
+        velocity_sigma_mps=(su, sv, sw),
+    )
+    return Stamped(Stamp(s * NS_PER_S + ns), state)
+
+
+def command_from_bytes(data: bytes) -> CommandFields:
+    """Read the numbers of a ThrusterCommand. ValueError for bytes that are none."""
+    s, ns, sequence, *pulses = _command(data)
+    return CommandFields(Stamp(s * NS_PER_S + ns), sequence, tuple(pulses), _lamps(data))
+
+
+def applied_from_bytes(data: bytes) -> ThrusterStateFields:
+    """Read the numbers of a ThrusterState."""
+    s, ns, armed, *pulses, sequence = _applied(data)
+    return ThrusterStateFields(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence)
+
+
+def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:
+    """Read the achieved wrench of an AllocationStatus, and the forces behind it."""
+    s, ns, X, Y, Z, K, M, N, *forces = _thrust(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Thrust((X, Y, Z, K, M, N), tuple(forces)))
+
+
+class AllocationWriter:
+    """AllocationStatus, made by `make` whenever a text of it changes (`key`)."""
+
+    def __init__(self) -> None:
+        numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
+        self._writer = CdrWriter(*_STAMP, *numbers, "supply_voltage", "supply_measured")
+
+    def write(self, stamp: Stamp, key: object, make: Callable[[], Any], *numbers: Any) -> bytes:
+        """Bytes; `numbers` are those of the definition from `sequence` on, arrays flattened."""
+        if self._writer.key != key:
+            self._writer.learn(key, make())
+        return self._writer.write((*divmod(stamp, NS_PER_S), *numbers))

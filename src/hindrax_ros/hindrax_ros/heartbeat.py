@@ -1,0 +1,46 @@
+"""The heartbeat of a process: once a second the time, in a file that its supervisor named.
+
+The supervisor reads it, and so does whoever asks for the health of a stack. It needs no ROS and no port, so it tells of
+a process that hangs in either. Time is that of the monotonic clock [s], which all processes of a machine share.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+VARIABLE = "HINDRAX_HEARTBEAT"
+"""Environment variable with the path of the file; a process without it has no heartbeat."""
+PERIOD_S = 1.0
+
+
+class Heartbeat:
+    """Beats at most once a second, however often it is asked to."""
+
+    def __init__(self, path: str) -> None:
+        self._file, self._due_s = -1, 0.0
+        with contextlib.suppress(OSError):  # nobody named a file, or the supervisor has gone and its folder with it
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+
+    @classmethod
+    def of(cls, environment: Mapping[str, str]) -> Heartbeat:
+        """Make the heartbeat of a process with this environment."""
+        return cls(environment.get(VARIABLE, ""))
+
+    def beat(self, now_s: float) -> None:
+        """Say that the process lives."""
+        if now_s < self._due_s or self._file < 0:
+            return
+        self._due_s = now_s + PERIOD_S
+        with contextlib.suppress(OSError):  # a full disk does not end a process that thrusts
+            os.pwrite(self._file, f"{now_s:020.3f}".encode(), 0)
+
+
+def beaten_s(path: Path) -> float | None:
+    """Time of the last beat; None before the first."""
+    try:
+        return float(path.read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,68 @@
+"""Raw wire frames in batches, byte for byte as on the port, for the bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rclpy.node import Node
+
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.topics import RAW_FRAMES
+from hindrax_msgs.msg import RawFrames
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.graph import publisher
+
+RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
+
+
+class FrameTap:
+    """Collects the frames of one source and publishes them as one message every `period_s`."""
+
+    def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:
+        topic = next(one for one in RAW_FRAMES if one.name == f"raw/{source}")
+        self._publisher = publisher(node, topic)
+        self._source, self._period_s = source, period_s
+        self._begin: Stamp | None = None
+        self._stamps: list[int] = []
+        self._directions = bytearray()
+        self._lengths: list[int] = []
+        self._data = bytearray()
+
+    def add(self, stamp: Stamp, direction: int, data: bytes) -> None:
+        """Add one frame; publish the batch when it is old enough."""
+        if self._begin is None:
+            self._begin = stamp
+        self._stamps.append(stamp)
+        self._directions.append(direction)
+        self._lengths.append(len(data))
+        self._data += data
+        if seconds_between(self._begin, stamp) >= self._period_s:
+            self.flush(stamp)
+
+    def flush(self, stamp: Stamp) -> None:
+        """Publish the batch."""
+        if not self._stamps:
+            return
+        message = RawFrames(
+            source=self._source,
+            stamps=self._stamps,
+            directions=bytes(self._directions),
+            lengths=self._lengths,
+            data=bytes(self._data),
+        )
+        message.header.stamp = stamp_to_msg(stamp)
+        self._publisher.publish(message)
+        self._begin = None
+        self._stamps, self._lengths = [], []
+        self._directions, self._data = bytearray(), bytearray()
+
+
+def unpack(message: RawFrames) -> Iterator[tuple[Stamp, int, bytes]]:
+    """Stamp, direction and bytes of every frame of a batch."""
+    start, data = 0, bytes(message.data)
+    for stamp, direction, length in zip(message.stamps, message.directions, message.lengths, strict=True):
+        yield Stamp(int(stamp)), int(direction), data[start : start + length]
+        start += length
+
+
+__all__ = ["RECEIVED", "SENT", "FrameTap", "stamp_from_msg", "unpack"]

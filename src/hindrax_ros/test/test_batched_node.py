@@ -1,0 +1,130 @@
+"""Nodes that empty their subscriptions in loop, and messages that go out together; on loopback, in a domain apart."""
+
+import time
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+import rclpy
+from rclpy.context import Context
+
+from hindrax_core.topics import BATTERY, HOLD_STATUS, THRUSTER_COMMAND
+from hindrax_msgs.msg import HoldStatus, ThrusterCommand
+from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
+from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.graph import publisher, subscription
+
+
+@pytest.fixture
+def context(monkeypatch, ros_domain):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    made = Context()
+    rclpy.init(context=made, domain_id=ros_domain)
+    yield made
+    rclpy.try_shutdown(context=made)
+
+
+@pytest.fixture
+def node(context):
+    made = BatchedNode("tested", context=context)
+    yield made
+    made.destroy_node()
+
+
+def wait_for(done, seconds=10.0):
+    deadline = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def say(out, number):
+    out.publish(ThrusterCommand(sequence=number))
+
+
+def test_nothing_goes_out_before_the_flush_and_nothing_comes_in_before_the_drain(node):
+    heard = []
+    out = publisher(node, HOLD_STATUS)
+    subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
+    wait_for(lambda: out.get_subscription_count() == 1)
+    for name in ("one", "two", "three"):
+        out.publish(HoldStatus(axes=[name]))
+    time.sleep(0.2)
+    node.drain()
+    assert not heard
+    node.publish_queue.flush()
+    time.sleep(0.2)
+    assert not heard
+    node.drain()
+    assert heard == [["one"], ["two"], ["three"]]
+
+
+def test_a_held_message_is_what_it_was_when_it_was_published(node):
+    heard = []
+    out = publisher(node, HOLD_STATUS)
+    subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
+    wait_for(lambda: out.get_subscription_count() == 1)
+    message = HoldStatus(axes=["before"])
+    out.publish(message)
+    message.axes = ["after"]
+    node.publish_queue.flush()
+    wait_for(lambda: node.drain() or heard)
+    assert heard == [["before"]]
+
+
+def test_of_commands_only_the_newest_waits(node):
+    heard = []
+    out = publisher(node, THRUSTER_COMMAND, held=False)
+    subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
+    wait_for(lambda: out.get_subscription_count() == 1)
+    for number in range(5):
+        say(out, number)
+    time.sleep(0.2)
+    node.drain()
+    assert heard == [4]
+
+
+def test_the_lead_begins_a_turn(node, context):
+    heard = []
+    node.lead = subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
+    subscription(node, BATTERY, heard.append)
+    executor = events_executor(context)
+    executor.add_node(node)
+    loop = SpinLoop([node], executor)
+    out = publisher(node, THRUSTER_COMMAND, held=False)
+    wait_for(lambda: out.get_subscription_count() == 1)
+    loop.spin_once()  # nobody leads: it ends by itself
+    assert not heard
+    say(out, 7)
+    wait_for(lambda: loop.spin_once() or heard)
+    assert heard == [7]
+    executor.shutdown()
+
+
+def test_an_error_in_a_callback_is_not_swallowed(node):
+    out = publisher(node, THRUSTER_COMMAND, held=False)
+    subscription(node, THRUSTER_COMMAND, lambda _message: 1 / 0)
+    wait_for(lambda: out.get_subscription_count() == 1)
+    say(out, 1)
+    with pytest.raises(ZeroDivisionError):
+        wait_for(lambda: node.drain() or False, 5.0)
+
+
+def test_one_outbox_serves_several_senders():
+    publish_queue, sent = PublishQueue(), []
+    publish_queue.add(lambda data: sent.append(("a", data)), b"1")
+    publish_queue.add(lambda data: sent.append(("b", data)), b"2")
+    assert not sent
+    publish_queue.flush()
+    assert sent == [("a", b"1"), ("b", b"2")]
+    publish_queue.flush()
+    assert len(sent) == 2
+
+
+def test_without_ros_time_no_clock_is_read(context):
+    with_time, without = BatchedNode("a", context=context), BatchedNode("b", context=context, ros_time=False)
+    assert not without.get_parameter("use_sim_time").value
+    assert with_time.has_parameter("use_sim_time")
+    for one in (with_time, without):
+        one.destroy_node()

@@ -1,0 +1,228 @@
+"""Bytes written in place against those of rclpy, and numbers read in place against those of message objects."""
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import FluidPressure, Imu, Range
+from std_msgs.msg import Header
+
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.signals import Navigation
+from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
+from hindrax_ros import convert, fast_serialization
+from hindrax_ros.cdr_layout import CdrLayout, CdrReader
+
+number = st.floats(width=32, allow_nan=False)
+
+
+def same(data, message):
+    """Whether bytes say what a message says; padding may hold anything."""
+    return repr(deserialize_message(data, type(message))) == repr(message) and len(data) == len(
+        serialize_message(message)
+    )
+
+
+stamps = st.integers(0, 2**31 * 10**9 - 1).map(Stamp)
+texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
+six = st.tuples(*[number] * 6)
+three = st.tuples(*[number] * 3)
+inertials = st.builds(Stamped, stamps, st.builds(Inertial, three, three, st.just(math.nan)))
+navigations = st.builds(
+    Stamped,
+    stamps,
+    st.builds(
+        Navigation,
+        attitude_rad=st.tuples(*[st.floats(-3, 3)] * 3),
+        rate_radps=three,
+        velocity_mps=st.tuples(number, number, st.floats()),
+        depth_m=st.floats(),
+        altitude_m=number,
+        position_m=st.tuples(number, number),
+        dvl_locked=st.booleans(),
+        ages_s=st.dictionaries(st.sampled_from(("ms5837", "ping1d", "dvl75", "x")), number),
+        velocity_sigma_mps=three,
+    ),
+)
+
+
+@given(texts, st.lists(inertials, min_size=1, max_size=3))
+def test_inertial(frame, samples):
+    write = fast_serialization.inertial_writer(frame, 0.02, 0.001)
+    for sample in samples:
+        message = convert.inertial_to_msg(sample, frame, 0.02, 0.001)
+        assert same(write(sample), message)
+        assert repr(fast_serialization.inertial_from_bytes(write(sample))) == repr(convert.inertial_from_msg(message))
+
+
+@given(st.lists(navigations, min_size=1, max_size=4))
+def test_navigation(states):
+    status, odometry = fast_serialization.navigation_writer(), fast_serialization.odometry_writer()
+    for state in states:
+        message = convert.navigation_to_msg(state)
+        assert same(status(state), message)
+        assert same(odometry(state), convert.odometry_to_msg(state))
+        message.sources, message.ages = [], []
+        found = fast_serialization.navigation_from_bytes(status(state))
+        assert repr(found) == repr(convert.navigation_from_msg(message))
+
+
+@given(stamps, six)
+def test_wrench(stamp, wrench):
+    assert same(fast_serialization.wrench_writer()(stamp, wrench), convert.wrench_to_msg(stamp, wrench))
+
+
+@given(stamps, texts, st.floats(0, 2e5), number)
+def test_pressure(stamp, frame, pressure_Pa, temperature_C):
+    reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
+    message = convert.pressure_to_msg(reading, frame, 20.0)
+    assert repr(fast_serialization.pressure_from_bytes(serialize_message(message))) == repr(
+        convert.pressure_from_msg(message)
+    )
+
+
+@given(stamps, texts, three, number)
+def test_magnetic_and_echo(stamp, frame, field_T, range_m):
+    field = Stamped(stamp, Magnetic(field_T))
+    magnetic = convert.magnetic_to_msg(field, frame, 3e-7)
+    assert fast_serialization.magnetic_from_bytes(serialize_message(magnetic)) == convert.magnetic_from_msg(magnetic)
+    message = convert.echo_to_msg(Stamped(stamp, Echo(range_m, 1.0)), frame, (0.25, 50.0), 0.5)
+    assert fast_serialization.echo_from_bytes(serialize_message(message)) == convert.echo_from_msg(message)
+
+
+@given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
+def test_attitude(stamp, frame, angles_rad):
+    track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
+    message = convert.attitude_to_msg(track, frame, 0.02)
+    assert repr(fast_serialization.attitude_from_bytes(serialize_message(message))) == repr(
+        convert.attitude_from_msg(message)
+    )
+
+
+velocities = st.builds(
+    Stamped,
+    stamps,
+    st.builds(
+        BottomVelocity,
+        velocity_mps=st.none() | three,
+        sigma_mps=st.floats(0, 1e3),
+        confidence=number,
+        interval_s=number,
+        device_us=st.integers(0, 2**63),
+    ),
+)
+beams = st.builds(Beam, st.booleans(), number, st.none() | number, number)
+tracks = st.builds(
+    BottomTrack,
+    locked=st.booleans(),
+    roll_rad=number,
+    pitch_rad=number,
+    heading_rad=number,
+    altitude_m=st.none() | number,
+    velocity_north_east_mps=st.just((0.0, 0.0)),
+    beams=st.lists(beams, min_size=4, max_size=4).map(tuple) | st.just(()),
+    imu_calibration=st.just(""),
+    skipped_pings=st.just(0),
+)
+
+
+@given(texts, number, velocities, st.none() | tracks)
+def test_dvl(frame, sound_mps, velocity, track):
+    message = convert.dvl_to_msg(velocity, track, frame, sound_mps)
+    assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(convert.dvl_from_msg(message))
+
+
+@given(stamps, texts, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))
+def test_command(stamp, frame, sequence, pulses):
+    message = ThrusterCommand(sequence=sequence, pulses=pulses)
+    message.header.stamp, message.header.frame_id = convert.stamp_to_msg(stamp), frame
+    assert same(fast_serialization.command_writer(len(pulses), frame)(stamp, sequence, pulses), message)
+
+
+@given(stamps, st.integers(0, 2**32 - 1), st.lists(number, max_size=9), st.lists(number, max_size=3))
+def test_a_command_keeps_pulses_and_lights_apart(stamp, sequence, pulses, lights):
+    message = ThrusterCommand(sequence=sequence, pulses=pulses, lights=lights)
+    message.header.stamp = convert.stamp_to_msg(stamp)
+    assert fast_serialization.command_from_bytes(serialize_message(message)) == (
+        stamp,
+        sequence,
+        tuple(pulses),
+        tuple(lights),
+    )
+
+
+@given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.integers(0, 2**32 - 1))
+def test_applied(stamp, text, armed, pulses, sequence):
+    message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
+    message.header.stamp = convert.stamp_to_msg(stamp)
+    applied = fast_serialization.ThrusterStateFields(stamp, armed, tuple(pulses), sequence)
+    assert fast_serialization.applied_from_bytes(serialize_message(message)) == applied
+    write = fast_serialization.applied_writer("o")
+    assert (
+        deserialize_message(write(applied._replace(pulses_us=(1500.0,)), "other", ""), ThrusterState).state == "other"
+    )
+    assert same(write(applied, text, text + "x"), message)
+
+
+@given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))
+def test_allocation(stamp, wanted, refused, saturated):
+    forces = [float(index) for index, _ in enumerate(saturated)]
+    texts = {"header": Header(frame_id="base_link_fsd"), "refused": refused, "thrusters": ["T1"]}
+    full = AllocationStatus(
+        sequence=7,
+        wanted=wanted,
+        achieved=wanted[::-1],
+        shortfall=wanted,
+        forces=forces,
+        pulses=forces,
+        saturated=saturated,
+        supply_voltage=16.0,
+        supply_measured=True,
+        **texts,
+    )
+    full.header.stamp = convert.stamp_to_msg(stamp)
+
+    def shape():
+        return AllocationStatus(forces=forces, pulses=forces, saturated=saturated, **texts)
+
+    numbers = (7, *wanted, *wanted[::-1], *wanted, *forces, *forces, *saturated, 16.0, True)
+    data = fast_serialization.AllocationWriter().write(stamp, "key", shape, *numbers)
+    assert same(data, full)
+    found = fast_serialization.thrust_from_bytes(data).reading
+    assert (found.wrench, found.forces_N) == (wanted[::-1], tuple(forces))
+
+
+def test_a_reader_learns_another_shape_and_comes_back():
+    reader = CdrReader(NavigationStatus, "depth", "ages")
+    short = serialize_message(NavigationStatus(depth=1.0))
+    long = serialize_message(NavigationStatus(depth=2.0, sources=["a", "b"], ages=[0.5, 0.6]))
+    assert [reader.read(data) for data in (short, long, short)] == [(1.0,), (2.0, 0.5, 0.6), (1.0,)]
+
+
+def test_shapes_of_one_length_are_told_apart():
+    """A longer frame name beside fewer ages may give as many bytes, with every number somewhere else."""
+    one = NavigationStatus(depth=1.0, ages=[0.5])
+    other = NavigationStatus(depth=2.0)
+    other.header.frame_id = "12345678"
+    reader = CdrReader(NavigationStatus, "depth")
+    assert len(serialize_message(one)) == len(serialize_message(other))
+    assert [reader.read(serialize_message(message)) for message in (one, other)] == [(1.0,), (2.0,)]
+
+
+@pytest.mark.parametrize("data", [b"", b"\x00\x00" + bytes(400), b"\x00\x01" + bytes(60)])
+def test_other_bytes_are_refused(data):
+    with pytest.raises(ValueError, match="found"):
+        CdrReader(Imu, "header.stamp.sec").read(data)
+
+
+@pytest.mark.parametrize("kind", [Imu, FluidPressure, Range, NavigationStatus, AllocationStatus, ThrusterState])
+def test_a_layout_covers_all_bytes(kind):
+    data = serialize_message(kind())
+    assert 0 <= len(data) - CdrLayout(kind()).size < 8, "no more than padding may follow"
+    assert deserialize_message(data, kind) == kind()

@@ -1,0 +1,90 @@
+"""The virtual I2C bus: register emulators at addresses, a log, and wire faults."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from hindrax_core.bus_operations import Read, Transaction, Write
+from hindrax_core.events import Stamp, to_s
+from hindrax_drivers.buses.clock import EPOCH
+from hindrax_drivers.buses.register_bus import wire_error
+from hindrax_sim.devices.register_emulator import BusStuckError, NackError, RegisterEmulator
+
+__all__ = ["BusStuckError", "LockStep", "Logged", "NackError", "RegisterEmulator", "VirtualI2c"]
+
+LOG_LENGTH = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Logged:
+    """One transaction on the wire; `error` is an errno, 0 for success."""
+
+    stamp: Stamp
+    transaction: Transaction
+    answer: bytes
+    error: int = 0
+
+
+class VirtualI2c:
+    """Several emulators on one pair of wires. Errors are OSError with the errno that Linux would give."""
+
+    def __init__(self) -> None:
+        self._devices: dict[int, RegisterEmulator] = {}
+        self.log: deque[Logged] = deque(maxlen=LOG_LENGTH)
+
+    def attach(self, address: int, device: RegisterEmulator) -> None:
+        """Attach a device at an address."""
+        if address in self._devices:
+            raise ValueError(f"address {address:#04x}: is taken by {self._devices[address]!r}")
+        self._devices[address] = device
+
+    def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
+        """Run one transaction; raises OSError (NackError, BusStuckError)."""
+        try:
+            answer = self._do(transaction, to_s(now))
+        except OSError as error:
+            self.log.append(Logged(now, transaction, b"", error.errno or 0))
+            raise
+        self.log.append(Logged(now, transaction, answer))
+        return answer
+
+    def _do(self, transaction: Transaction, now_s: float) -> bytes:
+        device = self._devices.get(transaction.address)
+        if device is None:
+            raise NackError
+        if not isinstance(transaction, Read):
+            device.write(transaction.data, now_s)
+        if isinstance(transaction, Write):
+            return b""
+        return device.read(transaction.count, now_s)
+
+
+class LockStep:
+    """A virtual bus as a RegisterBus of the same process: the stepper of the world sets the time, nothing sleeps."""
+
+    def __init__(self, bus: VirtualI2c, now: Stamp = EPOCH) -> None:
+        self._bus = bus
+        self.time = now
+
+    def now(self) -> Stamp:
+        """Time as set."""
+        return self.time
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Run one transaction, with the errors of a real bus."""
+        try:
+            return self._bus.transfer(transaction, self.time)
+        except OSError as error:
+            raise wire_error("virtual bus", transaction.address, error.errno or 0) from error
+
+    def sleep_until(self, stamp: Stamp, readable: int | None = None) -> None:
+        """Jump to the stamp."""
+        del readable
+        self.time = max(self.time, stamp)
+
+    def wake(self) -> None:
+        """Do nothing: no one sleeps."""
+
+    def close(self) -> None:
+        """Do nothing."""

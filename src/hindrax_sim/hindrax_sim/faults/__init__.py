@@ -1,0 +1,1 @@
+"""Faults by name: of serial devices, of the I2C bus, of vehicle and water."""

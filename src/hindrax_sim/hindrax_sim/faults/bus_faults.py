@@ -1,0 +1,220 @@
+"""Faults of a device on the virtual I2C bus and of its wires, and the ports that apply them.
+
+The counterpart of `stream_faults`: each fault changes the data while it lasts; some begin or end with an action on
+the device. Random faults draw from their seed. Faults compose, in the order given.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from hindrax_sim.devices.register_emulator import BusStuckError, NackError, RegisterEmulator
+from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
+
+
+class BusFault(Protocol):
+    """One fault of a register device. `device` is the part as a whole, whatever addresses it answers at."""
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Start the fault."""
+
+    def write(self, data: bytes) -> bytes:
+        """Return the bytes that reach the device; raises OSError as a bus does."""
+
+    def read(self, data: bytes) -> bytes:
+        """Return the bytes that reach the host; raises OSError as a bus does."""
+
+    def end(self, device: Any, now_s: float) -> None:
+        """End the fault."""
+
+
+class Harmless:
+    """Base class of the faults: passes everything unchanged."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self._random = random.Random(seed)  # noqa: S311  # noise, not secrets
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Do nothing."""
+
+    def write(self, data: bytes) -> bytes:
+        """Return the bytes unchanged."""
+        return data
+
+    def read(self, data: bytes) -> bytes:
+        """Return the bytes unchanged."""
+        return data
+
+    def end(self, device: Any, now_s: float) -> None:
+        """Do nothing."""
+
+    def _chance(self, probability: float) -> bool:
+        return self._random.random() < probability
+
+
+class Absent(Harmless):
+    """No device acknowledges at the address."""
+
+    def write(self, data: bytes) -> bytes:
+        """Refuse."""
+        del data
+        raise NackError
+
+    def read(self, data: bytes) -> bytes:
+        """Refuse."""
+        del data
+        raise NackError
+
+    def end(self, device: Any, now_s: float) -> None:
+        """Reconnect, after a power cycle."""
+        device.power_cycle(now_s)
+
+
+class Nack(Harmless):
+    """One transaction in ten is not acknowledged (Errno 121)."""
+
+    SHARE = 0.1
+
+    def write(self, data: bytes) -> bytes:
+        """Refuse at random."""
+        if self._chance(self.SHARE):
+            raise NackError
+        return data
+
+    def read(self, data: bytes) -> bytes:
+        """Refuse at random."""
+        return self.write(data)
+
+
+class BusStuck(Harmless):
+    """A line is held low: every transaction times out (Errno 110)."""
+
+    def write(self, data: bytes) -> bytes:
+        """Time out."""
+        del data
+        raise BusStuckError
+
+    def read(self, data: bytes) -> bytes:
+        """Time out."""
+        del data
+        raise BusStuckError
+
+
+class ShortRead(Harmless):
+    """One read in ten ends before its last byte."""
+
+    SHARE = 0.1
+
+    def read(self, data: bytes) -> bytes:
+        """Cut at random."""
+        return data[: self._random.randrange(len(data))] if data and self._chance(self.SHARE) else data
+
+
+class BitFlips(Harmless):
+    """One bit in a thousand is read wrongly."""
+
+    SHARE = 1e-3
+
+    def read(self, data: bytes) -> bytes:
+        """Flip bits at random."""
+        bits = 8 * len(data)
+        if not bits or not self._chance(1.0 - (1.0 - self.SHARE) ** bits):
+            return data
+        place = self._random.randrange(bits)
+        wrong = bytearray(data)
+        wrong[place >> 3] ^= 1 << (place & 7)
+        return bytes(wrong)
+
+
+class WrongIdentity(Harmless):
+    """Another part answers at the address; the exchange interrupts its power."""
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Swap the parts."""
+        device.power_cycle(now_s)
+        device.disguise(True)
+
+    def end(self, device: Any, now_s: float) -> None:
+        """Swap them back."""
+        device.disguise(False)
+        device.power_cycle(now_s)
+
+
+class Reset(Harmless):
+    """The device loses power briefly, at the start."""
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Cycle the power."""
+        device.power_cycle(now_s)
+
+
+class Saturated(Harmless):
+    """Measurements at the end of their scale."""
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Saturate the measurements."""
+        del now_s
+        device.saturate(True)
+
+    def end(self, device: Any, now_s: float) -> None:
+        """Restore the measurements."""
+        del now_s
+        device.saturate(False)
+
+
+class Repeated(Harmless):
+    """The converters hang: they repeat the last values."""
+
+    def begin(self, device: Any, now_s: float) -> None:
+        """Hang."""
+        del now_s
+        device.hang(True)
+
+    def end(self, device: Any, now_s: float) -> None:
+        """Go on."""
+        del now_s
+        device.hang(False)
+
+
+class FaultyBus:
+    """A part with faults; attach `at(port)` to the bus for each of its addresses."""
+
+    def __init__(self, device: Any, schedule: Sequence[Scheduled[BusFault]]) -> None:
+        self.device = device
+        self._schedule = FaultSchedule(schedule)
+
+    def at(self, port: RegisterEmulator) -> RegisterEmulator:
+        """Put the faults between the bus and one address of the part."""
+        return _FaultyPort(self, port)
+
+    def active(self, now_s: float) -> list[BusFault]:
+        """Start and end faults; return the active ones."""
+        begun, ended = self._schedule.advance(now_s)
+        for fault in begun:
+            fault.begin(self.device, now_s)
+        for fault in ended:
+            fault.end(self.device, now_s)
+        return self._schedule.active
+
+
+class _FaultyPort:
+    """One address of a faulty part."""
+
+    def __init__(self, part: FaultyBus, port: RegisterEmulator) -> None:
+        self._part, self._port = part, port
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """Forward the bytes that the faults let through."""
+        for fault in reversed(self._part.active(now_s)):
+            data = fault.write(data)
+        self._port.write(data, now_s)
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """Forward the bytes that the faults let through."""
+        faults = self._part.active(now_s)
+        data = self._port.read(count, now_s)
+        for fault in faults:
+            data = fault.read(data)
+        return data

@@ -1,0 +1,46 @@
+"""Schedule of faults: when each starts and ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+FaultT = TypeVar("FaultT")
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduled(Generic[FaultT]):
+    """A fault with its start and end time."""
+
+    fault: FaultT
+    start_s: float
+    end_s: float
+
+
+class FaultSchedule(Generic[FaultT]):
+    """Starts and ends faults by time; `active` are the running ones, in order of their start."""
+
+    def __init__(self, schedule: Sequence[Scheduled[FaultT]]) -> None:
+        self._waiting = sorted(schedule, key=lambda one: one.start_s)
+        self._lasting: list[Scheduled[FaultT]] = []
+
+    @property
+    def active(self) -> list[FaultT]:
+        """Faults that are active now."""
+        return [one.fault for one in self._lasting]
+
+    @property
+    def next_start_s(self) -> float:
+        """Start time of the next fault; infinite when none is left."""
+        return self._waiting[0].start_s if self._waiting else math.inf
+
+    def advance(self, now_s: float) -> tuple[list[FaultT], list[FaultT]]:
+        """Advance to now; return the faults that start, and those that end."""
+        begun = [one for one in self._waiting if one.start_s <= now_s]
+        del self._waiting[: len(begun)]
+        self._lasting += begun
+        ended = [one for one in self._lasting if one.end_s <= now_s]
+        self._lasting = [one for one in self._lasting if one.end_s > now_s]
+        return [one.fault for one in begun], [one.fault for one in ended]

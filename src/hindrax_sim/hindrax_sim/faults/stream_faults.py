@@ -1,0 +1,320 @@
+"""Faults of a serial device and its line, and the line that applies them.
+
+Each fault changes the data in either direction while it lasts; some begin or end with an action on the device.
+Whatever is random in one comes from its seed. Faults compose: a line may have several at once, in the order given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from hindrax_sim.devices.serial_emulator import SerialEmulator
+from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
+
+
+class StreamFault(Protocol):
+    """One fault of a serial device. `outgoing` handles bytes of the device, `incoming` bytes of the host."""
+
+    connected: bool
+    """Whether the port is there at all while the fault lasts."""
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Start the fault."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Return the chunks that reach the host.
+
+        Called without data as time passes, and once with infinite time at the end, to return held bytes.
+        """
+
+    def incoming(self, data: bytes, now_s: float) -> bytes:
+        """Return the bytes that reach the device."""
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """End the fault."""
+
+
+class Harmless:
+    """Base class of the faults: passes everything unchanged."""
+
+    connected = True
+
+    def __init__(self, seed: int = 0) -> None:
+        self._random = np.random.default_rng(seed)
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Do nothing."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Return the bytes unchanged."""
+        del now_s
+        return [data] if data else []
+
+    def incoming(self, data: bytes, now_s: float) -> bytes:
+        """Return the bytes unchanged."""
+        del now_s
+        return data
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Do nothing."""
+
+    def _chance(self, probability: float) -> bool:
+        return bool(self._random.random() < probability)
+
+    def _noise(self, count: int) -> bytes:
+        return self._random.integers(0, 256, count, dtype=np.uint8).tobytes()
+
+
+class Absent(Harmless):
+    """No device at the port: no byte passes in either direction."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Nothing."""
+        del data, now_s
+        return []
+
+    def incoming(self, data: bytes, now_s: float) -> bytes:
+        """Nothing."""
+        del data, now_s
+        return b""
+
+
+class UnplugReplug(Absent):
+    """The port disappears and returns; the device loses its power meanwhile."""
+
+    connected = False
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Restore the power."""
+        device.power_cycle(now_s)
+
+
+class WrongIdentity(Harmless):
+    """Another device answers."""
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Swap the devices."""
+        del now_s
+        device.disguise(True)
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Swap them back."""
+        del now_s
+        device.disguise(False)
+
+
+class Saturated(Harmless):
+    """Measurements at the end of their scale."""
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Saturate the measurements."""
+        del now_s
+        device.saturate(True)
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Restore the measurements."""
+        del now_s
+        device.saturate(False)
+
+
+class Reset(Harmless):
+    """The device restarts in mid-stream; its current message is cut."""
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Cycle the power."""
+        device.power_cycle(now_s)
+
+
+class ClockJump(Harmless):
+    """The device's clock jumps ahead, and back at the end."""
+
+    LEAP_S = 1000.0
+
+    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Jump ahead."""
+        del now_s
+        device.jump_clock(self.LEAP_S)
+
+    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+        """Jump back."""
+        del now_s
+        device.jump_clock(-self.LEAP_S)
+
+
+class CutFrames(Harmless):
+    """A piece is missing from every second message."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Cut a piece of random place and length out."""
+        del now_s
+        if len(data) < 2 or self._chance(0.5):
+            return [data] if data else []
+        start, stop = sorted(self._random.choice(len(data) + 1, 2, replace=False).tolist())
+        return [part for part in (data[:start], data[stop:]) if part]
+
+
+class Bytewise(Harmless):
+    """Every byte arrives by itself."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Split into bytes."""
+        del now_s
+        return [data[at : at + 1] for at in range(len(data))]
+
+
+class Merged(Harmless):
+    """Bytes are delayed and arrive in blocks of a quarter of a second."""
+
+    HOLD_S = 0.25
+
+    def __init__(self, seed: int = 0) -> None:
+        super().__init__(seed)
+        self._held = b""
+        self._until_s = -math.inf
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Hold bytes until the block is complete."""
+        self._held += data
+        if now_s < self._until_s or not self._held:
+            return []
+        held, self._held, self._until_s = self._held, b"", now_s + self.HOLD_S
+        return [held]
+
+
+class Garbage(Harmless):
+    """Bursts of up to 300 random bytes before, inside and behind messages."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Insert a burst at a random place."""
+        del now_s
+        if not data:
+            return [self._noise(int(self._random.integers(1, 300)))] if self._chance(0.02) else []
+        if self._chance(0.4):
+            return [data]
+        place = int(self._random.integers(0, len(data) + 1))
+        return [data[:place] + self._noise(int(self._random.integers(1, 300))) + data[place:]]
+
+
+class BitFlips(Harmless):
+    """One bit in a thousand is wrong."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Flip."""
+        del now_s
+        if not data:
+            return []
+        bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8))
+        wrong = self._random.random(bits.size) < 0.001
+        return [np.packbits(bits ^ wrong).tobytes()]
+
+
+class BaudMismatch(Harmless):
+    """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Garble the bytes."""
+        del now_s
+        return [self._noise(1 + len(data) * 2 // 3)] if data else []
+
+    def incoming(self, data: bytes, now_s: float) -> bytes:
+        """Garble the bytes."""
+        del now_s
+        return self._noise(1 + len(data) * 2 // 3) if data else b""
+
+
+class Repeated(Harmless):
+    """The device is stuck: it repeats its last message."""
+
+    def __init__(self, seed: int = 0) -> None:
+        super().__init__(seed)
+        self._last = b""
+
+    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+        """Repeat the first message."""
+        del now_s
+        self._last = self._last or data
+        return [self._last] if data else []
+
+
+class FaultyLine:
+    """A SerialEmulator with faults between its device and the host."""
+
+    def __init__(self, device: SerialEmulator[Any], schedule: Sequence[Scheduled[StreamFault]]) -> None:
+        self.device = device
+        self._schedule = FaultSchedule(schedule)
+        self._late: list[bytes] = []
+
+    @property
+    def baud(self) -> int:
+        """Line speed of the device."""
+        return self.device.baud
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is plugged in."""
+        return all(fault.connected for fault in self._schedule.active)
+
+    @property
+    def next_due_s(self) -> float:
+        """As for the device; at once during a fault, and no later than the start of the next fault."""
+        if self._schedule.active:
+            return -math.inf
+        return min(self.device.next_due_s, self._schedule.next_start_s)
+
+    def set_truth(self, truth: Any) -> None:
+        """Pass the truth to the device."""
+        self.device.set_truth(truth)
+
+    def step(self, now_s: float) -> bytes:
+        """Return all bytes that arrive at the host now."""
+        return b"".join(self.chunks(now_s))
+
+    def chunks(self, now_s: float) -> list[bytes]:
+        """Return all bytes that arrive at the host now, in chunks."""
+        self._change(now_s)
+        late, self._late = self._late, []
+        data = self.device.step(now_s)
+        return late + (self._out(data, now_s) if self._schedule.active else [data] if data else [])
+
+    def _out(self, data: bytes, now_s: float) -> list[bytes]:
+        chunks = [data]
+        for fault in self._schedule.active:
+            chunks = [piece for chunk in chunks for piece in fault.outgoing(chunk, now_s)] or [b""]
+        return [chunk for chunk in chunks if chunk]
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Pass the host's bytes through the faults to the device, and its answer back."""
+        self._change(now_s)
+        for fault in reversed(self._schedule.active):
+            data = fault.incoming(data, now_s)
+        answer = self.device.receive(data, now_s)
+        return b"".join(self._out(answer, now_s)) if answer else b""
+
+    def _change(self, now_s: float) -> None:
+        """Start and end faults."""
+        begun, ended = self._schedule.advance(now_s)
+        for fault in begun:
+            fault.begin(self.device, now_s)
+        for fault in ended:
+            self._late += fault.outgoing(b"", math.inf)
+            fault.end(self.device, now_s)
+
+    def power_cycle(self, now_s: float) -> None:
+        """Forward to the device."""
+        self.device.power_cycle(now_s)
+
+    def jump_clock(self, seconds: float) -> None:
+        """Forward to the device."""
+        self.device.jump_clock(seconds)
+
+    def disguise(self, on: bool) -> None:
+        """Forward to the device."""
+        self.device.disguise(on)
+
+    def saturate(self, on: bool) -> None:
+        """Forward to the device."""
+        self.device.saturate(on)

@@ -1,0 +1,190 @@
+"""Rigs between the mock world and the stack in lock-step: sensors at reading level, or every byte.
+
+A rig advances time to the next readings, and applies pulses to the thrusters. Both rigs answer with the same
+readings in the same form, so they are interchangeable.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from typing import Any, Protocol, TypeAlias
+
+from hindrax_core.bus_operations import Transaction
+from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
+from hindrax_core.errors import UsageError
+from hindrax_core.events import Stamp, Stamped, after, to_s
+from hindrax_core.readings import Reading
+from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.buses.bus_schedule import BusSchedule
+from hindrax_drivers.buses.register_bus import wire_error
+from hindrax_drivers.devices.pca9685 import pca9685_of
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
+from hindrax_sim.hardware import START, Hardware, STEP_ns
+from hindrax_sim.sensor_models import Noise, SensorModel, sensors
+from hindrax_sim.world import Conditions, World
+
+SensorReading: TypeAlias = tuple[str, Stamped[Reading]]
+TICK_S = 0.1
+
+
+class LockstepRig(Protocol):
+    """Interface of a rig: a world with sensors and thrusters."""
+
+    @property
+    def world(self) -> World:
+        """The truth."""
+
+    def advance(self) -> Sequence[SensorReading]:
+        """Advance time to the next readings and return them; at most one control period."""
+
+    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
+        """Apply thruster pulses in the order of the vehicle file; returns the actual pulses [us]."""
+
+
+class ReadingsRig:
+    """Sensors modelled as readings: truth, noise, rounding, rate and latency, without bytes.
+
+    It applies the faults of the world only; it has no wires. UsageError for a fault that needs them.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        seed: int,
+        conditions: Conditions | None = None,
+        noise: Noise | None = None,
+        faults: Sequence[FaultSpec] = (),
+    ) -> None:
+        for fault in faults:
+            if FAULTS[fault.name].on_world is None:
+                raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; use fidelity bytes")
+        self.world = World(vehicle, seed, conditions)
+        self.world.advance(START)
+        self._faults = fault_injector(self.world, faults, to_s(START))
+        self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
+        self._count = 0
+        for sensor in sensors(self.world, noise or Noise(), seed):
+            self._push(START + sensor.period_ns, sensor, ())
+
+    def _push(self, when: int, sensor: SensorModel, said: Sequence[Stamped[Reading]]) -> None:
+        self._count += 1
+        heapq.heappush(self._queue, (when, self._count, sensor, said))
+
+    def advance(self) -> Sequence[SensorReading]:
+        """Advance time to the next reading of a sensor."""
+        world, queue = self.world, self._queue
+        while True:
+            when, _, sensor, said = heapq.heappop(queue)
+            world.advance(Stamp(when))
+            if said:
+                self._faults.step(to_s(world.stamp))
+                source = sensor.source
+                return [(source, one) for one in said]
+            said = sensor.sample(world)
+            self._push(when + sensor.period_ns, sensor, ())
+            if said:
+                self._push(when + sensor.latency_ns, sensor, said)
+
+    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
+        """Apply thruster pulses, unrounded."""
+        pulses = tuple(pulses_us)
+        self.world.drive(pulses)
+        return pulses
+
+
+class BytesRig:
+    """Every byte: emulators on wires and a virtual bus, read by the real drivers."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        seed: int,
+        conditions: Conditions | None = None,
+        faults: Sequence[FaultSpec] = (),
+    ) -> None:
+        if vehicle.output.device != "pca9685":
+            raise UsageError(f"output.device: found {vehicle.output.device}, in lock-step by bytes wanted pca9685")
+        self.hardware = Hardware(vehicle, seed, conditions, faults)
+        self.world = self.hardware.world
+        self.log: list[tuple[str, Output]] = []
+        """Outputs of the drivers that are no readings."""
+        self._schedule = BusSchedule()
+        self._serial: dict[str, SerialDevice] = {}
+        self._answers: dict[str, bytes] = {}
+        self._late: list[SensorReading] = []
+        self._pca = pca9685_of(vehicle)
+        self._made_us = self._pca.applied([1500.0] * len(vehicle.thrusters))
+        self._lights = [1100.0] * len(vehicle.output.light_channels)
+        self._schedule.request("thrusters", self._pca.configure())
+        for name, mount in vehicle.sensors.items():
+            row = DEVICES[mount.device]
+            device: Any = row.make(row.knobs(), mount, vehicle)
+            if row.serial:
+                self._serial[name] = device
+                self._handle(name, device.start(START))
+            else:
+                self._schedule.add(name, device, START)
+        self._tick = START
+
+    def advance(self) -> Sequence[SensorReading]:
+        """Advance time until a driver has a reading, at most one control period."""
+        heard, self._late = self._late, []
+        end = after(self.world.stamp, 0.02)
+        while not heard and self.world.stamp < end:
+            heard += self._step()
+        return heard
+
+    def _step(self) -> list[SensorReading]:
+        hardware = self.hardware
+        last = hardware.stamp
+        due = min(Stamp(last + STEP_ns), max(self._schedule.next_due(last), Stamp(last + 1)))
+        heard: list[SensorReading] = []
+        for name, data in hardware.advance(due).items():
+            arrived = self._answers.pop(name, b"") + data
+            if arrived:
+                heard += self._handle(name, self._serial[name].feed(arrived, due))
+        if due >= self._tick:
+            self._tick = after(due, TICK_S)
+            for name, device in self._serial.items():
+                heard += self._handle(name, device.tick(due))
+        for name, outputs in self._schedule.step(due, self._transfer):
+            heard += self._handle(name, outputs)
+        return heard
+
+    def _handle(self, name: str, outputs: Any) -> list[SensorReading]:
+        """Handle driver outputs: readings to the stack, bytes to the device, the rest into the log."""
+        heard: list[SensorReading] = []
+        for output in outputs:
+            if isinstance(output, Stamped):
+                heard.append((name, output))
+            elif isinstance(output, Send):
+                now_s = to_s(self.hardware.stamp)
+                answer = self.hardware.serial[name].receive(output.data, now_s)
+                self._answers[name] = self._answers.get(name, b"") + answer
+            else:
+                self.log.append((name, output))
+        return heard
+
+    def _transfer(self, transaction: Transaction) -> bytes:
+        try:
+            return self.hardware.i2c.transfer(transaction, self.hardware.stamp)
+        except OSError as error:
+            raise wire_error("i2c", transaction.address, error.errno or 0) from error
+
+    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
+        """Write pulses through the driver of the output, which rounds them to its counts.
+
+        A failed write is logged, and the previous pulses stay.
+        """
+        written = self._schedule.request("thrusters", self._pca.write([*pulses_us, *self._lights]))
+        now = self.hardware.stamp
+        for name, outputs in self._schedule.step(now, self._transfer):
+            self._late += self._handle(name, outputs)
+        failure = written.exception(timeout=0.0)
+        if failure is None:
+            self._made_us = self._pca.applied(pulses_us)
+        else:
+            self.log.append(("thrusters", Trouble(now, str(failure))))
+        return self._made_us

@@ -1,0 +1,170 @@
+"""The mock vehicle for other programs: ptys, the socket of the bus, and time that follows their users."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol, Self
+
+from hindrax_core.bus_operations import Transaction
+from hindrax_core.events import Stamp, stamp_from_s, to_s
+from hindrax_core.vehicle import Vehicle
+from hindrax_sim.buses.fuse_i2c import FuseI2c
+from hindrax_sim.buses.mock_server import BusServer
+from hindrax_sim.buses.wall_time import WallTime
+from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_sim.governor import Governor
+from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
+from hindrax_sim.ptys import Pty
+from hindrax_sim.world import Conditions
+
+MADE_UP_S = 0.1
+PATIENCE_S = 0.1
+"""Wall time for which an awake client may hold up time: a hung client must not stop the mock."""
+
+
+class HardwareBehindPorts(Protocol):
+    """Hardware behind the ports: serial devices by name, a bus, and a time that can be advanced."""
+
+    vehicle: Vehicle
+    i2c: Any
+    serial: Any
+    registers: Any
+
+    @property
+    def stamp(self) -> Stamp:
+        """Current time of the hardware."""
+
+    def advance(self, stamp: Stamp) -> dict[str, bytes]:
+        """Advance time; return the bytes of each serial device."""
+
+
+class Ports:
+    """Hardware behind ports in a folder; `step` advances at most 5 ms. Use it as a context manager."""
+
+    def __init__(self, hardware: HardwareBehindPorts, folder: Path, *, rate: float) -> None:
+        self.hardware = hardware
+        self.governor = Governor(rate)
+        self._ptys = {name: Pty(folder / name) for name in self.hardware.serial}
+        self._socket = folder / "i2c"
+        self._server = BusServer(str(self._socket), self._transfer, self.hardware.stamp)
+        self.last_write: Stamp | None = None
+        """Time of the mock at the last write of a control loop that uses this clock."""
+        self._step_began = time.monotonic()
+        self.after_step: list[Callable[[Stamp], None]] = []
+        """Called with the time after every step."""
+
+    def __enter__(self) -> Self:
+        """Return itself: the ports are open after construction."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close server and ptys."""
+        self._server.close()
+        for one in self._ptys.values():
+            one.close()
+
+    @property
+    def ports(self) -> dict[str, str]:
+        """Port of every device, and of the thruster output, by name."""
+        bus = f"mock:{self._socket}"
+        found = {name: str(one.path) for name, one in self._ptys.items()}
+        return {THRUSTERS: bus} | dict.fromkeys(self.hardware.registers, bus) | found
+
+    @property
+    def clock(self) -> str:
+        """Port name of the mock's clock."""
+        return f"mock:{self._socket}"
+
+    def step(self) -> None:
+        """Advance one step, then serve the clients; wait as the governor requires."""
+        now = self._next_stamp()
+        said = self.hardware.advance(now)
+        # Set the time before the bytes arrive: readers stamp them with it.
+        self._server.serve(now)
+        for name, data in said.items():
+            self._exchange(name, data, to_s(now))
+        self._wait_for_clients(now)
+        self._wait(now)
+        for act in self.after_step:
+            act(now)
+
+    def serve_clients(self, seconds: float) -> list[str]:
+        """Serve clients while time stands still; returns the names of the connected ones."""
+        self._server.serve(self.hardware.stamp, seconds)
+        return self._server.clients()
+
+    def _next_stamp(self) -> Stamp:
+        return Stamp(self.hardware.stamp + STEP_ns)
+
+    def offer_file(self, path: str) -> FuseI2c:
+        """Offer the bus also as a file that answers the ioctls of Linux, for third-party programs; root only.
+
+        The caller closes it, before the mock.
+        """
+        file = FuseI2c(path, self.hardware.i2c.transfer, WallTime(lambda: self.hardware.stamp).now)
+        self._server.register(file.fileno(), file.serve)
+        return file
+
+    def _exchange(self, name: str, data: bytes, now_s: float) -> None:
+        """Write bytes of a device to its pty, and pass bytes of the host to the device."""
+        port = self._ptys[name]
+        port.plug(in_place=getattr(self.hardware.serial[name], "connected", True))
+        sent = port.read()
+        if sent and name == THRUSTERS and self._server.clients():
+            # Without a client of the clock it is a third-party program, which writes at any time.
+            self.last_write = self.hardware.stamp
+        if sent:
+            data += self.hardware.serial[name].receive(sent, now_s)
+        if data:
+            port.write(data)
+            self._server.wake(name)
+
+    def _wait_for_clients(self, now: Stamp) -> None:
+        """Hold time while a client works, for at most `PATIENCE_S`."""
+        deadline = time.monotonic() + PATIENCE_S
+        while self._server.busy() and time.monotonic() < deadline:
+            self._server.serve(now, 0.005)
+
+    def _wait(self, now: Stamp) -> None:
+        """Serve clients until the minimum wall time of the step is over."""
+        while (least := self.governor.least_wall_s(STEP_s, now, self.last_write)) > 0.0:
+            left = self._step_began + least - time.monotonic()
+            if left <= 0.0:
+                break
+            self._server.serve(now, min(left, 0.002))
+        # At wall-clock rate a late step is made up for: programs that sleep by the wall clock must not drift.
+        due = self._step_began + least if 0.0 < least <= STEP_s else time.monotonic()
+        self._step_began = max(due, time.monotonic() - MADE_UP_S)
+
+    def _transfer(self, transaction: Transaction, now: Stamp) -> bytes:
+        answer: bytes = self.hardware.i2c.transfer(transaction, now)
+        if transaction.address == self.hardware.vehicle.output.address:
+            self.last_write = now
+        return answer
+
+
+class MockVehicle(Ports):
+    """The mock vehicle behind ports."""
+
+    hardware: Hardware
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        folder: Path,
+        *,
+        seed: int,
+        rate: float,
+        conditions: Conditions | None = None,
+        faults: Sequence[FaultSpec] = (),
+    ) -> None:
+        super().__init__(Hardware(vehicle, seed, conditions, faults), folder, rate=rate)
+
+
+def run_for(mock: MockVehicle, seconds: float) -> None:
+    """Advance time without other processes: for tests and warm-up."""
+    end = Stamp(mock.hardware.stamp + stamp_from_s(seconds))
+    while mock.hardware.stamp < end:
+        mock.step()

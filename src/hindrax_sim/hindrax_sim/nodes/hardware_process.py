@@ -1,0 +1,27 @@
+"""Main function of the processes that replace hardware: a folder for ports, and a one-line error."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from hindrax_core.errors import HindraxError
+
+
+def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, Path], int]) -> int:
+    """Run a process in the folder that its arguments name, or in a temporary one; returns its exit code."""
+    words = parser.parse_args()
+    folder = Path(words.folder or tempfile.mkdtemp(prefix="hindrax-"))
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        return run(words, folder)
+    except HindraxError as error:
+        print(f"{parser.prog}: {error}", file=sys.stderr)  # noqa: T201  # the operator reads it in the log
+        return error.exit_code
+    finally:
+        if not words.folder:
+            shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,1 @@
+"""The physics of the mock: rigid body in water, thrusters, pool walls."""

@@ -1,0 +1,70 @@
+"""Off-diagonal added mass, which need not be symmetric (as measured by Xu, Ma, Han 2017)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hindrax_core.errors import UsageError
+from hindrax_core.readings import Vec6
+from hindrax_core.vehicle import Hydrodynamics
+
+Rows6: TypeAlias = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
+Matrix: TypeAlias = NDArray[np.float64]
+
+
+class AddedMassCoupling:
+    """Off-diagonal added mass: its symmetric part makes momenta (Fossen 2011, property 6.2), all of it resists."""
+
+    __slots__ = ("_inverse", "_momentum")
+
+    def __init__(self, cross: Matrix, inverse: Matrix) -> None:
+        self._momentum = _rows(0.5 * (cross + cross.T))
+        self._inverse = _rows(inverse)
+
+    def accelerations(self, forces: Vec6, velocities: Vec6) -> Vec6:
+        """Solve M a = forces - C v; the forces hold all but what the off-diagonal momenta add to C v."""
+        u, v, w, p, q, r = velocities
+        px, py, pz, hx, hy, hz = _times(self._momentum, velocities)
+        X, Y, Z, K, M, N = forces
+        left = (
+            X + r * py - q * pz,
+            Y + p * pz - r * px,
+            Z + q * px - p * py,
+            K + r * hy - q * hz + w * py - v * pz,
+            M + p * hz - r * hx + u * pz - w * px,
+            N + q * hx - p * hy + v * px - u * py,
+        )
+        return _times(self._inverse, left)
+
+
+def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> AddedMassCoupling | None:
+    """Prepare the off-diagonal part, which may be unsymmetric as in Xu, Ma, Han 2017; None where there is none."""
+    if not hydrodynamics.added_mass_cross:
+        return None
+    cross = np.array(hydrodynamics.added_mass_cross, dtype=float)
+    if cross.shape != (6, 6) or np.any(np.diag(cross)):
+        raise UsageError("hydrodynamics.added_mass_cross: wanted 6 rows of 6 with a zero diagonal (see added_mass)")
+    whole = np.diag(inertia) + cross
+    lowest = float(np.linalg.eigvalsh(0.5 * (whole + whole.T))[0])
+    if lowest <= 0.0:
+        raise UsageError(f"hydrodynamics.added_mass_cross: energy can be negative ({lowest:g} kg), make it smaller")
+    return AddedMassCoupling(cross, np.linalg.inv(whole))
+
+
+def _rows(matrix: Matrix) -> Rows6:
+    a, b, c, d, e, f = (_six(row) for row in matrix.tolist())
+    return (a, b, c, d, e, f)
+
+
+def _six(row: Sequence[float]) -> Vec6:
+    a, b, c, d, e, f = row
+    return (a, b, c, d, e, f)
+
+
+def _times(matrix: Rows6, vector: Vec6) -> Vec6:
+    a, b, c, d, e, f = vector
+    return _six([row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix])

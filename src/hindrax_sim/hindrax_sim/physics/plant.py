@@ -1,0 +1,309 @@
+"""The plant: a rigid body with thrusters in water, six degrees of freedom, in plain scalars for speed.
+
+M v' + C(v) v + D(v) v + g(attitude) = tau, with v relative to the water (Fossen 2011, eq. 6.1 and section 8.3).
+Everything is written about the center of mass, so the rigid-body part is diagonal and an offset of the center of mass
+appears only in lever arms. Frames: SNAME body axes; the reference frame is north, east, down with z = 0 at the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hindrax_core.errors import UsageError
+from hindrax_core.readings import Quaternion, Vec3, Vec6
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_sim.physics.added_mass_coupling import coupling
+from hindrax_sim.physics.quaternion import quaternion, rotate
+from hindrax_sim.physics.steady_thrust import thruster_force, wrench_per_newton
+from hindrax_sim.physics.thruster_lag import ThrusterLag, combined
+
+LONGEST_STEP_S = 0.005
+MOST_FORCES = 20_000
+
+
+class Plant:
+    """Integrates the motion of one vehicle by an Euler step about the middle of its forces.
+
+    Attitude follows the new rates (semi-implicit), so that a free pendulum keeps its energy.
+
+    State: `x y z` [m] center of mass, `qw qx qy qz` body to north-east-down, `u v w p q r` [m/s, rad/s] through the
+    water. `du .. dr` are the accelerations of the last step. `sx sy sz` [m] and `ax ay az` [rad] are the ground covered
+    and the angle turned in body axes since the start: what a DVL reports are their differences.
+    """
+
+    __slots__ = (
+        "_coupling", "_current", "_differences", "_drag", "_forces_N", "_gains", "_inertia", "_lags", "_pulses_us",
+        "_statics", "_supply_V", "_targets_N", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
+        "dw", "p", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "u", "v", "w", "x", "y", "z",
+    )  # fmt: skip
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        hydrodynamics = _hydrodynamics(vehicle)
+        self._vehicle = vehicle
+        self._inertia = _inertia(vehicle, hydrodynamics)
+        mx, my, mz, Ix, Iy, Iz = self._inertia
+        self._differences = (my - mz, mz - mx, mx - my, Iy - Iz, Iz - Ix, Ix - Iy)
+        self._coupling = coupling(self._inertia, hydrodynamics)
+        self._drag = tuple(k for axis in AXES for k in _both_ways(hydrodynamics.drag(axis)))
+        buoyancy_N = vehicle.buoyancy_N
+        bx, by, bz = (buoyancy_N * arm for arm in _minus(vehicle.center_of_buoyancy_m, vehicle.center_of_mass_m))
+        awash_z = 0.5 * vehicle.envelope_m[2] + vehicle.center_of_mass_m[2]
+        self._statics = (awash_z, vehicle.weight_N - buoyancy_N, bx, by, bz)
+        self._wrenches = tuple(wrench_per_newton(vehicle, thruster) for thruster in vehicle.thrusters)
+        lags = [thruster.lag_s for thruster in vehicle.thrusters]
+        self._lags = [
+            ThrusterLag(lag_s, [index for index, one in enumerate(lags) if one == lag_s])
+            for lag_s in dict.fromkeys(lags)
+        ]
+        self._forces_N: dict[tuple[int, float], float] = {}
+        self._gains = (1.0,) * len(vehicle.thrusters)
+        self._supply_V = vehicle.supply_V
+        self._current: Vec3 | None = None
+        self.drive([vehicle.curves[thruster.curve].stop_us for thruster in vehicle.thrusters])
+        self.place((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    # ---- inputs
+
+    def place(self, position_m: Vec3, attitude_rad: Vec3) -> None:
+        """Place the center of mass at a position (north, east, down) with roll, pitch, yaw, at rest over the ground."""
+        self.x, self.y, self.z = position_m
+        self.qw, self.qx, self.qy, self.qz = quaternion(attitude_rad)
+        self.u = self.v = self.w = self.p = self.q = self.r = 0.0
+        self.du = self.dv = self.dw = self.dp = self.dq = self.dr = 0.0
+        self.sx = self.sy = self.sz = self.ax = self.ay = self.az = 0.0
+        if self._current is not None:
+            self.u, self.v, self.w = (-along for along in self._into_body(self._current))
+
+    def drive(self, pulses_us: Sequence[float]) -> None:
+        """Apply one pulse per thruster, in the order of the vehicle file, until the next call; 0 is no signal."""
+        self._pulses_us = tuple(pulses_us)
+        known = self._forces_N
+        forces = []
+        for index, pulse in enumerate(self._pulses_us):
+            force = known.get((index, pulse))
+            if force is None:
+                force = self._steady_force(index, pulse)
+            forces.append(force * self._gains[index])
+        self._targets_N = tuple(forces)
+        for lag in self._lags:
+            lag.set_target(combined([(forces[index], self._wrenches[index]) for index in lag.thrusters]))
+
+    def _steady_force(self, index: int, pulse_us: float) -> float:
+        """Force of a pulse at the present voltage; cached, because pulses repeat."""
+        if len(self._forces_N) >= MOST_FORCES:
+            self._forces_N.clear()
+        force = thruster_force(self._vehicle, self._vehicle.thrusters[index], pulse_us, self._supply_V)
+        self._forces_N[index, pulse_us] = force
+        return force
+
+    def scale_thrusters(self, gains: Sequence[float]) -> None:
+        """Scale the curve of each thruster from now on: 1 is as in the vehicle file, 0 is failed."""
+        self._gains = tuple(gains)
+        self.drive(self._pulses_us)
+
+    @property
+    def supply_V(self) -> float:
+        """Voltage at the ESCs."""
+        return self._supply_V
+
+    @supply_V.setter
+    def supply_V(self, volts: float) -> None:
+        self._supply_V = volts
+        self._forces_N.clear()
+        self.drive(self._pulses_us)
+
+    @property
+    def current_mps(self) -> Vec3:
+        """Velocity of the water (north, east, down), the same everywhere."""
+        return self._current or (0.0, 0.0, 0.0)
+
+    @current_mps.setter
+    def current_mps(self, current: Vec3) -> None:
+        # The velocity over ground does not jump when the water does, so the velocity through the water must.
+        change = self._into_body(_minus(current, self.current_mps))
+        self.u, self.v, self.w = self.u - change[0], self.v - change[1], self.w - change[2]
+        self._current = current if any(current) else None
+
+    # ---- outputs
+
+    @property
+    def pulses_us(self) -> tuple[float, ...]:
+        """Active pulses, one per thruster."""
+        return self._pulses_us
+
+    @property
+    def targets_N(self) -> tuple[float, ...]:
+        """Steady force of each thruster [N]; electric currents follow it without lag."""
+        return self._targets_N
+
+    @property
+    def thrust(self) -> Vec6:
+        """Wrench of all thrusters about the center of mass, after the lag."""
+        return combined([(1.0, lag.wrench) for lag in self._lags])
+
+    @property
+    def quaternion(self) -> Quaternion:
+        """Attitude: rotates a vector from the body into north, east, down."""
+        return (self.qw, self.qx, self.qy, self.qz)
+
+    @property
+    def velocity_over_ground(self) -> Vec3:
+        """Velocity of the center of mass over ground in body axes [m/s]."""
+        if self._current is None:
+            return (self.u, self.v, self.w)
+        cu, cv, cw = self._into_body(self._current)
+        return (self.u + cu, self.v + cv, self.w + cw)
+
+    @property
+    def kinetic_energy_J(self) -> float:
+        """Energy of body and entrained water for the motion through the water (diagonal added mass only)."""
+        squares = (value * value for value in (self.u, self.v, self.w, self.p, self.q, self.r))
+        return 0.5 * sum(mass * square for mass, square in zip(self._inertia, squares, strict=True))
+
+    @property
+    def potential_energy_J(self) -> float:
+        """Energy of height and tilt, fully under water; zero for a level vehicle at the surface."""
+        _, net, bx, by, bz = self._statics
+        dx, dy, dz = self._into_body((0.0, 0.0, 1.0))
+        return bx * dx + by * dy + bz * (dz - 1.0) - net * self.z
+
+    def _awash(self, emerged_m: float) -> tuple[float, float, float, float]:
+        """Net weight [N] and buoyancy's moments per unit of "down" [Nm] with the top this far out of the water."""
+        _, net, bx, by, bz = self._statics
+        vehicle = self._vehicle
+        share = max(0.0, 1.0 - emerged_m / vehicle.envelope_m[2])
+        return net + (1.0 - share) * vehicle.buoyancy_N, share * bx, share * by, share * bz
+
+    def _into_body(self, vector: Vec3) -> Vec3:
+        return rotate((self.qw, -self.qx, -self.qy, -self.qz), vector)
+
+    # ---- equation of motion
+
+    def step(self, dt: float) -> None:  # noqa: PLR0915  # one law, unrolled: a call costs as much as four products
+        """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable)."""
+        u_was, v_was, w_was, p_was, q_was, r_was = self.u, self.v, self.w, self.p, self.q, self.r
+        qw, qx, qy, qz = self.qw, self.qx, self.qy, self.qz
+        mx, my, mz, Ix, Iy, Iz = self._inertia
+        myz, mzx, mxy, Iyz, Izx, Ixy = self._differences
+
+        # Velocities in the middle of the step, by the acceleration before: drag taken at the beginning would make the
+        # vehicle seem lighter by half a step times the slope of its drag.
+        half = 0.5 * dt
+        u, v, w = u_was + half * self.du, v_was + half * self.dv, w_was + half * self.dw
+        p, q, r = p_was + half * self.dp, q_was + half * self.dq, r_was + half * self.dr
+
+        # Drag, with its own coefficients per direction: ..n and ..m are quadratic and linear for negative motion.
+        Xq, Xl, Xn, Xm, Yq, Yl, Yn, Ym, Zq, Zl, Zn, Zm, Kq, Kl, Kn, Km, Mq, Ml, Mn, Mm, Nq, Nl, Nn, Nm = self._drag
+        X = (Xq * u + Xl) * u if u > 0.0 else (Xn * u + Xm) * u
+        Y = (Yq * v + Yl) * v if v > 0.0 else (Yn * v + Ym) * v
+        Z = (Zq * w + Zl) * w if w > 0.0 else (Zn * w + Zm) * w
+        K = (Kq * p + Kl) * p if p > 0.0 else (Kn * p + Km) * p
+        M = (Mq * q + Ml) * q if q > 0.0 else (Mn * q + Mm) * q
+        N = (Nq * r + Nl) * r if r > 0.0 else (Nn * r + Nm) * r
+
+        # Thrust: first-order lag; the rest to the target decays, and its mean over the step acts.
+        for lag in self._lags:
+            keep, mean = lag.shares if dt == lag.dt else lag.decay(dt)
+            X_left, Y_left, Z_left, K_left, M_left, N_left = lag.left
+            X_goal, Y_goal, Z_goal, K_goal, M_goal, N_goal = lag.target
+            lag.left = (keep * X_left, keep * Y_left, keep * Z_left, keep * K_left, keep * M_left, keep * N_left)
+            X += X_goal + mean * X_left
+            Y += Y_goal + mean * Y_left
+            Z += Z_goal + mean * Z_left
+            K += K_goal + mean * K_left
+            M += M_goal + mean * M_left
+            N += N_goal + mean * N_left
+
+        # Rotation body to north-east-down; its last row is "down" in body axes.
+        x2, y2, z2 = qx + qx, qy + qy, qz + qz
+        xx, yy, zz = x2 * qx, y2 * qy, z2 * qz
+        xy, xz, yz = x2 * qy, x2 * qz, y2 * qz
+        wx, wy, wz = x2 * qw, y2 * qw, z2 * qw
+        down_x, down_y, down_z = xz - wy, yz + wx, 1.0 - xx - yy
+
+        # Weight and buoyancy; a hull partly out of the water displaces less.
+        awash_z, net, bx, by, bz = self._statics
+        if self.z < awash_z:
+            net, bx, by, bz = self._awash(awash_z - self.z)
+        X += net * down_x
+        Y += net * down_y
+        Z += net * down_z
+        K += bz * down_y - by * down_z
+        M += bx * down_z - bz * down_x
+        N += by * down_x - bx * down_y
+
+        # Coriolis and centripetal of body and entrained water together: w x p, and w x h + v x p (Kirchhoff).
+        px, py, pz = mx * u, my * v, mz * w
+        X += r * py - q * pz
+        Y += p * pz - r * px
+        Z += q * px - p * py
+        K += Iyz * q * r + myz * v * w
+        M += Izx * r * p + mzx * w * u
+        N += Ixy * p * q + mxy * u * v
+
+        coupled = self._coupling
+        if coupled is None:
+            du, dv, dw, dp, dq, dr = X / mx, Y / my, Z / mz, K / Ix, M / Iy, N / Iz
+        else:
+            du, dv, dw, dp, dq, dr = coupled.accelerations((X, Y, Z, K, M, N), (u, v, w, p, q, r))
+        self.du, self.dv, self.dw, self.dp, self.dq, self.dr = du, dv, dw, dp, dq, dr
+        self.u = u_was + du * dt
+        self.v = v_was + dv * dt
+        self.w = w_was + dw * dt
+        self.p = p = p_was + dp * dt
+        self.q = q = q_was + dq * dt
+        self.r = r = r_was + dr * dt
+
+        # Displacement over ground: the motion of the water is added.
+        current = self._current
+        if current is not None:
+            cx, cy, cz = current
+            u += (1.0 - yy - zz) * cx + (xy + wz) * cy + down_x * cz
+            v += (xy - wz) * cx + (1.0 - xx - zz) * cy + down_y * cz
+            w += (xz + wy) * cx + (yz - wx) * cy + down_z * cz
+        step_x, step_y, step_z = u * dt, v * dt, w * dt
+        self.sx += step_x
+        self.sy += step_y
+        self.sz += step_z
+        self.x += (1.0 - yy - zz) * step_x + (xy - wz) * step_y + (xz + wy) * step_z
+        self.y += (xy + wz) * step_x + (1.0 - xx - zz) * step_y + (yz - wx) * step_z
+        self.z += down_x * step_x + down_y * step_y + down_z * step_z
+        p *= dt
+        q *= dt
+        r *= dt
+        self.ax += p
+        self.ay += q
+        self.az += r
+        p *= 0.5
+        q *= 0.5
+        r *= 0.5
+        nw, nx = qw - qx * p - qy * q - qz * r, qx + qw * p + qy * r - qz * q
+        ny, nz = qy + qw * q + qz * p - qx * r, qz + qw * r + qx * q - qy * p
+        # The norm stays so close to one that the first terms of its series give the root.
+        unit = 1.5 - 0.5 * (nw * nw + nx * nx + ny * ny + nz * nz)
+        self.qw, self.qx, self.qy, self.qz = nw * unit, nx * unit, ny * unit, nz * unit
+
+
+def _hydrodynamics(vehicle: Vehicle) -> Hydrodynamics:
+    if vehicle.hydrodynamics is None:
+        raise UsageError(f"{vehicle.name}.hydrodynamics: missing, wanted the mock's truth; add it to the vehicle file")
+    return vehicle.hydrodynamics
+
+
+def _inertia(vehicle: Vehicle, hydrodynamics: Hydrodynamics) -> Vec6:
+    """Diagonal of body and added mass [kg, kg m^2]."""
+    m = vehicle.mass_kg
+    Ix, Iy, Iz = vehicle.inertia
+    ax, ay, az, ak, am, an = hydrodynamics.added_mass
+    return (m + ax, m + ay, m + az, Ix + ak, Iy + am, Iz + an)
+
+
+def _both_ways(drag: Drag) -> tuple[float, float, float, float]:
+    """Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x."""
+    k_q = drag.k_q if drag.k_q_negative is None else drag.k_q_negative
+    k_l = drag.k_l if drag.k_l_negative is None else drag.k_l_negative
+    return (-drag.k_q, -drag.k_l, k_q, -k_l)
+
+
+def _minus(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

@@ -1,0 +1,80 @@
+"""The mock pool: walls, floor and surface, and contacts of the vehicle with them.
+
+The pool frame lies in the middle of the surface: x along the length, y along the width, z down.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hindrax_core.readings import Vec3
+from hindrax_core.vehicle import Pool, Vehicle
+from hindrax_sim.physics.plant import Plant
+from hindrax_sim.physics.quaternion import rotate
+
+
+class PoolWalls:
+    """Stops a vehicle at walls and floor, without bounce or friction, and counts the contacts."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._pool: Pool = vehicle.pool
+        self._offset_m = vehicle.center_of_mass_m
+        self._half_m = tuple(0.5 * side for side in vehicle.envelope_m)
+        reach = math.hypot(*self._half_m) + math.hypot(*self._offset_m)
+        half_length, half_width = 0.5 * self._pool.length_m, 0.5 * self._pool.width_m
+        self._near = (half_length - reach, half_width - reach, self._pool.depth_m - reach)
+        self._limits = (half_length, half_width, self._pool.depth_m)
+        self._touching = (False, False, False)
+        self.wall_hits = 0
+        self.floor_hits = 0
+
+    def confine(self, plant: Plant) -> None:
+        """Keep the vehicle inside; to be called after every step."""
+        near_x, near_y, near_z = self._near
+        if -near_x < plant.x < near_x and -near_y < plant.y < near_y and plant.z < near_z:
+            return
+        outside = self._beyond(plant)
+        self._count(outside)
+        if any(outside):
+            _push_back(plant, outside)
+
+    def clearance_m(self, plant: Plant) -> float:
+        """Smallest distance between the hull's bounding box and a wall; negative is in the wall."""
+        extent, center = self._extent(plant), self._center(plant)
+        return min(limit - half - abs(at) for limit, half, at in zip(self._limits[:2], extent, center, strict=False))
+
+    def _beyond(self, plant: Plant) -> Vec3:
+        """Signed distance of the hull beyond the box, along x, y, z [m]."""
+        (x, y, z), (ex, ey, ez) = self._center(plant), self._extent(plant)
+        length, width, depth = self._limits
+        return (
+            math.copysign(max(0.0, abs(x) + ex - length), x),
+            math.copysign(max(0.0, abs(y) + ey - width), y),
+            max(0.0, z + ez - depth),
+        )
+
+    def _center(self, plant: Plant) -> Vec3:
+        ox, oy, oz = rotate(plant.quaternion, self._offset_m)
+        return (plant.x - ox, plant.y - oy, plant.z - oz)
+
+    def _extent(self, plant: Plant) -> Vec3:
+        corners = [rotate(plant.quaternion, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        x, y, z = (sum(half * abs(c[k]) for half, c in zip(self._half_m, corners, strict=True)) for k in range(3))
+        return (x, y, z)
+
+    def _count(self, outside: Vec3) -> None:
+        x, y, z = (beyond != 0.0 for beyond in outside)
+        was_x, was_y, was_z = self._touching
+        self.wall_hits += (x and not was_x) + (y and not was_y)
+        self.floor_hits += z and not was_z
+        self._touching = (x, y, z)
+
+
+def _push_back(plant: Plant, outside: Vec3) -> None:
+    """Remove the displacement into the wall, and the velocity towards it."""
+    plant.x, plant.y, plant.z = (at - beyond for at, beyond in zip((plant.x, plant.y, plant.z), outside, strict=True))
+    over_ground = rotate(plant.quaternion, plant.velocity_over_ground)
+    into = [speed if speed * beyond > 0.0 else 0.0 for speed, beyond in zip(over_ground, outside, strict=True)]
+    w, x, y, z = plant.quaternion
+    lost = rotate((w, -x, -y, -z), (into[0], into[1], into[2]))
+    plant.u, plant.v, plant.w = plant.u - lost[0], plant.v - lost[1], plant.w - lost[2]

@@ -1,0 +1,245 @@
+"""The sensors at reading level: truth plus noise, rounding, rate and latency, without bytes. For speed.
+
+Biases and noise are drawn from the seed and the name of the sensor, so one sensor's draws never shift another's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from hindrax_core.events import NS_PER_S, Stamp, Stamped, to_s
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
+from hindrax_core.vehicle import Mount
+from hindrax_sim.physics.normal_draws import NormalDraws
+from hindrax_sim.world import World
+
+WATER_C = 24.0
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Imperfections of the sensors; standard deviations unless stated otherwise."""
+
+    # ICM-20948 (TDK DS-000189 table 1 and 2): noise density times the noise bandwidth of the 51 Hz filter.
+    gyro_radps: float = math.radians(0.015) * math.sqrt(1.57 * 51.2)
+    gyro_bias_radps: float = math.radians(2.5)
+    """As it comes; table 1 gives 5 dps, taken for two standard deviations. The navigator finds it."""
+    accelerometer_mps2: float = 230e-6 * 9.80665 * math.sqrt(1.57 * 50.4)
+    accelerometer_bias_mps2: float = 0.003 * 9.80665
+    magnetometer_T: float = 0.3e-6
+    hard_iron_T: float = 0.5e-6
+    pressure_Pa: float = 20.0  # MS5837-30BA at its finest: 0.2 mbar
+    echo_share: float = 0.005  # Ping: 0.5 % of range
+    dvl_mps: float = 0.01
+    dvl_gain: float = 1.0
+    """True factor on the DVL's velocity."""
+    dvl_heading_rad: float = math.radians(1.0)
+
+
+QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Sensors without noise and bias: what is left is their rounding."""
+
+
+class SensorModel(Protocol):
+    """A sensor model with a fixed period."""
+
+    @property
+    def source(self) -> str:
+        """Name in the vehicle file."""
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two samples."""
+
+    @property
+    def latency_ns(self) -> int:
+        """Time from the last instant that a sample depends on until its arrival."""
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """Readings measured up to now."""
+
+
+class _MountedSensor:
+    """Base class: name, mount, rate and noise."""
+
+    rate_Hz = 20.0
+    latency_s = 0.0
+
+    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
+        self.source = source
+        self.period_ns = round(NS_PER_S / self.rate_Hz)
+        self.latency_ns = round(NS_PER_S * self.latency_s)
+        self._at = world.mounting(mount)
+        self._noise = noise
+        draws = NormalDraws(source, seed)
+        self._normal, self._three = draws.normal, draws.three
+
+
+class ImuSensor(_MountedSensor):
+    """Specific force and rate, 500 deg/s and 4 g full scale; fetched from the FIFO about fifty times a second."""
+
+    rate_Hz = 225.0
+    latency_s = 0.003
+
+    RATE_STEP = math.radians(1.0 / 65.5)
+    FORCE_STEP = 9.80665 / 8192.0
+    FETCH_ns = round(NS_PER_S / 50.0)
+
+    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
+        super().__init__(world, source, mount, noise, seed)
+        self._rate_bias = self._three(noise.gyro_bias_radps)
+        self._force_bias = self._three(noise.accelerometer_bias_mps2)
+        self._fifo: list[Stamped[Reading]] = []
+        self._fetch = Stamp(world.stamp + self.FETCH_ns)
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """Add one sample to the FIFO; returns all samples when it is read."""
+        (fx, fy, fz), (p, q, r) = world.inertial(self._at)
+        normal, a, g = self._normal, self._noise.accelerometer_mps2, self._noise.gyro_radps
+        (ax, ay, az), (bp, bq, br) = self._force_bias, self._rate_bias
+        step = self.FORCE_STEP
+        force = (
+            round((fx + ax + a * normal()) / step) * step,
+            round((fy + ay + a * normal()) / step) * step,
+            round((fz + az + a * normal()) / step) * step,
+        )
+        step = self.RATE_STEP
+        rate = (
+            round((p + bp + g * normal()) / step) * step,
+            round((q + bq + g * normal()) / step) * step,
+            round((r + br + g * normal()) / step) * step,
+        )
+        self._fifo.append(Stamped(world.stamp, Inertial(force, rate, WATER_C)))
+        if world.stamp < self._fetch:
+            return ()
+        self._fetch = Stamp(self._fetch + self.FETCH_ns)
+        fetched, self._fifo = self._fifo, []
+        return fetched
+
+
+class MagnetometerSensor(_MountedSensor):
+    """The magnetometer in the same package; its own rate."""
+
+    rate_Hz = 25.0
+    latency_s = 0.009
+
+    STEP = 0.15e-6
+
+    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
+        super().__init__(world, f"{source} compass", mount, noise, seed)
+        self.source = source
+        self._hard_iron = self._three(noise.hard_iron_T)
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """One field reading."""
+        noise, step = self._three(self._noise.magnetometer_T), self.STEP
+        parts = zip(world.magnetic_T(self._at), self._hard_iron, noise, strict=True)
+        x, y, z = (round((b + h + n) / step) * step for b, h, n in parts)
+        return (Stamped(world.stamp, Magnetic((x, y, z))),)
+
+
+class PressureSensor(_MountedSensor):
+    """Absolute pressure, available after the conversion of its temperature."""
+
+    rate_Hz = 50.0
+    latency_s = 0.005
+
+    STEP_Pa = 10.0
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """One pressure reading."""
+        value = world.pressure_Pa(self._at) + self._noise.pressure_Pa * self._normal()
+        return (Stamped(world.stamp, Pressure(round(value / self.STEP_Pa) * self.STEP_Pa, WATER_C)),)
+
+
+class SonarSensor(_MountedSensor):
+    """Distance to the nearest point of the floor within the beam."""
+
+    rate_Hz = 20.0
+    latency_s = 0.023
+
+    HALF_BEAM_rad = math.radians(12.5)
+    STEP_m = 0.001
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """One echo, or none outside the floor."""
+        found = world.range_m(self._at, self.HALF_BEAM_rad)
+        if found is None or found <= 0.0:
+            return ()
+        noise = self._noise
+        found += noise.echo_share * found * self._normal()
+        return (Stamped(world.stamp, Echo(max(0.0, round(found / self.STEP_m) * self.STEP_m), 0.95)),)
+
+
+class DvlSensor(_MountedSensor):
+    """Mean velocity over each interval, every delta rounded to 1 mm on its own; lock, attitude and altitude."""
+
+    rate_Hz = 20.0
+    latency_s = 0.008
+
+    STEP_m = 0.001
+    MOST_TILT_rad = math.radians(45.0)
+    LEAST_RANGE_m = 0.1
+
+    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
+        super().__init__(world, source, mount, noise, seed)
+        self._was = world.travel(self._at)[1]
+        self._stamp = world.stamp
+        self._turn = 0
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """Velocity over the interval that ends now; every second time the bottom track too."""
+        now, was, before = world.travel(self._at)[1], self._was, self._stamp
+        self._was, self._stamp = now, world.stamp
+        span_s = to_s(world.stamp - before)
+        if span_s <= 0.0:
+            return ()
+        range_m = world.range_m(self._at)
+        locked = (
+            not world.dvl_silenced
+            and range_m is not None
+            and range_m > self.LEAST_RANGE_m
+            and world.tilt_rad(self._at) < self.MOST_TILT_rad
+        )
+        middle = Stamp((world.stamp + before) // 2)
+        velocity = Stamped(middle, self._velocity(now, was, span_s, locked, world.stamp // 1000))
+        self._turn ^= 1
+        if self._turn:
+            return (velocity,)
+        return (velocity, Stamped(world.stamp, self._track(world, locked, range_m)))
+
+    def _velocity(self, now: Vec3, was: Vec3, span_s: float, locked: bool, device_us: int) -> BottomVelocity:
+        if not locked:
+            return BottomVelocity(None, math.inf, 0.0, span_s, device_us)
+        noise, step = self._noise, self.STEP_m
+        errors = self._three(noise.dvl_mps * span_s)
+        moved = ((noise.dvl_gain * (b - a) + e) for a, b, e in zip(was, now, errors, strict=True))
+        u, v, w = (round(one / step) * step / span_s for one in moved)
+        sigma = math.hypot(0.01, step / math.sqrt(12.0) / span_s)
+        return BottomVelocity((u, v, w), sigma, 1.0, span_s, device_us)
+
+    def _track(self, world: World, locked: bool, range_m: float | None) -> BottomTrack:
+        roll, pitch, heading = world.attitude_rad
+        heading += self._noise.dvl_heading_rad * self._normal()
+        altitude = round(range_m, 2) if locked and range_m is not None else None
+        return BottomTrack(locked, roll, pitch, heading, altitude, (0.0, 0.0), (), "3333", 0)
+
+
+KINDS: dict[str, tuple[type[ImuSensor | MagnetometerSensor | PressureSensor | SonarSensor | DvlSensor], ...]] = {
+    "icm20948": (ImuSensor, MagnetometerSensor),
+    "ms5837": (PressureSensor,),
+    "ping1d": (SonarSensor,),
+    "dvl75": (DvlSensor,),
+}
+
+
+def sensors(world: World, noise: Noise, seed: int) -> list[SensorModel]:
+    """Models of all sensors of the vehicle file whose kind has one."""
+    return [
+        kind(world, source, mount, noise, seed)
+        for source, mount in world.vehicle.sensors.items()
+        for kind in KINDS.get(mount.device, ())
+    ]

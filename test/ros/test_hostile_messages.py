@@ -1,0 +1,341 @@
+"""What comes from the graph is data: whatever is sent to the control process ends no node and moves nothing."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
+import hostile
+import rclpy
+from geometry_msgs.msg import Twist
+from ideal_vehicle import IdealVehicle
+from rclpy.node import Node
+from sensor_msgs.msg import BatteryState, Joy
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_control.nodes.allocator_node import AllocatorNode
+from hindrax_control.nodes.navigator_node import NavigatorNode
+from hindrax_control.nodes.pilot_node import PilotNode
+from hindrax_control.nodes.teleop_node import TeleopNode
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.signals import ZERO6, Estimate, Navigation
+from hindrax_core.topics import (
+    ALTITUDE,
+    BATTERY,
+    DVL_ATTITUDE,
+    DVL_DETAIL,
+    ESTIMATE,
+    HOLD_SETPOINT,
+    IMU,
+    JOYSTICK,
+    MAGNETIC,
+    OPERATOR_WRENCH,
+    PRESSURE,
+    THRUSTER_HEALTH,
+    THRUSTER_HEALTH_ORDER,
+    THRUSTER_STATE,
+    TOPICS,
+    TWIST,
+    Topic,
+    resolved,
+)
+from hindrax_core.vehicle import load_vehicle
+from hindrax_msgs.action import FlyManeuver
+from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
+from hindrax_ros import convert
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
+from hindrax_ros.fast_serialization import command_from_bytes
+from hindrax_ros.serialization import serialized
+
+pytestmark = pytest.mark.ros
+
+VEHICLE = load_vehicle(default_vehicle())
+PUSH = (20.0, 0.0, 0.0, 0.0, 0.0, 5.0)
+LEVEL = BottomTrack(True, 0.0, 0.0, 0.0, None, (math.nan, math.nan), (), "", 0)
+TOLD = Estimate("surge", ("k_q",), ("N s^2/m^2",), (66.0,), ((0.2,),), 9, 9.0, True, "")
+
+
+def good(topic: Topic, now: Stamp) -> Any:
+    """Message of a topic with which nothing is wrong, and which moves nothing where it is an order."""
+    made = {
+        IMU: lambda: convert.inertial_to_msg(
+            Stamped(now, Inertial((0.0, 0.0, -9.8), ZERO6[:3], 20.0)), "imu", 0.1, 0.1
+        ),
+        MAGNETIC: lambda: convert.magnetic_to_msg(Stamped(now, Magnetic((2e-5, 0.0, 1e-5))), "imu", 1e-6),
+        PRESSURE: lambda: convert.pressure_to_msg(Stamped(now, Pressure(1.1e5, 20.0)), "depth", 100.0),
+        ALTITUDE: lambda: convert.echo_to_msg(Stamped(now, Echo(0.9, 1.0)), "ping", (0.3, 30.0), 0.4),
+        DVL_DETAIL: lambda: convert.dvl_to_msg(
+            Stamped(now, BottomVelocity((0.0, 0.0, 0.0), 0.01, 1.0, 0.1, 1)), LEVEL, "dvl", 1480.0
+        ),
+        DVL_ATTITUDE: lambda: convert.attitude_to_msg(Stamped(now, LEVEL), "dvl", 0.01),
+        ESTIMATE: lambda: convert.estimate_to_msg(Stamped(now, TOLD)),
+        OPERATOR_WRENCH: lambda: wrench_to_msg(now, ZERO6),
+        HOLD_SETPOINT: lambda: HoldSetpoint(axis="depth", engaged=False),
+        THRUSTER_STATE: lambda: ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8, output="pca9685"),
+        THRUSTER_HEALTH: ThrusterHealth,
+        THRUSTER_HEALTH_ORDER: ThrusterHealth,
+        BATTERY: lambda: BatteryState(voltage=15.0, present=True),
+        JOYSTICK: lambda: Joy(axes=[0.0] * 6, buttons=[0] * 8),
+        TWIST: Twist,
+    }[topic]()
+    if hasattr(made, "header"):
+        made.header.stamp = stamp_to_msg(now)
+    return made
+
+
+class Handle:
+    """Stands for the server's end of a goal: keeps the result."""
+
+    def __init__(self, request: Any) -> None:
+        self.request, self.is_cancel_requested, self.result = request, False, None
+
+    def execute(self, callback: Any) -> None:
+        assert self.result is None, "one result for one goal"
+        self.result = callback(self)
+
+    def publish_feedback(self, _: Any) -> None: ...
+    def succeed(self) -> None: ...
+    def canceled(self) -> None: ...
+    def abort(self) -> None: ...
+
+
+class Control:
+    """The nodes of the control process and the operator's hand, with an armed vehicle that hangs still."""
+
+    def __init__(self) -> None:
+        self.given: list[tuple[float, ...]] = []
+        self.hand = TeleopNode(VEHICLE)
+        self.allocator = AllocatorNode(VEHICLE)
+        self.pilot = PilotNode(VEHICLE, self.allocator.supply, send_wrench=self._send_wrench)
+        self.allocator._command = self
+        self.pulses: tuple[float, ...] = ()
+        self.states: list[Navigation] = []
+        self.navigator = NavigatorNode(VEHICLE, on_state=lambda stamped: self.states.append(stamped.reading))
+        self.sampled = self.now()
+        self.allocator.allocation_listeners += [self.pilot.on_allocation, self.navigator.on_allocation]
+        self._ideal = IdealVehicle(VEHICLE, depth_m=0.9)
+        self._last = Stamp(0)
+        self.cycle()
+        self.say(THRUSTER_STATE, good(THRUSTER_STATE, self.now()))
+        self.cycle()
+
+    def _send_wrench(self, wrench: Any, frame: str, stamp: Stamp, now: Stamp) -> None:
+        self.given.append(wrench)
+        self.allocator.on_wrench(wrench, frame, stamp, now)
+
+    def publish(self, command: bytes) -> None:
+        """Keep what the allocator wants of the thrusters."""
+        self.pulses = command_from_bytes(command).pulses_us
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        return (self.hand, self.allocator, self.pilot, self.navigator)
+
+    def now(self) -> Stamp:
+        return Stamp(self.pilot.get_clock().now().nanoseconds)
+
+    def cycle(self, count: int = 1) -> None:
+        for _ in range(count):
+            self._last = Stamp(max(self.now(), self._last + 1))
+            self.pilot.on_navigation(
+                Stamped(self._last, replace(self._ideal.navigation(), velocity_mps=(0.0, 0.0, 0.0)))
+            )
+
+    def sample(self, count: int) -> None:
+        """Give the navigator good inertial samples, one hundred a second."""
+        for _ in range(count):
+            self.sampled = after(self.sampled, 0.01)
+            self.say(IMU, good(IMU, self.sampled))
+
+    def subscriptions(self) -> Iterator[tuple[Topic, Any]]:
+        """Every subscription of every node; a topic that nobody here knows how to abuse fails the test."""
+        topics = {resolved(topic): topic for topic in TOPICS}
+        for node in self.nodes:
+            for one in Node.subscriptions.fget(node):
+                yield topics[one.topic_name], one
+
+    def say(self, topic: Topic, message: Any) -> None:
+        """Give a message to everybody here who listens to its topic."""
+        for subscribed, one in self.subscriptions():
+            if subscribed is topic:
+                one.callback(serialized(message) if one.raw else message)
+
+    def ask(self, goal: Any) -> Handle:
+        handle = Handle(goal)
+        self.pilot._accept(handle)
+        return handle
+
+    def still(self) -> bool:
+        """Whether nothing was asked of the thrusters lately."""
+        self.given.clear()
+        self.cycle(3)
+        return self.given == [ZERO6] * 3 and set(self.pulses) == {1500.0}
+
+    def close(self) -> None:
+        self.pilot.close()
+        for node in self.nodes:
+            node.destroy_node()
+
+
+@pytest.fixture
+def control() -> Iterator[Control]:
+    with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
+        rclpy.init(args=[])
+        made = Control()
+        try:
+            yield made
+        finally:
+            made.close()
+            rclpy.try_shutdown()
+
+
+def test_nothing_that_is_sent_to_any_subscription_ends_a_node_or_moves_the_vehicle(control: Control) -> None:
+    swept = set()
+    for topic, _ in list(control.subscriptions()):
+        now = stamp_to_msg(control.now())
+        for message in hostile.floods(type(good(topic, control.now())), now):
+            control.say(topic, message)
+        control.say(THRUSTER_STATE, good(THRUSTER_STATE, control.now()))
+        assert control.still(), topic.name
+        swept.add(topic)
+    assert {IMU, THRUSTER_STATE, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE, BATTERY, JOYSTICK, TWIST} <= swept
+
+
+def test_one_wrong_field_in_a_good_message_ends_no_node_either(control: Control) -> None:
+    limits = VEHICLE.limits.wrench
+    for topic, _ in list(control.subscriptions()):
+        for message in hostile.mutants(good(topic, control.now())):
+            control.say(topic, message)
+            control.cycle()
+            assert all(abs(value) <= limit for value, limit in zip(control.given[-1], limits, strict=True)), message
+            assert all(1100 <= pulse <= 1900 for pulse in control.pulses), message
+        control.say(OPERATOR_WRENCH, wrench_to_msg(control.now(), ZERO6))
+
+
+MEASURED = (IMU, MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, DVL_ATTITUDE)
+
+
+@pytest.mark.parametrize("topic", MEASURED, ids=lambda topic: topic.name)
+def test_a_navigator_navigates_on_whatever_a_sensor_says(control: Control, topic: Topic) -> None:
+    control.sample(300)
+    begun, sensible = control.sampled, [one for one in MEASURED if one not in (IMU, topic)]
+    for one in MEASURED:
+        control.say(one, good(one, begun))
+    for message in hostile.mutants(good(topic, begun)):
+        if topic is IMU and stamp_from_msg(message.header.stamp) != begun:
+            continue  # the navigator's clock are its inertial samples
+        if topic is IMU:
+            message.header.stamp = stamp_to_msg(after(control.sampled, 0.005))
+        control.states.clear()
+        for other in sensible:
+            control.say(other, good(other, control.sampled))
+        control.say(topic, message)
+        control.sample(8)
+        assert control.states, message
+        known = control.states[-1]
+        assert all(map(math.isfinite, (*known.attitude_rad, *known.rate_radps, *known.velocity_mps, known.depth_m)))
+        assert max(map(abs, known.attitude_rad[:2])) < 0.1, message
+
+
+ORDERS = {
+    OPERATOR_WRENCH: lambda now: wrench_to_msg(now, PUSH),
+    HOLD_SETPOINT: lambda _: HoldSetpoint(axis="depth", engaged=True, value=1.5),
+    THRUSTER_HEALTH_ORDER: lambda _: ThrusterHealth(disabled=["T1"], reasons=["a test"]),
+}
+
+
+@pytest.mark.parametrize("topic", ORDERS, ids=lambda topic: topic.name)
+def test_an_order_that_is_not_of_now_moves_nothing_is_counted_and_stands_in_no_ones_way(control, topic) -> None:
+    order = ORDERS[topic](control.now())
+    sent = list(hostile.untimely(order))
+    for message in sent:
+        control.say(topic, message)
+        assert control.still(), message
+    refusals = control.pilot._refusals
+    assert refusals.counts[topic.name] >= len(sent) - (topic is THRUSTER_HEALTH_ORDER)  # an old list may be said again
+    assert "wanted" in refusals.last
+    control.say(topic, _of(order, control.now()))
+    control.cycle(3)
+    obeyed = control.pilot._disabled if topic is THRUSTER_HEALTH_ORDER else any(control.given[-1])
+    assert obeyed
+
+
+def _of(order: Any, now: Stamp) -> Any:
+    order.header.stamp = stamp_to_msg(now)
+    return order
+
+
+def test_a_list_in_force_from_before_the_clock_was_set_back_can_still_be_replaced(control: Control) -> None:
+    control.pilot._publish_disabled({"T1": "a test"}, after(control.now(), 3600.0))
+    message = ThrusterHealth()
+    message.header.stamp = stamp_to_msg(control.pilot._listed_at + 1)
+    control.say(THRUSTER_HEALTH_ORDER, message)
+    assert control.pilot._disabled == {}
+
+
+def test_lists_that_come_before_the_time_is_known_are_judged_as_soon_as_it_is(control, monkeypatch) -> None:
+    now = control.now()
+    monkeypatch.setattr(control.pilot, "_now", lambda: Stamp(0))
+    for age_s, name in ((7200.0, "T3"), (3600.0, "T4"), (-3600.0, "T5")):
+        control.say(THRUSTER_HEALTH_ORDER, _of(ThrusterHealth(disabled=[name], reasons=["weak"]), after(now, -age_s)))
+    control.pilot.drain()
+    assert control.pilot._disabled == {}
+    monkeypatch.setattr(control.pilot, "_now", lambda: now)
+    control.pilot.drain()
+    assert control.pilot._disabled == {"T4": "weak"}
+    assert control.pilot._refusals.counts == {THRUSTER_HEALTH_ORDER.name: 1}
+
+
+def test_strange_thrusters_are_left_out_of_a_list(control: Control) -> None:
+    listed = ThrusterHealth(disabled=["T2", "T99", "x" * 1000], reasons=["weak"])
+    control.say(THRUSTER_HEALTH_ORDER, _of(listed, control.now()))
+    assert control.pilot._disabled == {"T2": "weak"}
+    assert "found no thruster 'T99', wanted some of T1, T2" in control.pilot._refusals.last
+
+
+def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothing(control: Control) -> None:
+    now = stamp_to_msg(control.now())
+    for goal in hostile.floods(FlyManeuver.Goal, now):
+        answered = control.ask(goal)
+        assert answered.result is not None
+        assert not answered.result.completed
+    sensible = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="hold")
+    said = []
+    for sec, nanosec in hostile.TIMES:
+        sensible.stamp = hostile.Time(sec=sec, nanosec=nanosec)
+        said.append(control.ask(sensible).result.aborted)
+    assert [one.partition(": ")[0] for one in said] == ["clock", "clock", "clock", "late", "clock", "clock"]
+    assert all("wanted" in one for one in said)
+    sensible.stamp = stamp_to_msg(control.now())
+    sensible.motions = ["surge"] * 10_000
+    assert control.ask(sensible).result.aborted == "goal: 10000 motions, wanted at most 12; fly the rest after them"
+    assert control.pilot._goal is None
+    assert control.still()
+
+
+def test_two_hundred_goals_at_once_are_answered_one_by_one_and_the_first_is_kept(control: Control) -> None:
+    goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="hold")
+    asked = []
+    for _ in range(200):
+        goal.stamp = stamp_to_msg(control.now())
+        asked.append(control.ask(goal))
+    assert asked[0].result is None
+    assert {one.result.aborted.partition(";")[0] for one in asked[1:]} == {"start: a maneuver is being flown"}
+
+
+def test_a_state_of_other_thrusters_is_not_believed(control: Control) -> None:
+    wrong = ThrusterState(armed=False, state="disarmed", pulses=[1500.0] * 9)
+    for pulses in ([1500.0] * 9, [], [math.nan] * 8, [9000.0] * 8):
+        wrong.pulses = pulses
+        control.say(THRUSTER_STATE, _of(wrong, control.now()))
+    assert control.pilot._armed
+    for node in (control.pilot, control.allocator):
+        assert node._refusals.counts == {THRUSTER_STATE.name: 4}
+        assert node._refusals.last == "thrusters/state: found a pulse of 9000 us, wanted 500 to 2500 us"

@@ -1,0 +1,191 @@
+"""The services that every node has, asked for nonsense: each answers, says what is wrong, and nobody dies of it.
+
+A client in a process of its own, against every node of a stack in mock with recorder, and the node `teleop`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
+import rclpy
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.executors import SingleThreadedExecutor
+from type_description_interfaces.srv import GetTypeDescription
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import adopted
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_core.topics import NAMESPACE
+
+pytestmark = pytest.mark.ros
+
+PATIENT_S = 60.0
+NODES = {
+    *("sensors", "dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "navigator", "pilot", "allocator"),
+    *("identifier", "recorder", "safety_monitor", "teleop"),
+}
+NAMES = ["", " ", "no.such.thing", "use_sim_time", "\u2620" * 5000, "start_type_description_service", "/", "a b\n"]
+TYPES = (*range(12), 127, 255)
+
+
+def values(kind: int) -> list[ParameterValue]:
+    """Values that claim to be of a type: empty, and with something in every field."""
+    full = ParameterValue(
+        type=kind,
+        bool_value=True,
+        integer_value=-(2**63),
+        double_value=float("nan"),
+        string_value="\0\u2620",
+        byte_array_value=[b"\xff"],
+        bool_array_value=[True],
+        integer_array_value=[2**63 - 1],
+        double_array_value=[float("inf")],
+        string_array_value=["", "\n"],
+    )
+    return [ParameterValue(type=kind), full]
+
+
+def parameters(known: list[str]) -> list[Parameter]:
+    """Parameters as a stranger would set them: unknown names and known ones, every type there is and is not."""
+    names = [*NAMES, *known]
+    return [Parameter(name=name, value=value) for name in names for kind in TYPES for value in values(kind)]
+
+
+class Client:
+    """Asks nodes, one request at a time for each service."""
+
+    def __init__(self) -> None:
+        rclpy.init(args=[])
+        self.node = rclpy.create_node("stranger", namespace=NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+
+    def until(self, done: Callable[[], Any], what: str) -> None:
+        deadline = time.monotonic() + PATIENT_S
+        while not done():
+            assert time.monotonic() < deadline, f"waited for {what}"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def ask(self, kind: Any, name: str, request: Any) -> Any:
+        client = self.node.create_client(kind, f"{NAMESPACE}/{name}")
+        self.until(client.service_is_ready, name)
+        future = client.call_async(request)
+        self.until(future.done, f"an answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def parameters_of(self, name: str) -> list[str]:
+        return list(self.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names)
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def start(
+    words: list[str], environment: dict[str, str], log: Path, running: contextlib.ExitStack
+) -> subprocess.Popen[bytes]:
+    """Start a process that is ended with the stack of contexts, well."""
+    with log.open("w") as errors:
+        made = subprocess.Popen([sys.executable, "-m", *words], env=environment, stdout=errors, stderr=errors)
+
+    def end() -> None:
+        made.send_signal(signal.SIGINT)
+        assert made.wait(PATIENT_S) == 0, log.read_text()
+
+    running.callback(end)
+    return made
+
+
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[psutil.Process]:
+    """The tool that keeps a stack, with this process and the node `teleop` in its graph."""
+    folder = tmp_path_factory.mktemp("hostile")
+    runtime = folder / "runtime"
+    made = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"} | {FOLDER: str(runtime)}
+    up = ["hindrax_cli.command_line", "up", "--mock", "--record", "--out", str(folder / "run")]
+    with contextlib.ExitStack() as running:
+        child = start(up, made, folder / "up.log", running)
+        deadline = time.monotonic() + PATIENT_S
+        while "thrusters: well" not in (folder / "up.log").read_text():
+            assert time.monotonic() < deadline, (folder / "up.log").read_text()
+            assert child.poll() is None, (folder / "up.log").read_text()
+            time.sleep(0.2)
+        (file,) = runtime.glob("*.json")
+        graph = made | json.loads(file.read_text())["graph"]
+        words = ["hindrax_control.nodes.teleop_node", "--ros-args", "-p", f"vehicle:={default_vehicle()}"]
+        teleop = start(words, graph, folder / "teleop.log", running)
+        with adopted(graph):
+            yield psutil.Process(child.pid)
+        assert teleop.poll() is None, (folder / "teleop.log").read_text()
+
+
+def family(process: psutil.Process) -> set[int]:
+    return {one.pid for one in process.children(recursive=True)}
+
+
+def test_nonsense_is_refused_and_ends_nobody(stack: psutil.Process) -> None:
+    with contextlib.closing(Client()) as client:
+        client.until(lambda: set(client.node.get_node_names()) >= NODES, f"all of {NODES}")
+        before = family(stack)
+        for name in sorted(NODES):
+            known = client.parameters_of(name)
+            assert known
+            sweep_setting(client, name, parameters(known))
+            sweep_reading(client, name, [*NAMES, *known])
+            assert client.parameters_of(name) == known
+        assert family(stack) == before
+
+
+def sweep_setting(client: Client, name: str, wanted: list[Parameter]) -> None:
+    """All at once, atomically too: what is refused has a reason, and a type that is none is refused."""
+    service = f"{name}/set_parameters"
+    results = client.ask(SetParameters, service, SetParameters.Request(parameters=wanted)).results
+    assert len(results) == len(wanted)
+    for one, result in zip(wanted, results, strict=True):
+        assert not result.successful, f"{name}: {one}"
+        assert result.reason
+        strange = one.value.type not in range(1, ParameterType.PARAMETER_STRING_ARRAY + 1)
+        if one.name not in NAMES and strange:
+            assert f"found the type {one.value.type}, wanted" in result.reason
+    request = SetParametersAtomically.Request(parameters=wanted)
+    result = client.ask(SetParametersAtomically, f"{service}_atomically", request).result
+    assert not result.successful
+    assert result.reason
+
+
+def sweep_reading(client: Client, name: str, names: list[str]) -> None:
+    """What only reads answers too, whatever it is asked for."""
+    for asked in ([], names, *([one] for one in NAMES)):
+        client.ask(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=asked))
+        client.ask(GetParameterTypes, f"{name}/get_parameter_types", GetParameterTypes.Request(names=asked))
+        client.ask(DescribeParameters, f"{name}/describe_parameters", DescribeParameters.Request(names=asked))
+        for depth in (0, 1, 2**64 - 1):
+            client.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request(prefixes=asked, depth=depth))
+    for kind, sources in (("", False), ("no/such/Type", True), ("std_msgs/msg/String", True), ("\u2620", True)):
+        request = GetTypeDescription.Request(type_name=kind, type_hash="RIHS01_0", include_type_sources=sources)
+        client.ask(GetTypeDescription, f"{name}/get_type_description", request)

@@ -1,0 +1,135 @@
+"""The safety monitor of a vehicle whose operator is silent: its requests to other nodes, once, and its reports."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs", reason="needs the built workspace: run ./hindrax test")
+
+import rclpy
+from action_msgs.srv import CancelGoal
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from hindrax_bringup.nodes.safety_monitor import HOLD, NEUTRAL, STAY, SafetyMonitor
+from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, NAMESPACE, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER
+from hindrax_msgs.msg import Heartbeat, ThrusterHealth
+from hindrax_msgs.srv import Arm
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.graph import publisher, subscription
+
+pytestmark = pytest.mark.ros
+PATIENT_S = 60.0
+
+
+class Vehicle:
+    """In the process of the safety monitor: thrusters and pilot that note their requests, and an operator."""
+
+    def __init__(self, monitor: SafetyMonitor) -> None:
+        self.monitor, self.said = monitor, []
+        self.node = rclpy.create_node("stand_in", namespace=NAMESPACE)
+        monitor._executor.add_node(self.node)
+        self.armed: list[bool] = []
+        self.reasons: list[str] = []
+        self.cancelled = 0
+        self.link: dict[str, bytes] = {}
+        self.node.create_service(Arm, "thrusters/arm", self._arm)
+        self.node.create_service(CancelGoal, "maneuver/fly/_action/cancel_goal", self._cancel)
+        subscription(self.node, DIAGNOSTICS, self._diagnose)
+        self.beat = publisher(self.node, HEARTBEAT)
+
+    def _arm(self, request, response):
+        self.armed.append(request.arm)
+        self.reasons.append(request.reason)
+        response.accepted = True
+        return response
+
+    def _cancel(self, _request, response):
+        self.cancelled += 1
+        return response
+
+    def _diagnose(self, message) -> None:
+        self.link |= {one.message: one.level for one in message.status if one.name == "hindrax: link"}
+
+    def heartbeat(self, ahead_s: float = 0.0) -> Heartbeat:
+        message = Heartbeat(source="test")
+        message.header.stamp = stamp_to_msg(time.time_ns() + round(ahead_s * 1e9))
+        return message
+
+    def until(self, done: Callable[[], bool], *, beating: bool) -> None:
+        deadline = time.monotonic() + PATIENT_S
+        while not done():
+            assert time.monotonic() < deadline, self.said
+            if beating:
+                self.beat.publish(self.heartbeat())
+            self.monitor.spin(0.05)
+            self.said += self.monitor.new_messages()
+
+
+@pytest.fixture
+def watched(request):
+    """Not `vehicle`: a fixture of that name lives as long as the session, and its parameters would too."""
+    with (
+        own_domain(mock=True) as domain,
+        adopted(environment(mock=True, domain=domain)),
+        SafetyMonitor(mock=False, without_operator=request.param) as monitor,
+    ):
+        made = Vehicle(monitor)
+        yield made
+        made.node.destroy_node()
+
+
+@pytest.mark.parametrize(("watched", "asked"), [(HOLD, []), (NEUTRAL, [False])], indirect=["watched"])
+def test_a_silent_operator_ends_what_flies_and_comes_back(watched, asked):
+    watched.until(lambda: "link: the operator is there" in watched.said, beating=True)
+    beats = iter(range(20))
+    watched.until(lambda: next(beats, None) is None, beating=True)
+    assert watched.cancelled == 0
+    watched.until(lambda: watched.cancelled > 0 and len(watched.armed) == len(asked), beating=False)
+    assert any(one.startswith("link: no operator for 2 s") for one in watched.said)
+    watched.until(lambda: any("back after" in one for one in watched.said), beating=True)
+    watched.until(lambda: watched.link.get("no operator for 2 s") == DiagnosticStatus.WARN, beating=True)
+    assert watched.armed == asked
+    assert watched.reasons == ["no operator for 2 s" for _ in asked], "a reason says that no operator asks"
+    assert watched.cancelled == 1
+
+
+@pytest.mark.parametrize("watched", [STAY], indirect=True)
+def test_without_a_tether_it_leaves_the_vehicle_alone(watched):
+    begin = time.monotonic()
+    watched.until(lambda: time.monotonic() - begin > 3.0, beating=False)
+    assert (watched.armed, watched.cancelled, watched.said) == ([], 0, [])
+
+
+@pytest.mark.parametrize("watched", [HOLD], indirect=True)
+def test_a_heartbeat_that_is_not_of_now_is_no_operator_and_is_shown(watched):
+    for ahead_s, why in ((-30.0, r"\d+\.\d s old, wanted at most 1\.0 s"), (3e8, "stamped .* in the future")):
+
+        def shown(ahead_s=ahead_s, why=why) -> bool:
+            watched.beat.publish(watched.heartbeat(ahead_s))
+            wanted = f"no operator yet; refused: operator/heartbeat: the heartbeat is {why}"
+            return any(re.search(wanted, words) for words in watched.link)
+
+        watched.until(shown, beating=False)
+    assert [one.partition(": the")[0] for one in watched.said] == ["refused: operator/heartbeat"]
+    watched.until(lambda: "link: the operator is there" in watched.said, beating=True)
+
+
+@pytest.mark.parametrize("watched", [STAY], indirect=True)
+def test_a_list_from_the_future_is_not_kept_and_does_not_outrank_a_later_one(watched):
+    kept: list[list[str]] = []
+    subscription(watched.node, THRUSTER_HEALTH_ORDER, lambda message: kept.append(list(message.disabled)))
+    say = publisher(watched.node, THRUSTER_HEALTH)
+    listed = ThrusterHealth(disabled=["T1"], reasons=["a test"])
+    listed.header.stamp = stamp_to_msg(time.time_ns() + 10**18)
+    say.publish(listed)
+    watched.until(lambda: any("thrusters/health: the list is stamped" in one for one in watched.said), beating=False)
+    listed.disabled, listed.header.stamp = ["T2"], stamp_to_msg(time.time_ns())
+    say.publish(listed)
+    watched.until(lambda: kept, beating=False)
+    assert kept == [["T2"]]

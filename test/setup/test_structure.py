@@ -1,0 +1,80 @@
+"""The structure that `docs/architecture.md` claims; what import-linter checks stands in pyproject.toml."""
+
+from __future__ import annotations
+
+import ast
+import configparser
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MOST_MODULES = 17
+PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/package.xml"))
+SOURCES = sorted(
+    path
+    for folder in ("src/hindrax_*/hindrax_*", "tools/hindrax_tools")
+    for path in ROOT.glob(f"{folder}/**/*.py")
+    if "firmware" not in path.parts
+)
+FOLDERS = Counter(path.parent for path in SOURCES if path.name != "__init__.py")
+ROW = re.compile(r"^\| \[`src/(hindrax_\w+)`\]\(\S+\) \| (.*?) \| (\d+) \| .* \|$", re.MULTILINE)
+
+
+def imports(source: Path) -> Iterator[str]:
+    """Dotted names that a file imports from packages of ours."""
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hindrax_"):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.startswith("hindrax_"))
+
+
+@pytest.mark.parametrize("folder", sorted(FOLDERS), ids=lambda folder: str(folder.relative_to(ROOT)))
+def test_a_folder_fits_on_a_screen(folder: Path) -> None:
+    assert FOLDERS[folder] <= MOST_MODULES, f"{folder}: {FOLDERS[folder]} modules; which theme wants its own folder?"
+
+
+def test_no_package_imports_private_names_of_another() -> None:
+    found = [
+        f"{source.relative_to(ROOT)}: {name}"
+        for source in SOURCES
+        for name in imports(source)
+        if re.search(r"\._(?!_)", name) and name.split(".")[0] not in source.parts
+    ]
+    assert not found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_says_what_it_is_and_how_to_use_it_alone(package: str) -> None:
+    readme = (ROOT / "src" / package / "README.md").read_text(encoding="utf-8")
+    assert readme.startswith(f"# {package}\n")
+    assert "**Needs**" in readme
+    assert "**Use it alone**" in readme
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_python_examples_of_a_readme_import_what_there_is(package: str) -> None:
+    readme = (ROOT / "src" / package / "README.md").read_text(encoding="utf-8")
+    for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL):
+        statements = [node for node in ast.parse(block).body if isinstance(node, ast.Import | ast.ImportFrom)]
+        exec(compile(ast.Module(statements, type_ignores=[]), package, "exec"), {})
+
+
+def test_the_table_of_packages_is_true() -> None:
+    rows = {
+        name: (about, int(lines)) for name, about, lines in ROW.findall((ROOT / "docs/architecture.md").read_text())
+    }
+    assert sorted(rows) == PACKAGES
+    for package, (about, lines) in rows.items():
+        sources = [path for path in SOURCES if package in path.parts]
+        setup = configparser.ConfigParser()
+        if setup.read(ROOT / "src" / package / "setup.cfg"):
+            assert about == setup["metadata"]["description"]
+            counted = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in sources)
+            assert lines == pytest.approx(counted, rel=0.15, abs=150), (
+                f"docs/architecture.md: {package} has {counted} lines"
+            )

@@ -1,0 +1,37 @@
+"""How fast the surge run flies through the whole stack in mock, beside real time."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import tempfile
+from typing import Any
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions
+from hindrax_operator.pool_run import PoolOptions, run_pool_test
+
+SEED = 7
+
+
+def rows() -> list[dict[str, Any]]:
+    """One row: wall time [us] of a second of the vehicle, from arming to disarming."""
+    said = io.StringIO()
+    with tempfile.TemporaryDirectory() as place, contextlib.redirect_stdout(said):
+        run_pool_test(
+            PoolOptions(
+                motions=("surge",),
+                vehicle_file=default_vehicle(),
+                mock=MockOptions(seed=SEED),
+                out=f"{place}/run",
+                seed=SEED,
+                excitation="plateaus",
+                on_cancel="neutral",
+                headless=True,
+                json=True,
+            )
+        )
+    factor = float(json.loads(said.getvalue())["real_time_factor"])
+    name = "surge run in mock: wall time of a second of the vehicle"
+    return [{"name": name, "ours_us": 1e6 / factor, "peer": "real time", "peer_us": 1e6, "ratio": factor}]

@@ -1,0 +1,50 @@
+"""A recorded run through the real code again and compared, beside only reading the same bag with the mcap reader."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import statistics
+import time
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+
+from hindrax_bag.read.bag_reader import bag_files, messages
+from hindrax_bringup.clone import clone_root
+from hindrax_core.errors import UsageError
+from hindrax_replay.bag_replay import replay
+
+PASSES = 5
+REAL_TIME_WANTED = 50.0
+
+
+def rows() -> list[dict[str, Any]]:
+    """Rows of reading and replaying a reference bag, per second of the record. Medians over interleaved passes."""
+    bag = clone_root() / "test" / "replay" / "bags" / "surge"
+    if not bag.is_dir():
+        raise UsageError(f"{bag}: found no reference bag; this benchmark works in a clone of the repository")
+    seconds = replay(bag).vehicle_s
+    passes = [(_timed(_read, bag), _timed(_peer, bag), replay(bag).wall_s) for _ in range(PASSES)]
+    read, peer, again = (statistics.median(one) / seconds * 1e6 for one in zip(*passes, strict=True))
+    name = f"mcap {importlib.metadata.version('mcap')}, reading alone"
+    speed = f"replay one second of a bag and compare ({1e6 / again:.0f} times real time, {REAL_TIME_WANTED:.0f} wanted)"
+    return [
+        {"name": "read one second of a bag", "ours_us": read, "peer": name, "peer_us": peer, "ratio": peer / read},
+        {"name": speed, "ours_us": again, "peer": name, "peer_us": peer, "ratio": peer / again},
+    ]
+
+
+def _timed(work: Any, bag: Path) -> float:
+    start = time.perf_counter()
+    work(bag)
+    return time.perf_counter() - start
+
+
+def _read(bag: Path) -> int:
+    return sum(1 for _ in messages(bag))
+
+
+def _peer(bag: Path) -> int:
+    with bag_files(bag)[0].open("rb") as stream:
+        return sum(1 for _ in make_reader(stream).iter_messages())

@@ -1,0 +1,92 @@
+"""Speed of one recursive least-squares update with three and six parameters, compared with other libraries."""
+
+from __future__ import annotations
+
+import statistics
+import timeit
+from collections.abc import Callable
+from importlib.metadata import version
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+import padasip
+from filterpy.kalman import KalmanFilter
+from sysidentpy.parameter_estimation import RecursiveLeastSquares
+
+from hindrax_ident.arrays import Array
+from hindrax_ident.online.rls import Rls
+
+SAMPLES = 400
+WINDOW = 100
+SEED = 1
+
+
+def rows() -> list[dict[str, Any]]:
+    """One row per number of parameters and peer: name, ours_us, peer, peer_us, ratio. Medians over repeats."""
+    return [row for n in (3, 6) for row in _compared(n)]
+
+
+def _compared(n: int) -> list[dict[str, Any]]:
+    rng = np.random.default_rng(SEED)
+    X = rng.standard_normal((SAMPLES, n))
+    y = X @ np.arange(1.0, n + 1.0) + 0.1 * rng.standard_normal(SAMPLES)
+    ours = _ours_us(X, y)
+    peers = {
+        f"filterpy {version('filterpy')} KalmanFilter": _filterpy_us(X, y),
+        f"padasip {version('padasip')} FilterRLS": _padasip_us(X, y),
+        f"sysidentpy {version('sysidentpy')} RecursiveLeastSquares": _sysidentpy_us(X, y),
+        f"numpy lstsq, {WINDOW} samples again": _lstsq_us(X, y),
+    }
+    return [
+        {"name": f"rls-{n}", "ours_us": ours, "peer": name, "peer_us": theirs, "ratio": theirs / ours}
+        for name, theirs in peers.items()
+    ]
+
+
+def _ours_us(X: Array, y: Array) -> float:
+    rls = Rls([0.0] * X.shape[1], [1e4] * X.shape[1])
+    samples = cycle([(tuple(row), value) for row, value in zip(X.tolist(), y.tolist(), strict=True)])
+    return _median_us(lambda: rls.update(*next(samples)))
+
+
+def _filterpy_us(X: Array, y: Array) -> float:
+    n = X.shape[1]
+    kalman = KalmanFilter(dim_x=n, dim_z=1)
+    kalman.P *= 1e4
+    samples = cycle(zip(X[:, None, :], y, strict=True))
+
+    def update() -> None:
+        row, value = next(samples)
+        kalman.update(value, R=1.0, H=row)
+
+    return _median_us(update)
+
+
+def _padasip_us(X: Array, y: Array) -> float:
+    rls = padasip.filters.FilterRLS(X.shape[1], mu=0.999)
+    samples = cycle(zip(X, y, strict=True))
+
+    def update() -> None:
+        row, value = next(samples)
+        rls.adapt(value, row)
+
+    return _median_us(update)
+
+
+def _sysidentpy_us(X: Array, y: Array) -> float:
+    """Whole batches only: its time is divided by the number of samples."""
+    estimator = RecursiveLeastSquares(lam=0.999)
+    return _median_us(lambda: estimator.optimize(X, y[:, None]), number=1) / SAMPLES
+
+
+def _lstsq_us(X: Array, y: Array) -> float:
+    A, b = X[:WINDOW], y[:WINDOW]
+    return _median_us(lambda: np.linalg.lstsq(A, b, rcond=None))
+
+
+def _median_us(call: Callable[[], object], number: int = SAMPLES) -> float:
+    """Median over repeats of the time of one call, in microseconds."""
+    call()
+    times = timeit.repeat(call, number=number, repeat=9)
+    return statistics.median(times) / number * 1e6

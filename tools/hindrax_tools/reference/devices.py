@@ -1,0 +1,95 @@
+"""Page of the devices: from the table of sensors, the drivers and emulators, and their faults."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from importlib import import_module
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.driver_interface import Identity
+from hindrax_core.events import after
+from hindrax_core.sensor_table import SENSORS, Sensor
+from hindrax_core.topics import MEASURED
+from hindrax_core.vehicle import Output, Vehicle, load_vehicle
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.faults.fault_registry import FAULTS, FaultKind
+from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_tools.reference.knob_table import knob_table
+from hindrax_tools.reference.markdown import code, head, number, table
+
+ABOUT = """The devices the stack drives. Each is a driver and an emulator of the same name, golden cases from its
+data sheet, and a row in `hindrax_core/sensor_table.py`; [how to add one](../how-to/new-sensor.md). The identity is the
+one that the driver reports for the device of the mock vehicle. `--fault NAME:DEVICE@START+SECONDS` injects a fault.
+
+Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with these keys: `identity`, `rate [Hz]`,
+`age [s]` of the last reading, `rejects` and one `rejected: REASON` per reason, `troubles` and `last trouble`."""
+OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
+`output` in the vehicle file. Both report under `thrusters`."""
+LISTEN_S = 4.0
+
+
+def page() -> str:
+    """Return the page."""
+    vehicle = load_vehicle(default_vehicle())
+    who = identities(vehicle)
+    sensors = "".join(_sensor(one, who.get(one.name, "")) for one in SENSORS)
+    return f"{head('Devices', ABOUT)}{sensors}{_outputs()}{_faults()}"
+
+
+def identities(vehicle: Vehicle) -> dict[str, str]:
+    """Identities that the drivers read from the mock vehicle."""
+    rig = BytesRig(vehicle, seed=1)
+    end = after(rig.world.stamp, LISTEN_S)
+    while rig.world.stamp < end:
+        rig.advance()
+    return {name: said.text for name, said in rig.log if isinstance(said, Identity)}
+
+
+def _sensor(sensor: Sensor, identity: str) -> str:
+    row = DEVICES[sensor.name]
+    topics = [MEASURED[f"{sensor.name}/{quantity}"] for quantity in sensor.publishes]
+    facts = {
+        "wire": "serial line" if sensor.serial else "I2C",
+        "identity": code(identity),
+        "driver": _about(f"hindrax_drivers.devices.{sensor.name}"),
+        "emulator": _about(f"hindrax_sim.devices.{sensor.name}"),
+        "golden cases": code(f"test/golden/{sensor.name}/cases.yaml"),
+        "raw frames": code(f"raw/{sensor.name}"),
+        "faults": ", ".join(code(kind.name) for kind in FAULTS.values() if sensor.name in kind.devices),
+    }
+    published = table(
+        ("publishes", "type", "rate [Hz]", "meaning"),
+        [(code(one.name), code(one.type), number(one.rate_Hz), one.meaning) for one in topics],
+    )
+    return f"\n## {sensor.name}: {sensor.meaning}\n\n{_facts(facts)}\n{published}\nSettings:\n\n{knob_table(row.knobs)}"
+
+
+def _outputs() -> str:
+    rows = [
+        (code(name), _about(f"hindrax_drivers.devices.{name}"), _about(f"hindrax_sim.devices.{name}"))
+        for name in ("pca9685", "stm32")
+    ]
+    listed = table(("device", "driver", "emulator"), rows)
+    return (
+        f"\n## Outputs\n\n{OUTPUT}\n\n{listed}\nSettings, under `output` of the vehicle file:\n\n{knob_table(Output)}"
+    )
+
+
+def _faults() -> str:
+    def wire(kind: FaultKind) -> str:
+        where = {"serial": kind.make, "I2C": kind.on_bus, "world": kind.on_world}
+        return ", ".join(name for name, made in where.items() if made is not None)
+
+    rows = [(code(kind.name), wire(kind), ", ".join(kind.devices), kind.meaning) for kind in FAULTS.values()]
+    return f"\n## Faults\n\n{table(('name', 'kind', 'devices', 'what happens'), rows)}"
+
+
+def _facts(facts: Mapping[str, str]) -> str:
+    return "".join(f"- {name}: {value}\n" for name, value in facts.items())
+
+
+def _about(module: str) -> str:
+    """First sentence of a module's text, and its file."""
+    text = inspect.getdoc(import_module(module)) or ""
+    return f"{' '.join(text.partition(chr(10) * 2)[0].split())} ({code(module.replace('.', '/') + '.py')})"

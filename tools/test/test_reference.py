@@ -1,0 +1,136 @@
+"""The reference says what the code does, and every command explains itself with an example that it takes."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import re
+import shlex
+import shutil
+from dataclasses import is_dataclass
+from importlib import import_module
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from hindrax_bringup.clone import clone_root
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli import command_line
+from hindrax_cli.command_line import main
+from hindrax_core.sensor_table import SENSORS
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_tools import reference
+from hindrax_tools.reference.commands import words_of
+from hindrax_tools.reference.devices import identities
+from hindrax_tools.reference.knob_table import rows
+from hindrax_tools.reference.parameters import NODES
+
+PAGES = clone_root() / "docs" / "reference"
+
+
+def test_the_pages_are_up_to_date():
+    stale = reference.stale(PAGES)
+    assert not stale, f"stale: {', '.join(stale)}; run `{reference.COMMAND}` and commit what it writes"
+
+
+def test_a_stale_page_is_named_with_the_command_that_writes_it(tmp_path, capsys):
+    assert main(["reference", "--write", "--out", str(tmp_path)]) == 0
+    assert main(["reference", "--check", "--out", str(tmp_path)]) == 0
+    (tmp_path / "topics.md").write_text("something else", encoding="utf-8")
+    capsys.readouterr()
+    assert main(["reference", "--out", str(tmp_path)]) == 1
+    assert "stale are topics.md; `./hindrax reference --write` writes them" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", [Vehicle, *(kind for kinds in NODES.values() for kind in kinds)])
+def test_every_setting_says_what_it_means(kind):
+    for name, *_, meaning in rows(kind):
+        assert meaning, f"{kind.__name__}.{name} has no meaning: declare it with knob(..., meaning=...)"
+
+
+def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page():
+    wanted = {kind for kinds in NODES.values() for kind in kinds}
+    for file in (clone_root() / "src").glob("hindrax_*/hindrax_*/nodes/*.py"):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        homes = {
+            alias.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
+        }
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "knobs":
+                kind = call.args[1]
+                if isinstance(kind, ast.Name):
+                    found = getattr(import_module(homes[kind.id]), kind.id)
+                    assert is_dataclass(found)
+                    assert found in wanted, f"{file}: declares {kind.id}, which reference/parameters.py does not list"
+
+
+def test_every_sensor_of_the_vehicle_says_who_it_is():
+    found = identities(load_vehicle(default_vehicle()))
+    assert set(found) >= {sensor.name for sensor in SENSORS}
+
+
+def parsers() -> list[argparse.ArgumentParser]:
+    made = [command_line.parser_of(command_line.load(name)) for name in command_line.module_names()]
+    return made + [word for one in made for word in words_of(one)]
+
+
+@pytest.mark.parametrize("parser", parsers(), ids=lambda one: one.prog)
+def test_help_shows_an_example_that_the_command_takes(parser):
+    text = parser.format_help()
+    assert "example:\n" in text
+    examples = re.findall(r"^ +\S*hindrax .*", text.partition("example:\n")[2], re.MULTILINE)
+    assert examples
+    for example in examples:
+        first = re.split(r"\|\||&&|  +\(", example.replace("sudo ", ""))[0]
+        words = shlex.split(first, comments=True)
+        assert words[0] == "./hindrax"
+        command = command_line.load(words[1].replace("-", "_"))
+        assert command_line.parser_of(command).parse_args(words[2:]) is not None
+
+
+@pytest.mark.parametrize("parser", parsers(), ids=lambda one: one.prog)
+def test_every_option_says_what_it_does(parser):
+    for action in parser._actions:
+        if not isinstance(action, argparse._SubParsersAction):
+            assert action.help, f"{parser.prog} {action.dest}: has no help"
+
+
+def test_the_overview_lists_every_command(capsys):
+    assert main(["--help"]) == 0
+    said = capsys.readouterr().out
+    for name in command_line.module_names():
+        assert re.search(rf"^  {name.replace('_', '-')} +\w", said, re.MULTILINE)
+
+
+def test_every_page_is_linked_from_the_overview_of_the_documentation():
+    overview = (PAGES.parent / "README.md").read_text(encoding="utf-8")
+    for name in reference.PAGES:
+        assert Path("reference", name).as_posix() in overview
+
+
+def test_the_figures_are_drawn_from_what_lies_beside_them(tmp_path):
+    figures = PAGES.parent / "explanation" / "figures"
+    shutil.copy(figures / "flights.json", tmp_path)
+    page = (PAGES.parent / "explanation" / "identification.md").read_text(encoding="utf-8")
+    assert main(["reference", "--figures", "--out", str(tmp_path)]) == 0
+    drawn = sorted(tmp_path.glob("*.svg"))
+    assert [file.name for file in drawn] == sorted(file.name for file in figures.glob("*.svg"))
+    for file in drawn:
+        ET.fromstring(file.read_text(encoding="utf-8"))
+        assert (figures / file.name).stat().st_size < 60_000
+        assert f"figures/{file.name}" in page
+
+
+def test_the_flights_behind_the_figures_say_what_the_page_says():
+    """With a curve that promises too little all runs are off by more than noise, none by more than calibration."""
+    flights = json.loads((PAGES.parent / "explanation" / "figures" / "flights.json").read_text(encoding="utf-8"))
+    drag = load_vehicle(default_vehicle()).hydrodynamics
+    assert drag is not None
+    good = [one["found"]["k_q"] for one in flights if one["thrust_gain"] == 1.0]
+    poor = [one["found"]["k_q"] for one in flights if one["thrust_gain"] != 1.0]
+    assert len(good) == len(poor) == 8
+    assert sum(abs(value - drag.surge.k_q) < 1.96 * std for value, std, _ in good) >= 7
+    assert not any(abs(value - drag.surge.k_q) < 1.96 * std for value, std, _ in poor)
+    assert all(abs(value - drag.surge.k_q) < 1.96 * calibrated for value, _, calibrated in poor)
