@@ -54,6 +54,12 @@ def graph(node) -> dict[str, dict[str, list[str]]]:
     return found
 
 
+def seen_by_vehicle(operator) -> bool:
+    """A heartbeat takes up to half a second: who leaves before was never back."""
+    link = operator.diagnostics.get("hindrax: link")
+    return link is not None and link.message.startswith("the operator is there")
+
+
 def main() -> None:
     with joined(None, sim_time=True) as operator:
         from hindrax_operator.nodes.orders import hold
@@ -67,6 +73,7 @@ def main() -> None:
         heard = Heard(operator)
         operator.wait(lambda: heard.silent_s() > SILENT_S, PATIENT_S, lambda: "the cut")
         tell("cut")
+        operator.diagnostics.clear()
         begin = time.monotonic()
         operator.wait(lambda: heard.silent_s() < SILENT_S, PATIENT_S, lambda: "the vehicle to come back")
         tell("back", cut_s=time.monotonic() - begin + SILENT_S)
@@ -76,6 +83,7 @@ def main() -> None:
         tell("found", armed=operator.thrusters.armed, held=held, depth_m=operator.navigation.reading.depth_m)
         # Its result was told into the cut and is lost: what flies is seen in the topic alone.
         operator.wait(lambda: not operator.flying, PATIENT_S, lambda: "the end of the maneuver")
+        operator.wait(lambda: seen_by_vehicle(operator), PATIENT_S, lambda: "the vehicle to hear its operator again")
         operator.arm(arm=False)
         tell("disarmed")
 
