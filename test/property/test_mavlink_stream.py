@@ -10,7 +10,8 @@ from pymavlink.dialects.v20 import common
 from pymavlink.generator.mavcrc import x25crc
 
 from hindrax_core.events import Stamp
-from hindrax_drivers.devices.mavlink import (
+from hindrax_drivers.devices.stm32 import Stm32
+from hindrax_drivers.protocols.mavlink import (
     BatteryStatus,
     ChannelsOverride,
     CommandAck,
@@ -22,7 +23,6 @@ from hindrax_drivers.devices.mavlink import (
     StatusText,
     encode,
 )
-from hindrax_drivers.devices.stm32 import Stm32
 from hindrax_sim.firmware.controller import Controller
 from hindrax_sim.firmware.mavlink import HEARD
 

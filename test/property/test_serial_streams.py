@@ -16,10 +16,10 @@ from property.flood import FRAMES, chunked, flood, mutate
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, EchoProfile
 from hindrax_core.testing import chunks
-from hindrax_drivers.devices import ping_protocol as protocol
 from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
 from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
-from hindrax_drivers.devices.ping_protocol import encode
+from hindrax_drivers.protocols import ping_protocol as protocol
+from hindrax_drivers.protocols.ping_protocol import encode
 
 SENTENCE_MARKS = (b"$", b"\n", b"*", b",", b"\x00")
 FRAME_MARKS = (b"B", b"BR", b"R", b"\x00")

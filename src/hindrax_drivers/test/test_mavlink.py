@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.testing import chunks
-from hindrax_drivers.devices.mavlink import CommandAck, Decoder, Frame, Heartbeat, Message, ServoOutput, encode
+from hindrax_drivers.protocols.mavlink import CommandAck, Decoder, Frame, Heartbeat, Message, ServoOutput, encode
 
 NOW = Stamp(7)
 MESSAGES = st.sampled_from([Heartbeat(12, 0, 128, 4), CommandAck(400, 1), ServoOutput(9, (1500,) * 16)])

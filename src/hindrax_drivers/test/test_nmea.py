@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_core.testing import chunks
-from hindrax_drivers.devices.nmea import (
+from hindrax_drivers.protocols.nmea import (
     MAX_LINE,
     LineSplitter,
     SentenceError,

@@ -9,10 +9,10 @@ import pytest
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import DeviceText, Echo, EchoProfile
-from hindrax_drivers.devices import ping_protocol as protocol
 from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs
 from hindrax_drivers.devices.ping1d_settings import device_settings
-from hindrax_drivers.devices.ping_protocol import encode, request
+from hindrax_drivers.protocols import ping_protocol as protocol
+from hindrax_drivers.protocols.ping_protocol import encode, request
 
 INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
 START, LENGTH = 100, 4900

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_core.testing import chunks
-from hindrax_drivers.devices import ping_protocol as protocol
-from hindrax_drivers.devices.ping_protocol import Frame, FrameSplitter, Refused, encode
+from hindrax_drivers.protocols import ping_protocol as protocol
+from hindrax_drivers.protocols.ping_protocol import Frame, FrameSplitter, Refused, encode
 
 SIMPLE = encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1234, 95))
 PART = st.sampled_from(

@@ -8,7 +8,8 @@ import pytest
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
-from hindrax_drivers.devices.mavlink import (
+from hindrax_drivers.devices.stm32 import Stm32
+from hindrax_drivers.protocols.mavlink import (
     BatteryStatus,
     ChannelsOverride,
     CommandAck,
@@ -21,7 +22,6 @@ from hindrax_drivers.devices.mavlink import (
     StatusText,
     encode,
 )
-from hindrax_drivers.devices.stm32 import Stm32
 
 CHANNELS = (*range(8), 8, 9)
 REST = (1500.0,) * 8 + (1100.0,) * 2

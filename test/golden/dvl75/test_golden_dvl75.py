@@ -14,7 +14,7 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_drivers.devices.nmea import checksum
+from hindrax_drivers.protocols.nmea import checksum
 
 CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))
 

@@ -11,8 +11,8 @@ import yaml
 from hindrax_core.driver_interface import Identity, Send
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Echo, EchoProfile
-from hindrax_drivers.devices import ping_protocol as protocol
 from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+from hindrax_drivers.protocols import ping_protocol as protocol
 
 CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))
 FRAMES = {case["name"]: bytes.fromhex(case["frame"]) for case in CASES["host"] + CASES["device"]}

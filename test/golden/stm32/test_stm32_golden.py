@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from hindrax_core.events import Stamp
-from hindrax_drivers.devices.mavlink import (
+from hindrax_drivers.protocols.mavlink import (
     BatteryStatus,
     ChannelsOverride,
     CommandAck,

@@ -20,11 +20,11 @@ from collections.abc import Callable, Iterable, Mapping
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
-from hindrax_drivers.devices import dvl75_protocol as protocol
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, setup_commands, wanted_settings
-from hindrax_drivers.devices.nmea import MAX_LINE, LineSplitter, SentenceError, require_numbers, split_verified
-from hindrax_drivers.devices.silence_monitor import SilenceMonitor
 from hindrax_drivers.driver import Driver, in_water
+from hindrax_drivers.protocols import dvl75_protocol as protocol
+from hindrax_drivers.protocols.nmea import MAX_LINE, LineSplitter, SentenceError, require_numbers, split_verified
+from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
 
 __all__ = ["Dvl75", "Dvl75Knobs", "setup_commands"]

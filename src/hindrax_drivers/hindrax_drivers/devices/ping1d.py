@@ -19,11 +19,11 @@ from collections.abc import Callable
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import DeviceText, Echo, EchoProfile
-from hindrax_drivers.devices import ping_protocol as protocol
 from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
-from hindrax_drivers.devices.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
-from hindrax_drivers.devices.silence_monitor import SilenceMonitor
 from hindrax_drivers.driver import Driver, in_water
+from hindrax_drivers.protocols import ping_protocol as protocol
+from hindrax_drivers.protocols.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
+from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
 __all__ = ["HELLO", "DeviceSetting", "Ping1d", "Ping1dKnobs", "device_settings"]
 

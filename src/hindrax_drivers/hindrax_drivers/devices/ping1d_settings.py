@@ -6,8 +6,8 @@ import struct
 from dataclasses import dataclass
 
 from hindrax_core.knobs import knob
-from hindrax_drivers.devices import ping_protocol as protocol
-from hindrax_drivers.devices.ping_protocol import Frame
+from hindrax_drivers.protocols import ping_protocol as protocol
+from hindrax_drivers.protocols.ping_protocol import Frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.mavlink import (
+from hindrax_drivers.protocols.mavlink import (
     ARM_DISARM,
     UNKNOWN,
     BatteryStatus,
@@ -30,7 +30,7 @@ from hindrax_drivers.devices.mavlink import (
     StatusText,
     encode,
 )
-from hindrax_drivers.devices.silence_monitor import SilenceMonitor
+from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
 SEVERITY_WARNING = 4

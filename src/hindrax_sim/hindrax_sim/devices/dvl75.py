@@ -16,8 +16,8 @@ import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Vec3
 from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval, configuration, delta, extended
-from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.emulator import Emulator
+from hindrax_sim.serial_emulator import BaudRateLine
 from hindrax_sim.world import Mounting, World
 
 __all__ = ["Dvl75", "DvlSettings", "DvlTruth"]

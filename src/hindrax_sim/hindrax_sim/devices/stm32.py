@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.firmware.controller import Controller
+from hindrax_sim.serial_emulator import BaudRateLine
 
 BAUD = 115200
 PINS = 16

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from hindrax_core.readings import Beam, BottomTrack, Vec3
-from hindrax_drivers.devices.nmea import SentenceError, integer, number, numbers
+from hindrax_drivers.protocols.nmea import SentenceError, integer, number, numbers
 
 Delta: TypeAlias = tuple[int, int, Vec3, int]
 """Device time [us], interval [us], change of position in it [m], confidence [%]."""
