@@ -6,11 +6,14 @@ import dataclasses
 import json
 import os
 import signal
+from collections.abc import Callable
 from itertools import takewhile
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.metadata import Channel
@@ -24,11 +27,12 @@ from hindrax_cli import command_line
 from hindrax_cli.commands.data import replay as command
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
+from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import icm20948_registers, ms5837
 from hindrax_drivers.nodes import reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
@@ -37,6 +41,7 @@ from hindrax_ros.serialization import serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
+ESTIMATES = SURGE.with_name("surge_estimates")
 RAW = {resolved(topic) for topic in RAW_FRAMES}
 
 
@@ -215,6 +220,35 @@ def test_two_replays_give_the_same_to_the_last_bit_and_a_reference_keeps_it(shor
 def test_update_belongs_to_the_reference_bags_only(short):
     assert command_line.main(["replay", str(short), "--update-refs"]) == 2
     assert command.references().is_dir()
+
+
+@pytest.mark.parametrize("late", [0, 3])
+def test_estimates_that_lack_late_measurements_are_explained_in_one_line(tmp_path, monkeypatch, capsys, late) -> None:
+    """The live identifier says in /diagnostics how many measurements came too late for it; no bag can repeat that."""
+    copy = BagWriter(tmp_path / "late", limits=BagLimits(keep_free_MB=0.0))
+    copy.open()
+    for name, data in attachments(ESTIMATES).items():
+        copy.attach(name, "application/yaml", data, 0)
+    for one in messages(ESTIMATES):
+        copy.write(Channel(one.topic, one.type), one.data, one.received, one.sent)
+    status = DiagnosticStatus(name="hindrax: identifier", values=[KeyValue(key=DROPPED, value=str(late))])
+    report = serialized(DiagnosticArray(status=[status]))
+    copy.write(Channel(resolved(DIAGNOSTICS), DIAGNOSTICS.type), report, one.received, one.sent)
+    copy.close()
+    monkeypatch.setattr(state_stage, "estimate_to_msg", _surer(state_stage.estimate_to_msg))
+    assert command_line.main(["replay", str(copy.folder)]) == (0 if late else 1)
+    said = capsys.readouterr().out
+    assert ("fields differ, for 3 measurements came too late" in said) is bool(late)
+    assert ("worst: recorded" in said) is not bool(late)
+
+
+def _surer(real: Callable[..., Any]) -> Callable[..., Any]:
+    def message(estimate: Any) -> Any:
+        made = real(estimate)
+        made.samples += 1
+        return made
+
+    return message
 
 
 def test_rules_name_ignored_fields_and_tolerances():

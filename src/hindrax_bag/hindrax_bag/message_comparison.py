@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import math
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -145,6 +146,7 @@ class ComparisonReport:
         self.fields_compared = 0
         self.messages: dict[str, int] = {}
         self._differences: dict[tuple[str, str], Difference] = {}
+        self._explained: dict[str, str] = {}
         self._sizes: dict[str, int] = {}
         self._padding = Padding()
         self._tolerances: dict[str, dict[str, Tolerance | None]] = {}
@@ -188,11 +190,21 @@ class ComparisonReport:
         """Record a message without a counterpart."""
         self._differ(topic, f"{MISSING} {said}", stamp, recorded, replayed)
 
+    def explain(self, topic: str, why: str) -> None:
+        """Give the cause that the record itself names for the differences of a topic; they no longer count as such."""
+        self._explained[topic] = why
+
+    def explanations(self) -> list[str]:
+        """One sentence for each topic whose differences are explained."""
+        counts = Counter(topic for topic, _ in self._differences if topic in self._explained)
+        return [f"{topic}: {count} fields differ, for {self._explained[topic]}" for topic, count in counts.items()]
+
     def add(self, other: ComparisonReport) -> None:
         """Add the counts of another report, of other topics."""
         self.fields_compared += other.fields_compared
         self.messages |= other.messages
         self._differences |= other._differences
+        self._explained |= other._explained
 
     def differences(self) -> list[Difference]:
         """Differences beyond the tolerances, the earliest first."""
@@ -200,6 +212,8 @@ class ComparisonReport:
         return sorted(kept, key=lambda one: (one.first, one.topic, one.field))
 
     def _forgiven(self, topic: str, name: str) -> bool:
+        if topic in self._explained:
+            return True
         if not name.startswith(MISSING):
             return False
         allowed = self.rules.of(topic).unmatched * self.messages.get(topic, 0)

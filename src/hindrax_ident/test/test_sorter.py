@@ -15,8 +15,8 @@ def thrust(t):
     return Stamped(stamp_from_s(t), Thrust(SIX))
 
 
-def play(events, wait_s=0.25):
-    sorter = StampSorter(wait_s)
+def play(events, wait_s=0.25, lag_s=0.0):
+    sorter = StampSorter(wait_s, lag_s)
     out = [one for event in events for one in sorter.push(event)]
     return [*out, *sorter.flush()], sorter.dropped
 
@@ -44,3 +44,21 @@ def test_what_comes_too_late_is_counted_and_left_out():
     out, late = play([thrust(0.0), thrust(1.0), thrust(2.0), thrust(0.5)])
     assert [event.stamp for event in out] == [0, 10**9, 2 * 10**9]
     assert late == 1
+
+
+def velocity(t: float) -> Stamped[Velocity]:
+    return Stamped(stamp_from_s(t), Velocity(SIX, SIX, "dvl"))
+
+
+def test_a_kind_that_lags_behind_on_a_busy_machine_is_waited_for() -> None:
+    forces, velocities = [thrust(0.1 * k) for k in range(60)], [velocity(0.1 * k) for k in range(60)]
+    together = [one for pair in zip(forces, velocities, strict=True) for one in pair]
+    lagging = [*together[:20], *forces[10:50], *velocities[10:50], *together[100:]]
+    assert play(lagging, lag_s=5.0) == (together, 0)
+    assert play(lagging)[1] > 0
+
+
+def test_a_kind_that_is_silent_does_not_stop_the_others() -> None:
+    sorter: StampSorter[Thrust | Velocity] = StampSorter(0.25, lag_s=5.0)
+    out = [one for event in (velocity(0.0), *(thrust(0.1 * k) for k in range(1, 100))) for one in sorter.push(event)]
+    assert out[-1].stamp >= stamp_from_s(9.6)

@@ -49,7 +49,12 @@ class Replayed:
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
         differences = [one.document(self.begin) for one in self.ledger.differences()]
-        return {"bag": str(self.bag), "fields_compared": self.ledger.fields_compared, "differences": differences}
+        return {
+            "bag": str(self.bag),
+            "fields_compared": self.ledger.fields_compared,
+            "differences": differences,
+            "explained": self.ledger.explanations(),
+        }
 
 
 def replay(

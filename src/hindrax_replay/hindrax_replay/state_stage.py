@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
@@ -13,12 +13,12 @@ from hindrax_bag.read.header_stamp import stamp_of
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.nodes.navigator_node import SOURCES
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.signals import Estimate, Navigation, Thrust
-from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, ODOMETRY, resolved
+from hindrax_core.signals import Estimate, IdentEvent, Navigation, Thrust
+from hindrax_core.topics import ALLOCATION, DIAGNOSTICS, ESTIMATE, NAVIGATION, ODOMETRY, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.nodes import measurement_messages
 from hindrax_ident.online.session import Session
-from hindrax_ident.records.feed import Feed, Measurement
+from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_ros.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
@@ -45,7 +45,8 @@ STATES: dict[str, Callable[[Stamped[Navigation]], Any]] = {
     NAVIGATION_NAME: navigation_to_msg,
     resolved(ODOMETRY): odometry_to_msg,
 }
-INPUTS = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME}
+DIAGNOSTICS_NAME = resolved(DIAGNOSTICS)
+INPUTS = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME, DIAGNOSTICS_NAME}
 """Input topics of this stage."""
 OBJECTS = INPUTS - READERS.keys() - BYTES_LISTENERS.keys() - STATES.keys()
 """Inputs that are decoded to messages; the others are read from their bytes."""
@@ -65,6 +66,8 @@ class StateStage:
         self._states = {topic: deque[Stamped[Navigation]](maxlen=LATEST) for topic in STATES}
         self._estimates: dict[str, list[Stamped[Estimate]]] = {}
         self._recorded_estimates: list[tuple[str, Stamp, BagMessage]] = []
+        self._dropped = 0
+        """Measurements that came too late for the identifier of that day."""
         self._next_sample: dict[str, int] = {}
         self._next_state: dict[str, int] = {}
 
@@ -85,6 +88,9 @@ class StateStage:
             self._check_state(message)
         elif topic == ESTIMATE_NAME:
             self._recorded_estimates.append((decoded.motion, stamp_from_msg(decoded.header.stamp), message))
+        elif topic == DIAGNOSTICS_NAME:
+            counts = (pair.value for status in decoded.status for pair in status.values if pair.key == DROPPED)
+            self._dropped = max(self._dropped, *map(int, counts), 0)
         # The identification gets the recorded navigation: its result must equal that of the day.
         if decoded is None and topic in BYTES_LISTENERS:
             self._identify(BYTES_LISTENERS[topic](data))
@@ -93,6 +99,7 @@ class StateStage:
 
     def finish(self) -> None:
         """Compare the estimates that were published."""
+        self._learn(self._feed.flush())
         for motion, estimates in self._estimates.items():
             for one in estimates:
                 if self._sample_due(f"{ESTIMATE_NAME} {motion}", one.stamp):
@@ -100,6 +107,9 @@ class StateStage:
                     self._samples.setdefault(ESTIMATE_NAME, {})[f"{one.stamp} {motion}"] = values
         for motion, stamp, message in self._recorded_estimates:
             self._check_estimate(motion, stamp, message)
+        if self._dropped > self._feed.dropped:
+            why = f"{self._dropped} measurements came too late for the live identifier on a busy machine"
+            self._ledger.explain(ESTIMATE_NAME, f"{why}; `identify` uses them")
 
     def _check_estimate(self, motion: str, stamp: Stamp, message: BagMessage) -> None:
         made = self._estimates.get(motion, [])
@@ -140,7 +150,10 @@ class StateStage:
     def _identify(self, measurement: Stamped[Measurement]) -> None:
         if isinstance(measurement.reading, Thrust):
             self._navigator.thrust(measurement.stamp, measurement.reading.forces_N)
-        for event in self._feed.step(measurement):
+        self._learn(self._feed.step(measurement))
+
+    def _learn(self, events: Iterable[Stamped[IdentEvent]]) -> None:
+        for event in events:
             for estimate in self._session.step(event):
                 self._estimates.setdefault(estimate.reading.motion, []).append(estimate)
 

@@ -15,7 +15,7 @@ from hindrax_core.topics import ESTIMATE
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.nodes.measurement_messages import AS_BYTES, LISTENERS, Listen
 from hindrax_ident.online.session import Session
-from hindrax_ident.records.feed import Feed
+from hindrax_ident.records.feed import DROPPED, Feed
 from hindrax_ident.tuning import Tuning
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import estimate_to_msg
@@ -59,7 +59,7 @@ class Identifier(BatchedNode):
         last = self._last
         summary = "waiting for a maneuver" if last is None else f"{last.motion}: {last.samples} samples"
         reason = f"holding: {last.reason}" if last is not None and not last.learning else "learning"
-        values = {"state": reason, "late events dropped": str(self._feed.dropped)}
+        values = {"state": reason, DROPPED: str(self._feed.dropped)}
         now = Stamp(self.get_clock().now().nanoseconds)
         self._reporter.publish(now, status("hindrax: identifier", DiagnosticStatus.OK, summary, values))
 

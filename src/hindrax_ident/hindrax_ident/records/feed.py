@@ -32,6 +32,8 @@ SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
 
 Measurement: TypeAlias = BottomVelocity | Pressure | Navigation | IdentEvent
 """A measurement, or an event that needs no conversion."""
+DROPPED = "late events dropped"
+"""Name in /diagnostics of the number of measurements that came too late to be used."""
 VELOCITIES = (BottomVelocity, Navigation, Velocity)
 """Measurements to which `velocity_latency_s` applies."""
 
@@ -45,7 +47,7 @@ class Feed:
         """`dvl` and `depth`: names of their sensors in the vehicle file."""
         tuning = tuning or Tuning()
         self._latency_s = tuning.velocity_latency_s
-        self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s))
+        self._sorter: StampSorter[Measurement] = StampSorter(tuning.reorder_s + abs(self._latency_s), tuning.lagging_s)
         mount = vehicle.sensors.get(dvl, Mount(dvl))
         roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
         self._rotation = matrix((roll, pitch, yaw))

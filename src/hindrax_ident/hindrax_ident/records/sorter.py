@@ -1,7 +1,8 @@
 """Sorting of measurements by stamp, independent of the order of arrival.
 
 Topics arrive in different orders live and from a bag; estimates must not depend on it. Each measurement and each event
-waits a short time for others with an earlier stamp; later arrivals are dropped and counted.
+waits a short time for others with an earlier stamp, and longer for those of a kind that lags behind on a busy machine;
+later arrivals are dropped and counted.
 """
 
 from __future__ import annotations
@@ -25,15 +26,16 @@ EARLIEST = Stamp(-(2**62))
 class StampSorter(Generic[ReadingT]):
     """A heap of waiting measurements."""
 
-    __slots__ = ("_count", "_heap", "_newest", "_released", "dropped", "wait_s")
+    __slots__ = ("_count", "_heap", "_newest", "_newest_of", "_released", "dropped", "lag_s", "wait_s")
 
-    def __init__(self, wait_s: float) -> None:
-        """`wait_s`: largest delay against measurements with neighboring stamps."""
-        self.wait_s = wait_s
+    def __init__(self, wait_s: float, lag_s: float = 0.0) -> None:
+        """`wait_s`: largest delay against measurements with neighboring stamps; `lag_s`: longest wait for a kind."""
+        self.wait_s, self.lag_s = wait_s, lag_s
         self.dropped = 0
         self._heap: list[tuple[Stamp, int, str, int, Stamped[ReadingT]]] = []
         self._count = 0
         self._newest = self._released = EARLIEST
+        self._newest_of: dict[tuple[int, str], Stamp] = {}
 
     def push(self, one: Stamped[ReadingT]) -> Iterator[Stamped[ReadingT]]:
         """Add one measurement, or drop and count it if too late; yield all that have waited long enough."""
@@ -41,11 +43,15 @@ class StampSorter(Generic[ReadingT]):
         if stamp < self._released:
             self.dropped += 1
             return
-        source = reading.source if isinstance(reading, Velocity) else ""
+        kind = (RANKS[type(reading)], reading.source if isinstance(reading, Velocity) else "")
         self._count += 1
-        heapq.heappush(self._heap, (stamp, RANKS[type(reading)], source, self._count, one))
+        heapq.heappush(self._heap, (stamp, *kind, self._count, one))
         self._newest = max(self._newest, stamp)
-        yield from self._until(after(self._newest, -self.wait_s))
+        self._newest_of[kind] = max(self._newest_of.get(kind, stamp), stamp)
+        # A kind that is silent for longer than that has nothing to say: a lost sensor must not stop the others.
+        silent = after(self._newest, -self.lag_s)
+        slowest = min((newest for newest in self._newest_of.values() if newest > silent), default=self._newest)
+        yield from self._until(min(slowest, after(self._newest, -self.wait_s)))
 
     def flush(self) -> Iterator[Stamped[ReadingT]]:
         """Yield all waiting measurements."""

@@ -113,6 +113,8 @@ def _show(done: list[Replayed], factor: float) -> None:
         found = one.ledger.differences()
         verdict = f"{len(found)} fields differ" if found else "no difference"
         print(f"{one.bag}: {one.ledger.fields_compared} fields compared, {verdict}")
+        for sentence in one.ledger.explanations():
+            print(f"  {sentence}")
         for difference in found[:SHOWN]:
             print(f"  {difference.sentence(one.begin)}")
         if len(found) > SHOWN:
