@@ -3,40 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
 from hindrax_core.readings import Quaternion, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_sim.conditions.world_table import realize
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import LONGEST_STEP_S, Plant
 from hindrax_sim.physics.pool import PoolWalls
 from hindrax_sim.physics.quaternion import euler, quaternion, rotate
+from hindrax_sim.physics.steady_thrust import thruster_A
 
 GUST_PERIOD_S = 0.1
-AMPERE = 0.13
-"""Current [A] of a thruster per newton to the power 1.5: power goes with thrust to that power (momentum theory)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
     """Conditions that vary between days at the pool; all random values come from the seed of the world."""
 
-    current_mps: Vec3 = (0.0, 0.0, 0.0)
-    """Velocity of the water in pool axes."""
     thrust_noise: float = 0.02
     """Standard deviation of each thruster's force, as a share of it, drawn ten times a second."""
-    thrust_gain: float = 1.0
-    """True thrust over the thrust of the vehicle file's curve: a calibration error."""
-    supply_ohm: float = 0.0
-    """Resistance between battery and ESCs: thrust sags with load."""
     heading_rad: float = 0.0
     """Compass heading of the pool's length."""
     field_T: Vec3 = (17.5e-6, 0.0, -13.8e-6)
     """Magnetic field: north, east, down (Sao Paulo, to the nearest half microtesla)."""
     motor_field_T_per_A: float = 0.4e-6
     """Field of a thruster's current at the magnetometer, in a direction of its own."""
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    """What the model does not know: conditions of `conditions.world_table` by name, each with its size."""
 
     @property
     def thrust_density_s(self) -> float:
@@ -67,9 +63,11 @@ class World:
     """Vehicle, pool and time. `advance` brings it to a stamp exactly, so all truths of one stamp belong together."""
 
     def __init__(self, vehicle: Vehicle, seed: int = 0, conditions: Conditions | None = None) -> None:
-        self.vehicle = vehicle
         self.conditions = conditions or Conditions()
-        self.plant = Plant(vehicle)
+        self.truth = realize(vehicle, self.conditions.sizes, seed)
+        self.vehicle = vehicle = self.truth.vehicle
+        """The true vehicle, which the vehicle file does not know."""
+        self.plant = Plant(vehicle, self.truth.influences, self.truth.thrust_losses)
         self.box = PoolWalls(vehicle)
         self.stamp = Stamp(0)
         self.dvl_silenced = False
@@ -80,7 +78,6 @@ class World:
         self._next_gust = Stamp(0)
         self._disturb()
         self.float_at_the_surface()
-        self.plant.current_mps = self.conditions.current_mps
 
     def float_at_the_surface(self) -> None:
         """Start pose: afloat in the middle of the pool, level, heading along its length."""
@@ -112,12 +109,9 @@ class World:
 
     def _disturb(self) -> None:
         self._next_gust = Stamp(self._next_gust + stamp_from_s(GUST_PERIOD_S))
-        noise, gain = self.conditions.thrust_noise, self.conditions.thrust_gain
-        normal = self._draws.normal
-        gains = [self._failed.get(one.name, gain) * (1.0 + noise * normal()) for one in self.vehicle.thrusters]
+        noise, normal = self.conditions.thrust_noise, self._draws.normal
+        gains = [self._failed.get(one.name, 1.0) * (1.0 + noise * normal()) for one in self.vehicle.thrusters]
         self.plant.scale_thrusters(gains)
-        if self.conditions.supply_ohm:
-            self.plant.supply_V = self.vehicle.supply_V - self.conditions.supply_ohm * self.supply_A
 
     def drive(self, pulses_us: Sequence[float]) -> None:
         """Apply one pulse per thruster until the next call."""
@@ -131,7 +125,7 @@ class World:
         if name not in known:
             raise ValueError(f"thruster {name!r}: unknown, wanted one of {', '.join(known)}")
         self._failed[name] = gain
-        self.plant.scale_thrusters([self._failed.get(one, self.conditions.thrust_gain) for one in known])
+        self.plant.scale_thrusters([self._failed.get(one, 1.0) for one in known])
 
     # ---- the truth at a mount
 
@@ -163,11 +157,6 @@ class World:
     def altitude_m(self) -> float:
         """Height of the body origin above the floor."""
         return self.vehicle.pool.depth_m - self.depth_m
-
-    @property
-    def supply_A(self) -> float:
-        """Current that all thrusters draw."""
-        return sum(_ampere(force) for force in self.plant.targets_N)
 
     def point_m(self, lever_m: Vec3) -> Vec3:
         """Position of a point of the vehicle in the pool [m]."""
@@ -203,7 +192,7 @@ class World:
         field = rotate((w, -x, -y, -z), (cos * north + sin * east, cos * east - sin * north, down))
         bx, by, bz = field
         for force, (mx, my, mz) in zip(self.plant.targets_N, self._motor_fields, strict=True):
-            strength = conditions.motor_field_T_per_A * _ampere(force)
+            strength = conditions.motor_field_T_per_A * thruster_A(force)
             bx, by, bz = bx + strength * mx, by + strength * my, bz + strength * mz
         return at.into_sensor((bx, by, bz))
 
@@ -220,11 +209,17 @@ class World:
         return at.into_sensor((u + q * lz - r * ly, v + r * lx - p * lz, w + p * ly - q * lx))
 
     def travel(self, at: Mounting) -> tuple[Vec3, Vec3]:
-        """Angle turned [rad] and ground covered [m] since the start, in the sensor's axes, summed step by step."""
+        """Angle turned [rad] and ground covered [m] since the start, in the sensor's axes, summed step by step.
+
+        As a velocity sensor takes them: with its errors.
+        """
         plant = self.plant
-        ax, ay, az = plant.ax, plant.ay, plant.az
+        travel = (plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz)
+        for error in self.truth.travel_errors:
+            travel = error(travel)
+        (ax, ay, az), (sx, sy, sz) = travel
         lx, ly, lz = at.lever_m
-        ground = (plant.sx + ay * lz - az * ly, plant.sy + az * lx - ax * lz, plant.sz + ax * ly - ay * lx)
+        ground = (sx + ay * lz - az * ly, sy + az * lx - ax * lz, sz + ax * ly - ay * lx)
         return at.into_sensor((ax, ay, az)), at.into_sensor(ground)
 
     def height_m(self, at: Mounting) -> float:
@@ -248,7 +243,3 @@ class World:
         x, y, z = self._draws.three(1.0)
         norm = math.sqrt(x * x + y * y + z * z) or 1.0
         return (x / norm, y / norm, z / norm)
-
-
-def _ampere(force_N: float) -> float:
-    return AMPERE * math.pow(abs(force_N), 1.5)

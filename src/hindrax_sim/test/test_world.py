@@ -91,7 +91,8 @@ def test_at_rest_the_specific_force_points_up_with_one_g():
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(angle, angle, angle), st.tuples(angle, angle, angle, angle, angle, angle))
 def test_inertial_truth_is_the_second_derivative_of_where_the_sensor_is(attitude, nu):
-    world = under_water(World(VEHICLE, conditions=replace(CALM, current_mps=(0.1, 0.05, 0.0))), attitude, nu)
+    world = under_water(World(VEHICLE, conditions=CALM), attitude, nu)
+    world.plant.current_mps = (0.1, 0.05, 0.0)
     at = world.mounting(mount(position_m=(0.2, -0.1, 0.15), rotation_deg=(10.0, 20.0, 30.0)))
     where, step = [], 1_000_000
     for number in range(1, 4):
@@ -149,7 +150,10 @@ def test_the_compass_shows_the_heading_until_the_motors_run():
 
 
 def test_thrust_sags_with_the_supply():
-    stiff, soft = World(VEHICLE, conditions=CALM), World(VEHICLE, conditions=replace(CALM, supply_ohm=0.1))
+    stiff, soft = (
+        World(VEHICLE, conditions=CALM),
+        World(VEHICLE, conditions=replace(CALM, sizes={"supply_resistance": 0.1})),
+    )
     for world in (stiff, soft):
         world.drive([1900] * 8)
         world.advance(stamp_from_s(1.0))

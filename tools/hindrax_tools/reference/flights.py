@@ -38,7 +38,7 @@ def flown(flight: FigureFlight, vehicle_file: Path | None = None) -> dict[str, A
     vehicle = load_vehicle(vehicle_file or default_vehicle())
     session = Session(vehicle)
     pilot = GoalPilot(vehicle, Goal(("surge",), "plateaus", flight.seed))
-    conditions = Conditions(thrust_gain=flight.thrust_gain)
+    conditions = Conditions(sizes={"thrust_gain": flight.thrust_gain - 1.0})
     steps = Lockstep(vehicle, pilot, flight.seed, conditions=conditions, session=session).run(LONGEST_S)
     online = [event for event in steps if isinstance(event, Stamped) and isinstance(event.reading, Estimate)]
     result = session.finalize().results.motions["surge"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import METHOD, Assessment
-from hindrax_ident.assess.results import MotionResult, truth_of
+from hindrax_ident.assess.results import DragBand, MotionResult
 from hindrax_ident.assess.thrust_calibration import tilt_covariance, tilt_sigma_rad
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
 from hindrax_ident.model.motion_model import MOTIONS
@@ -35,15 +35,30 @@ class CoefficientError:
     std: float
     bound: float
     truth: float
+    std_calibrated: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
 class DragError:
-    """Drag force of one run at a share of its highest speed: relative error [-]."""
+    """Drag force of one run at a share of its highest speed, one way: relative error and calibrated deviation [-]."""
 
     motion: str
     share: float
     error: float
+    std_calibrated: float = math.nan
+
+    @property
+    def z(self) -> float:
+        """Error in calibrated standard deviations."""
+        return self.error / self.std_calibrated
+
+
+@dataclass(frozen=True, slots=True)
+class HullTruth:
+    """What is true of the hull that flew: coefficients by motion, drag of a motion at a signed speed [N, Nm]."""
+
+    coefficients: dict[str, dict[str, float]]
+    drag: Callable[[str, float], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +71,17 @@ class Trial:
     trouble: str = ""
 
 
-def trial_of(seed: int, vehicle: Vehicle, outcome: Outcome, trouble: str = "", thrust_s: float | None = None) -> Trial:
-    """Compare the outcome of a run with the truth of the vehicle file; `thrust_s` as in `bound_of`."""
-    truth = truth_of(vehicle)
+def trial_of(
+    seed: int, vehicle: Vehicle, outcome: Outcome, hull: HullTruth, *, trouble: str = "", thrust_s: float | None = None
+) -> Trial:
+    """Compare the outcome of a run with the truth of the hull; `vehicle` as believed, `thrust_s` as in `bound_of`."""
     found: list[CoefficientError] = []
     drag: list[DragError] = []
     for result in outcome.results.motions.values():
         assessment = outcome.assessments.get(MOTIONS[result.motion].axis)
         if assessment is not None and result.coefficients:
-            found += _found(result, vehicle, assessment, truth, thrust_s)
-            drag += _drag(result, truth[result.motion])
+            found += _found(result, vehicle, assessment, hull.coefficients, thrust_s)
+            drag += _drag(result, hull)
     return Trial(seed, tuple(found), tuple(drag), trouble)
 
 
@@ -92,20 +108,29 @@ def _found(
             std=number.std,
             bound=limits[name],
             truth=truth[result.motion][name],
+            std_calibrated=number.std_calibrated,
         )
         for method, numbers in methods.items()
         for name, number in numbers.items()
     ]
 
 
-def _drag(result: MotionResult, truth: Mapping[str, float]) -> list[DragError]:
-    side = -1.0 if MOTIONS[result.motion].side < 0 else 1.0
+def _drag(result: MotionResult, hull: HullTruth) -> list[DragError]:
+    """At every share, in every direction that the coefficients hold for."""
+    side = MOTIONS[result.motion].side
     out = []
-    for share in SHARES:
-        v = side * share * result.speeds[1]
-        true = truth["k_q"] * abs(v) * v + truth["k_l"] * v
-        out.append(DragError(result.motion, share, result.drag_force(v)[0] / true - 1.0))
+    for v in (sign * share * result.speeds[1] for share in SHARES for sign in ((side,) if side else (1.0, -1.0))):
+        true = hull.drag(result.motion, v)
+        std = _calibrated_std(result.drag, abs(v)) if result.drag else math.nan
+        error = result.drag_force(v)[0] / true - 1.0
+        out.append(DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true)))
     return out
+
+
+def _calibrated_std(band: DragBand, speed: float) -> float:
+    """Deviation of the drag force at any speed: its variance is speed squared times a parabola of the speed."""
+    parabola = np.polyfit(band.speed, (band.std_calibrated / band.speed) ** 2, 2)
+    return speed * math.sqrt(max(0.0, float(np.polyval(parabola, speed))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +147,7 @@ class AccuracyCell:
     crlb: float
     ratio: float
     coverage95: float
+    coverage95_calibrated: float
 
 
 def tabulate(trials: Sequence[Trial]) -> list[AccuracyCell]:
@@ -137,18 +163,20 @@ def _cell(group: list[CoefficientError]) -> AccuracyCell:
     errors = np.array([one.error for one in group])
     bounds = np.array([one.bound for one in group])
     stds = np.array([one.std for one in group])
+    calibrated = np.array([one.std_calibrated for one in group])
     first = group[0]
     return AccuracyCell(
         motion=first.motion,
         coefficient=first.coefficient,
         method=first.method,
         runs=len(group),
-        truth=first.truth,
+        truth=float(np.mean([one.truth for one in group])),
         bias=float(errors.mean()),
         rmse=float(np.sqrt(np.mean(errors**2))),
         crlb=float(np.sqrt(np.mean(bounds**2))),
         ratio=float(np.sqrt(np.mean((errors / bounds) ** 2))),
         coverage95=float(np.mean(np.abs(errors) <= Z95 * stds)),
+        coverage95_calibrated=float(np.mean(np.abs(errors) <= Z95 * calibrated)),
     )
 
 
@@ -159,21 +187,28 @@ def by_chance(runs: int) -> tuple[float, float]:
 
 
 def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
-    """Mean relative error of the drag force at shares of the tested speed, and its scatter, per motion."""
-    groups: dict[tuple[str, float], list[float]] = {}
+    """Relative error of the drag force at shares of the tested speed, per motion: mean, scatter, calibrated bands.
+
+    `rmse_per_band` is the root mean square error over the median calibrated deviation.
+    """
+    groups: dict[tuple[str, float], list[DragError]] = {}
     for trial in trials:
         for one in trial.drag:
-            groups.setdefault((one.motion, one.share), []).append(one.error)
-    return [
-        {
-            "motion": motion,
-            "share_of_speed": share,
-            "bias": float(np.mean(errors)),
-            "rmse": float(np.sqrt(np.mean(np.square(errors)))),
-            "runs": len(errors),
-        }
-        for (motion, share), errors in groups.items()
-    ]
+            groups.setdefault((one.motion, round(one.share, 6)), []).append(one)
+    return [{"motion": motion, "share_of_speed": share, **_scatter(group)} for (motion, share), group in groups.items()]
+
+
+def _scatter(group: list[DragError]) -> dict[str, float]:
+    errors = np.array([one.error for one in group])
+    stds = np.array([one.std_calibrated for one in group])
+    rmse = float(np.sqrt(np.mean(errors**2)))
+    return {
+        "bias": float(np.mean(errors)),
+        "rmse": rmse,
+        "coverage95_calibrated": float(np.mean(np.abs(errors) <= Z95 * stds)),
+        "rmse_per_band": rmse / float(np.median(stds)),
+        "cases": len(group),
+    }
 
 
 def summary(trials: Sequence[Trial]) -> dict[str, Any]:
@@ -191,13 +226,15 @@ def summary(trials: Sequence[Trial]) -> dict[str, Any]:
         "ratio_by_chance": list(by_chance(len(trials))),
         "cells": [_plain(cell) for cell in cells if cell.method == METHOD],
         "methods": others,
-        "drag": drag_bias(trials),
+        "drag": [_finite(row) for row in drag_bias(trials)],
         "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
     }
 
 
 def _plain(cell: AccuracyCell) -> dict[str, Any]:
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in asdict(cell).items()
-    }
+    return _finite(asdict(cell))
+
+
+def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data for JSON, which has no NaN."""
+    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from hindrax_core.readings import Vec3
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 from hindrax_sim.world import World
 
@@ -31,7 +32,7 @@ class ThrusterFails:
 
     def end(self, world: World, target: str) -> None:
         """Restore the thruster."""
-        world.fail_thruster(target, world.conditions.thrust_gain)
+        world.fail_thruster(target, 1.0)
 
 
 class LockLost:
@@ -54,12 +55,17 @@ class Current:
     def begin(self, world: World, target: str) -> None:
         """Switch it on."""
         del target
-        world.plant.current_mps = CURRENT_mps
+        world.plant.current_mps = _plus(world.plant.current_mps, CURRENT_mps)
 
     def end(self, world: World, target: str) -> None:
-        """Restore the current of the conditions."""
+        """Leave the water as it moves without it."""
         del target
-        world.plant.current_mps = world.conditions.current_mps
+        x, y, z = CURRENT_mps
+        world.plant.current_mps = _plus(world.plant.current_mps, (-x, -y, -z))
+
+
+def _plus(a: Vec3, b: Vec3) -> Vec3:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 class FaultInjector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 
 import numpy as np
@@ -23,6 +24,10 @@ class NormalDraws:
         if not self._block:
             self._block = self._generator.standard_normal(BLOCK).tolist()
         return self._block.pop()
+
+    def uniform(self) -> float:
+        """One draw between 0 and 1, all alike: the share of normal draws that lie below one."""
+        return 0.5 * (1.0 + math.erf(self.normal() / math.sqrt(2.0)))
 
     def three(self, sigma: float) -> tuple[float, float, float]:
         """Three draws of a standard deviation."""

@@ -7,7 +7,8 @@ appears only in lever arms. Frames: SNAME body axes; the reference frame is nort
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias
 
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Quaternion, Vec3, Vec6
@@ -19,6 +20,16 @@ from hindrax_sim.physics.thruster_lag import ThrusterLag, combined
 
 LONGEST_STEP_S = 0.005
 MOST_FORCES = 20_000
+
+ThrustLoss: TypeAlias = Callable[[list[float]], list[float]]
+"""Steady forces of all thrusters, each as if it ran alone, to those that they have together [N]."""
+
+
+class Influence(Protocol):
+    """What acts on the plant beside its own law. Asked once at the beginning of every step."""
+
+    def wrench(self, plant: Plant, dt: float) -> Vec6:
+        """Wrench about the center of mass in body axes during this step [N, Nm]; it may change water and supply."""
 
 
 class Plant:
@@ -32,14 +43,18 @@ class Plant:
     """
 
     __slots__ = (
-        "_coupling", "_current", "_differences", "_drag", "_forces_N", "_gains", "_inertia", "_lags", "_pulses_us",
-        "_statics", "_supply_V", "_targets_N", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
-        "dw", "p", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "u", "v", "w", "x", "y", "z",
+        "_coupling", "_current", "_differences", "_drag", "_forces_N", "_gains", "_inertia", "_influences", "_lags",
+        "_losses", "_pulses_us", "_statics", "_supply_V", "_targets_N", "_vehicle", "_wrenches", "ax", "ay", "az", "dp",
+        "dq", "dr", "du", "dv", "dw", "p", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "u", "v", "w", "x", "y",
+        "z",
     )  # fmt: skip
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(
+        self, vehicle: Vehicle, influences: Sequence[Influence] = (), losses: Sequence[ThrustLoss] = ()
+    ) -> None:
         hydrodynamics = _hydrodynamics(vehicle)
         self._vehicle = vehicle
+        self._influences, self._losses = tuple(influences), tuple(losses)
         self._inertia = _inertia(vehicle, hydrodynamics)
         mx, my, mz, Ix, Iy, Iz = self._inertia
         self._differences = (my - mz, mz - mx, mx - my, Iy - Iz, Iz - Ix, Ix - Iy)
@@ -84,6 +99,8 @@ class Plant:
             if force is None:
                 force = self._steady_force(index, pulse)
             forces.append(force * self._gains[index])
+        for loss in self._losses:
+            forces = loss(forces)
         self._targets_N = tuple(forces)
         for lag in self._lags:
             lag.set_target(combined([(forces[index], self._wrenches[index]) for index in lag.thrusters]))
@@ -177,20 +194,31 @@ class Plant:
     def _into_body(self, vector: Vec3) -> Vec3:
         return rotate((self.qw, -self.qx, -self.qy, -self.qz), vector)
 
+    def mid_step(self, dt: float) -> Vec6:
+        """Velocities through the water in the middle of a step of `dt`, by the acceleration before."""
+        half = 0.5 * dt
+        return (
+            self.u + half * self.du,
+            self.v + half * self.dv,
+            self.w + half * self.dw,
+            self.p + half * self.dp,
+            self.q + half * self.dq,
+            self.r + half * self.dr,
+        )
+
     # ---- equation of motion
 
     def step(self, dt: float) -> None:  # noqa: PLR0915  # one law, unrolled: a call costs as much as four products
         """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable)."""
+        # First, because an influence may move the water, and with it the velocities through the water.
+        extra = combined([(1.0, one.wrench(self, dt)) for one in self._influences]) if self._influences else None
         u_was, v_was, w_was, p_was, q_was, r_was = self.u, self.v, self.w, self.p, self.q, self.r
         qw, qx, qy, qz = self.qw, self.qx, self.qy, self.qz
         mx, my, mz, Ix, Iy, Iz = self._inertia
         myz, mzx, mxy, Iyz, Izx, Ixy = self._differences
 
-        # Velocities in the middle of the step, by the acceleration before: drag taken at the beginning would make the
-        # vehicle seem lighter by half a step times the slope of its drag.
-        half = 0.5 * dt
-        u, v, w = u_was + half * self.du, v_was + half * self.dv, w_was + half * self.dw
-        p, q, r = p_was + half * self.dp, q_was + half * self.dq, r_was + half * self.dr
+        # Drag taken at the beginning would make the vehicle seem lighter by half a step times the slope of its drag.
+        u, v, w, p, q, r = self.mid_step(dt)
 
         # Drag, with its own coefficients per direction: ..n and ..m are quadratic and linear for negative motion.
         Xq, Xl, Xn, Xm, Yq, Yl, Yn, Ym, Zq, Zl, Zn, Zm, Kq, Kl, Kn, Km, Mq, Ml, Mn, Mm, Nq, Nl, Nn, Nm = self._drag
@@ -240,6 +268,9 @@ class Plant:
         K += Iyz * q * r + myz * v * w
         M += Izx * r * p + mzx * w * u
         N += Ixy * p * q + mxy * u * v
+
+        if extra is not None:
+            X, Y, Z, K, M, N = combined([(1.0, (X, Y, Z, K, M, N)), (1.0, extra)])
 
         coupled = self._coupling
         if coupled is None:

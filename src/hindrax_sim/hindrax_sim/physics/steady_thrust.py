@@ -5,9 +5,19 @@ Independent of the allocator's curve on purpose: the mock shares only the vehicl
 
 from __future__ import annotations
 
+import math
+
 from hindrax_core.curve_branches import Branch, Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import Thruster, Vehicle
+
+AMPERE = 0.13
+"""Current [A] of a thruster per newton to the power 1.5: power goes with thrust to that power (momentum theory)."""
+
+
+def thruster_A(force_N: float) -> float:
+    """Electric current of a thruster [A]."""
+    return AMPERE * math.pow(abs(force_N), 1.5)
 
 
 def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:

@@ -5,28 +5,25 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from hindrax_analysis.identification.executor import executor_for
-from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
+from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.maneuver import PLATEAUS, Goal
+from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ident.online.session import Session
-from hindrax_sim.goal_pilot import GoalPilot
-from hindrax_sim.lockstep import Lockstep
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
+from hindrax_sim.pool_flight import fly
 
 NAME = "montecarlo"
 HELP = "accuracy over many runs with the mock, against the Cramer-Rao bound"
 EXAMPLE = "./hindrax montecarlo --runs 40 --dof all"
-
-LONGEST_S = 7200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +34,7 @@ class Job:
     motions: tuple[str, ...]
     excitation: str
     vehicle_file: str
+    world: str
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file, with its truth"
     )
+    parser.add_argument("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 
 
@@ -57,17 +56,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Fly all, compare, print; 1 when no run gave a result."""
     if arguments.runs < 1:
         raise UsageError(f"--runs: found {arguments.runs}, wanted 1 or more")
+    sizes_of(arguments.world, arguments.seed)
     vehicle = load_vehicle(arguments.vehicle)
     if vehicle.hydrodynamics is None:
         raise UsageError(f"{arguments.vehicle}: has no block `hydrodynamics`, wanted the truth to compare with")
     servable = motions_to_fly(arguments.dof, vehicle)
     print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
-    jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle) for seed in seeds]
+    jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle, arguments.world) for seed in seeds]
     trials: list[Trial] = []
-    for trial in executor_for(arguments.cluster, arguments.workers).map(fly, jobs):
-        trials.append(trial)
-        print(f"run {len(trials)} of {len(jobs)}: seed {trial.seed} {trial.trouble}", file=sys.stderr, flush=True)
+    for one in executor_for(arguments.cluster, arguments.workers).map(trial, jobs):
+        trials.append(one)
+        print(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", file=sys.stderr, flush=True)
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
@@ -78,31 +78,18 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def fly(job: Job) -> Trial:
+def trial(job: Job) -> Trial:
     """Fly one pool test in lock-step and compare its results with the truth."""
-    vehicle = calibrated(load_vehicle(job.vehicle_file))
-    pilot = GoalPilot(vehicle, Goal(job.motions, job.excitation, job.seed))
-    session = Session(vehicle, silent=True)
-    step = Lockstep(vehicle, pilot, job.seed, session=session)
-    for _ in step.run(LONGEST_S):
-        pass
-    aborted = pilot.output.aborted if pilot.output is not None else "the maneuver did not begin"
-    return trial_of(job.seed, vehicle, session.finalize(), aborted, step.world.conditions.thrust_density_s)
-
-
-def calibrated(vehicle: Vehicle) -> Vehicle:
-    """Say of every sensor that its accelerometer was calibrated: the lock-step's have the offset that is left then."""
-    done = {"accel_offset_mps2": (0.0, 0.0, 0.0)}
-    sensors = {
-        name: replace(mount, calibration={**done, **mount.calibration}) for name, mount in vehicle.sensors.items()
-    }
-    return replace(vehicle, sensors=sensors)
+    flight = fly(job.motions, job.seed, job.world, vehicle=load_vehicle(job.vehicle_file), excitation=job.excitation)
+    thrust_s = flight.world.conditions.thrust_density_s
+    hull = HullTruth(flight.truth, flight.drag_N)
+    return trial_of(job.seed, flight.vehicle, flight.outcome, hull, trouble=flight.aborted, thrust_s=thrust_s)
 
 
 def show(document: dict[str, Any]) -> None:
     """Print the tables: refined result and the other methods, then the drag force."""
     methods = list(document["methods"])
-    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band")
+    numbers = ("truth", "bias", "RMSE", "bound", "RMSE / bound", "in the 95 % band", "in the calibrated")
     table = make_table(
         f"{document['runs']} runs; RMSE / bound: 1 is the limit of what can be known",
         ("motion", "coefficient"),
@@ -114,11 +101,12 @@ def show(document: dict[str, Any]) -> None:
     low, high = document["ratio_by_chance"]
     print(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error, percent"
-    drag = make_table(title, ("motion",), ("share", "bias", "RMSE"))
+    drag = make_table(title, ("motion",), ("share", "bias", "RMSE", "in the calibrated 95 % band", "RMSE / band"))
     for row in document["drag"]:
-        drag.add_row(
-            row["motion"], f"{row['share_of_speed']:.0%}", f"{100 * row['bias']:.2f}", f"{100 * row['rmse']:.2f}"
-        )
+        percents = (f"{100 * row[key]:.2f}" for key in ("bias", "rmse"))
+        held = "" if row["coverage95_calibrated"] is None else f"{row['coverage95_calibrated']:.0%}"
+        per_band = "" if row["rmse_per_band"] is None else f"{row['rmse_per_band']:.2f}"
+        drag.add_row(row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band)
     print_table(drag)
     for seed, trouble in document["troubles"].items():
         print(f"seed {seed}: {trouble}")
@@ -126,7 +114,8 @@ def show(document: dict[str, Any]) -> None:
 
 def _row(cell: dict[str, Any]) -> tuple[str, ...]:
     numbers = tuple(f"{cell[key]:.4g}" for key in ("truth", "bias", "rmse", "crlb"))
-    return (cell["motion"], cell["coefficient"], *numbers, f"{cell['ratio']:.2f}", f"{cell['coverage95']:.0%}")
+    held = (f"{cell[key]:.0%}" for key in ("coverage95", "coverage95_calibrated"))
+    return (cell["motion"], cell["coefficient"], *numbers, f"{cell['ratio']:.2f}", *held)
 
 
 def _ratio(cells: list[dict[str, Any]], wanted: dict[str, Any]) -> str:

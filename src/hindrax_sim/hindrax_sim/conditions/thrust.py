@@ -1,0 +1,165 @@
+"""Conditions of thrusters and battery. Each function adds one of them, of a size, to a world in the making."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from hindrax_core import cubic
+from hindrax_core.curve_branches import Branch, Curve, scaled
+from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.signals import ZERO6
+from hindrax_sim.conditions.realization import Realization, unit
+from hindrax_sim.physics.normal_draws import NormalDraws
+from hindrax_sim.physics.plant import Plant
+from hindrax_sim.physics.steady_thrust import thruster_A, wrench_per_newton
+from hindrax_sim.physics.thruster_lag import combined
+
+INFLOW_mps, INFLOW_N = 0.5, 10.0
+NEIGHBORS = 2
+SAG_S = 900.0
+SUPPLY_EVERY_S = 0.1
+
+
+def thrust_gain(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """All thrusters give a share more than their curve."""
+    _change_curves(world, lambda _index, curve: _gained(curve, 1.0 + size))
+
+
+def weak_thruster(world: Realization, size: float, draws: NormalDraws) -> None:
+    """One thruster, drawn at random, gives a share less."""
+    weak = int(draws.uniform() * len(world.vehicle.thrusters))
+    _change_curves(world, lambda index, curve: _gained(curve, 1.0 - size) if index == weak else curve)
+
+
+def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
+    """The dead band of each thruster is wider by a draw of its own, or narrower, and its curve begins as much later."""
+    curves = (world.vehicle.curves[thruster.curve] for thruster in world.vehicle.thrusters)
+    wider = [max(size * draws.normal(), -curve.dead_band_us) for curve in curves]
+    _change_curves(world, lambda index, curve: _later(curve, wider[index]))
+
+
+def _change_curves(world: Realization, change: Callable[[int, Curve], Curve]) -> None:
+    """Give every thruster a curve of its own."""
+    thrusters = world.vehicle.thrusters
+    curves = {one.name: change(index, world.vehicle.curves[one.curve]) for index, one in enumerate(thrusters)}
+    world.change_vehicle(
+        curves={**world.vehicle.curves, **curves}, thrusters=tuple(replace(one, curve=one.name) for one in thrusters)
+    )
+
+
+def _gained(curve: Curve, gain: float) -> Curve:
+    positive = curve.positive and scaled(curve.positive, gain)
+    return replace(curve, negative=scaled(curve.negative, gain), positive=positive)
+
+
+def _later(curve: Curve, wider_us: float) -> Curve:
+    positive = curve.positive and _shifted(curve.positive, wider_us)
+    return replace(
+        curve,
+        negative=_shifted(curve.negative, -wider_us),
+        positive=positive,
+        dead_band_us=curve.dead_band_us + wider_us,
+    )
+
+
+def _shifted(branch: Branch, by_us: float) -> Branch:
+    """The branch at pulses later by `by_us`: G(P) = F(P - by), multiplied out."""
+    _, _, c3, c4 = branch.c
+    at = -by_us
+    c = (cubic.value(branch.c, at), cubic.slope(branch.c, at), c3 + 3.0 * c4 * at, c4)
+    return replace(branch, c=c, from_us=branch.from_us + by_us, to_us=branch.to_us + by_us)
+
+
+def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """Thrust falls with the water that comes along the thruster's axis."""
+    world.influences.append(InflowLoss(world, size))
+
+
+class InflowLoss:
+    """T = T_nn n|n| + T_nu |n| u (Fossen 2011, section 9.?), written with the force T_0 = T_nn n|n| at rest.
+
+    So T - T_0 = -c sqrt(|T_0|) u, where c loses the share `size` of 10 N at an inflow of 0.5 m/s.
+    """
+
+    def __init__(self, world: Realization, size: float) -> None:
+        self._factor = size * math.sqrt(INFLOW_N) / INFLOW_mps
+        self._wrenches = [wrench_per_newton(world.vehicle, one) for one in world.vehicle.thrusters]
+        self._lags_s = [one.lag_s for one in world.vehicle.thrusters]
+        self._thrusts_N = [0.0] * len(self._lags_s)
+
+    def wrench(self, plant: Plant, dt: float) -> Vec6:
+        """Wrench of the losses of all thrusters; their forces follow the targets with the thrusters' lags."""
+        velocities = plant.mid_step(dt)
+        losses = []
+        for index, (goal, lag_s, per_newton) in enumerate(
+            zip(plant.targets_N, self._lags_s, self._wrenches, strict=True)
+        ):
+            keep = math.exp(-dt / lag_s) if lag_s > 0.0 else 0.0
+            thrust = self._thrusts_N[index] = goal + keep * (self._thrusts_N[index] - goal)
+            inflow = sum(one * velocity for one, velocity in zip(per_newton, velocities, strict=True))
+            losses.append((-self._factor * math.sqrt(abs(thrust)) * inflow, per_newton))
+        return combined(losses)
+
+
+def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """A thruster loses thrust to the wakes of its two nearest neighbors: of each pair a share of the geometric mean."""
+    places = [one.position_m for one in world.vehicle.thrusters]
+    neighbors = [_nearest(places, index) for index in range(len(places))]
+
+    def washed(forces: list[float]) -> list[float]:
+        sums = (
+            size * sum(math.sqrt(abs(force * forces[one])) for one in near)
+            for force, near in zip(forces, neighbors, strict=True)
+        )
+        return [math.copysign(max(0.0, abs(force) - loss), force) for force, loss in zip(forces, sums, strict=True)]
+
+    world.thrust_losses.append(washed)
+
+
+def _nearest(places: Sequence[Vec3], index: int) -> list[int]:
+    others = [one for one in range(len(places)) if one != index]
+    return sorted(others, key=lambda one: math.dist(places[one], places[index]))[:NEIGHBORS]
+
+
+def hull_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """A thruster loses a share of its thrust where its jet runs towards the middle of the hull."""
+    inward = [
+        sum(a * b for a, b in zip(one.direction, unit(one.position_m), strict=True)) for one in world.vehicle.thrusters
+    ]
+    world.thrust_losses.append(
+        lambda forces: [
+            force * (1.0 - size) if force * towards > 0.0 else force
+            for force, towards in zip(forces, inward, strict=True)
+        ]
+    )
+
+
+def battery_sag(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """The supply loses a share of its voltage in 15 min, evenly, and nothing measures it."""
+    volts_per_s = size * world.vehicle.supply_V / SAG_S
+    world.influences.append(SupplyDrop(lambda time_s, _plant: volts_per_s * time_s))
+
+
+def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> None:
+    """Cable and battery have a resistance, so that the supply falls with the current of the thrusters."""
+    world.influences.append(SupplyDrop(lambda _time_s, plant: size * sum(map(thruster_A, plant.targets_N))))
+
+
+class SupplyDrop:
+    """A supply that is lower than the vehicle file says, by a function of time and plant [V], ten times a second."""
+
+    def __init__(self, drop: Callable[[float, Plant], float]) -> None:
+        self._drop, self._was_V = drop, 0.0
+        self._time_s, self._next_s = 0.0, SUPPLY_EVERY_S
+
+    def wrench(self, plant: Plant, dt: float) -> Vec6:
+        """Lower the supply; no force of its own."""
+        self._time_s += dt
+        if self._time_s >= self._next_s:
+            self._next_s += SUPPLY_EVERY_S
+            now_V = self._drop(self._time_s, plant)
+            plant.supply_V -= now_V - self._was_V
+            self._was_V = now_V
+        return ZERO6

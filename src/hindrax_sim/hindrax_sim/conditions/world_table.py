@@ -1,0 +1,119 @@
+"""The table of conditions, and the worlds made of them: `ideal` has none, `pool` draws the size of all by its seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
+from hindrax_sim.conditions import hull, sensing, thrust, water
+from hindrax_sim.conditions.realization import Realization
+from hindrax_sim.physics.normal_draws import NormalDraws
+
+IDEAL, POOL = "ideal", "pool"
+FORM = "ideal, pool, or NAME[=SIZE],... such as tether=1,dvl_yaw=2; after pool, they replace what was drawn"
+SIGNED, ONE_SIDED = "normal", "uniform"
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A row: name, unit, usual size, law, how pool draws it, where the size comes from.
+
+    `add` puts it into a world in the making; its meaning is the first sentence of the function. Pool draws a size from
+    a normal distribution of deviation `pool`, or evenly between 0 and `pool`. A size lies between `least` and `most`.
+    """
+
+    name: str
+    unit: str
+    size: float
+    add: Callable[[Realization, float, NormalDraws], None]
+    distribution: str
+    pool: float
+    source: str
+    least: float = 0.0
+    most: float = math.inf
+
+    @property
+    def meaning(self) -> str:
+        """One sentence for tables and help."""
+        return " ".join((self.add.__doc__ or "").split())
+
+    @property
+    def deviation(self) -> float:
+        """Root mean square of the sizes that pool draws: what a budget of uncertainties may take as its prior."""
+        return abs(self.pool) / (1.0 if self.distribution == SIGNED else math.sqrt(3.0))
+
+    def drawn(self, seed: int) -> float:
+        """Size in the pool of this seed."""
+        draws = NormalDraws(f"pool {self.name}", seed)
+        size = self.pool * (draws.normal() if self.distribution == SIGNED else draws.uniform())
+        return min(self.most, max(self.least, size))
+
+
+_ROWS = (
+    Condition("thrust_gain", "-", 0.05, thrust.thrust_gain, SIGNED, 0.02, "gain_sigma of the curve", -0.9, 1.0),
+    Condition("weak_thruster", "-", 0.1, thrust.weak_thruster, ONE_SIDED, 0.05, "", most=1.0),
+    Condition("dead_bands", "us", 5.0, thrust.dead_bands, ONE_SIDED, 5.0, "", most=100.0),
+    Condition("inflow_loss", "-", 0.1, thrust.inflow_loss, ONE_SIDED, 0.2, "", most=0.5),
+    Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, "", most=0.5),
+    Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, "", most=1.0),
+    Condition("battery_sag", "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, "", most=0.5),
+    Condition("supply_resistance", "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, "", most=1.0),
+    Condition("tether", "N", 1.0, water.tether, ONE_SIDED, 1.0, "", most=100.0),
+    Condition("tether_drag", "N", 2.0, water.tether_drag, ONE_SIDED, 2.0, "", most=100.0),
+    Condition("fluid_memory", "-", 0.2, water.fluid_memory, ONE_SIDED, 0.2, "", most=1.0),
+    Condition("wake", "-", 0.2, water.wake, ONE_SIDED, 0.2, "", most=1.0),
+    Condition("current", "m/s", 0.02, water.current, ONE_SIDED, 0.01, "", most=2.0),
+    Condition("seiche", "m/s", 0.01, water.seiche, ONE_SIDED, 0.01, "", most=1.0),
+    Condition("drag_exponent", "-", -0.3, hull.drag_exponent, ONE_SIDED, -0.3, "", -1.0, 1.0),
+    Condition("fore_aft", "-", 0.09, hull.fore_aft, SIGNED, 0.05, "", -0.9, 0.9),
+    Condition("added_mass_cross", "-", 0.1, hull.added_mass_cross, ONE_SIDED, 0.1, "", most=0.5),
+    Condition("center_of_mass", "m", 0.005, hull.center_of_mass, ONE_SIDED, 0.005, "", most=0.2),
+    Condition("dvl_latency", "s", 0.15, sensing.dvl_latency, ONE_SIDED, 0.05, "", most=2.0),
+    Condition("dvl_scale", "-", 0.01, sensing.dvl_scale, SIGNED, 0.003, "", -0.5, 0.5),
+    Condition("dvl_yaw", "deg", 2.0, sensing.dvl_yaw, SIGNED, 1.0, "", -180.0, 180.0),
+    Condition("imu_misalignment", "deg", 2.0, sensing.imu_misalignment, ONE_SIDED, 1.0, "", most=30.0),
+    Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, "", most=20.0),
+)
+
+CONDITIONS: Mapping[str, Condition] = {row.name: row for row in _ROWS}
+
+
+def sizes_of(world: str, seed: int) -> dict[str, float]:
+    """Sizes of the conditions in the world of this text and seed, those of size 0 left out.
+
+    UsageError names what is wrong with the text.
+    """
+    first, *rest = world.split(",")
+    sizes: dict[str, float] = {}
+    if first == POOL:
+        sizes = {row.name: row.drawn(seed) for row in _ROWS}
+    elif first != IDEAL:
+        rest = [first, *rest]
+    sizes |= dict(_named(text, world) for text in rest)
+    return {name: size for name, size in sizes.items() if size != 0.0}
+
+
+def _named(text: str, world: str) -> tuple[str, float]:
+    name, equals, written = text.partition("=")
+    row = CONDITIONS.get(name)
+    if row is None:
+        raise UsageError(f"--world {world}: found {name!r}, wanted one of {', '.join(CONDITIONS)}; the form is {FORM}")
+    try:
+        size = float(written) if equals else row.size
+    except ValueError:
+        size = math.nan
+    if not row.least <= size <= row.most:
+        raise UsageError(f"--world {world}: {name}={written}, wanted {row.least:g} to {row.most:g} {row.unit}")
+    return name, size
+
+
+def realize(vehicle: Vehicle, sizes: Mapping[str, float], seed: int) -> Realization:
+    """The world in which a vehicle has these conditions; the seed fixes the rest of what is random in them."""
+    made = Realization(vehicle)
+    for row in _ROWS:
+        if sizes.get(row.name):
+            row.add(made, sizes[row.name], NormalDraws(f"condition {row.name}", seed))
+    return made

@@ -1,0 +1,92 @@
+"""A pool test in lock-step, in a world of one's choice: what was learned of it, what is true, and how it ended.
+
+Fly once, identify often: the `events` of a flight can be pickled and given to `identified` with changed code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from hindrax_control.maneuver.maneuver import PLATEAUS, Goal
+from hindrax_core.events import Stamped
+from hindrax_core.signals import Estimate, IdentEvent
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import truth_of
+from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.online.session import Outcome, Session
+from hindrax_sim.conditions.world_table import IDEAL, sizes_of
+from hindrax_sim.goal_pilot import GoalPilot
+from hindrax_sim.lockstep import Lockstep
+from hindrax_sim.world import Conditions, World
+
+LONGEST_S = 7200.0
+
+
+@dataclass(frozen=True, slots=True)
+class PoolFlight:
+    """One flight: the vehicle as it is believed, the world, all that the identification was told, how it ended."""
+
+    vehicle: Vehicle
+    world: World
+    events: tuple[Stamped[IdentEvent], ...]
+    session: Session
+    aborted: str
+
+    @property
+    def outcome(self) -> Outcome:
+        """What the identification found; computed at every call."""
+        return self.session.finalize()
+
+    @property
+    def truth(self) -> dict[str, dict[str, float]]:
+        """The hull's own coefficients, by motion."""
+        return truth_of(self.world.truth.described())
+
+    def drag_N(self, motion: str, speed: float) -> float:
+        """The hull's own drag at a signed speed, positive with it [N, Nm]."""
+        return self.world.truth.resistance(MOTIONS[motion].axis, speed)
+
+
+class _Recording(Session):
+    """A session that keeps what it is told."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        super().__init__(vehicle, silent=True)
+        self.events: list[Stamped[IdentEvent]] = []
+
+    def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
+        """Keep an event and process it."""
+        self.events.append(event)
+        return super().step(event)
+
+
+def fly(
+    motions: Sequence[str], seed: int, world: str = IDEAL, *, vehicle: Vehicle, excitation: str = PLATEAUS
+) -> PoolFlight:
+    """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed."""
+    vehicle = calibrated(vehicle)
+    pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed))
+    session = _Recording(vehicle)
+    step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
+    for _ in step.run(LONGEST_S):
+        pass
+    aborted = pilot.output.aborted if pilot.output is not None else "the maneuver did not begin"
+    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted)
+
+
+def identified(events: Sequence[Stamped[IdentEvent]], vehicle: Vehicle) -> Outcome:
+    """What the identification makes of kept events."""
+    session = Session(vehicle, silent=True)
+    for event in events:
+        session.step(event)
+    return session.finalize()
+
+
+def calibrated(vehicle: Vehicle) -> Vehicle:
+    """Say of every sensor that its accelerometer was calibrated: the lock-step's have the offset that is left then."""
+    done = {"accel_offset_mps2": (0.0, 0.0, 0.0)}
+    sensors = {
+        name: replace(mount, calibration={**done, **mount.calibration}) for name, mount in vehicle.sensors.items()
+    }
+    return replace(vehicle, sensors=sensors)
