@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,9 +27,11 @@ pytest.importorskip("rclpy", reason="the mock's own words are read from its proc
 
 from ament_index_python import get_package_prefix
 
-from hindrax_bringup import security
+from hindrax_bringup import launch_settings, security
 from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import PROFILE, own_domain
+from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, choose, stacks
 from hindrax_sim.nodes.mock import parser as mock_parser
 
 ROOT = Path(__file__).parents[2]
@@ -45,6 +47,7 @@ KEYWORDS = {
     "IfCondition": set(),
     "LaunchConfiguration": set(),
     "NotEqualsSubstitution": set(),
+    "OpaqueFunction": {"function", "kwargs"},
     "Node": {"package", "executable", "parameters", "ros_arguments"} | LOCAL,
     "ExecutableInPackage": {"package", "executable"},
     "ParameterValue": {"value_type"},
@@ -155,6 +158,26 @@ def test_the_mock_brings_its_own_vehicle(monkeypatch):
     assert parameters["/**"]["ros__parameters"]["use_sim_time"]
     assert parameters["/**/dvl75"]["ros__parameters"]["port"] == f"{words.folder}/dvl75"
     assert parameters["/**/icm20948"]["ros__parameters"]["port"] == f"mock:{words.folder}/i2c"
+
+
+@pytest.mark.parametrize("name", ["mock", "vehicle"])
+def test_what_launch_starts_is_found_by_the_commands(monkeypatch, tmp_path, name) -> None:
+    """As long as launch lives, and with the arguments that it was given."""
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    monkeypatch.setattr(launch_settings, "_announced", announced := [])
+    stand_in(monkeypatch)
+    found = described(ROOT / f"src/hindrax_bringup/launch/{name}.launch.py")
+    (one,) = (one for one in found if one.kind == "OpaqueFunction")
+    arguments = {} if name == "mock" else {"vehicle": "/somewhere/else.yaml", "record": "bag"}
+    one.keywords["function"](SimpleNamespace(launch_configurations=arguments), **one.keywords["kwargs"])
+    (stack,) = stacks()
+    assert (stack.mock, stack.purpose, stack.bag) == (name == "mock", LAUNCHED, arguments.get("record", ""))
+    assert stack.vehicle == arguments.get("vehicle", str(default_vehicle()))
+    assert stack.graph["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("loopback.xml")
+    assert choose(stacks(), None) == stack
+    for file in announced:
+        file.close()
+    assert stacks() == []
 
 
 def command(one: Said) -> list[str]:

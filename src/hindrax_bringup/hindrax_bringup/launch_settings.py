@@ -4,15 +4,34 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import IO, Any
 
 import yaml
 
 from hindrax_bringup.stack import environment, mock_parameters
+from hindrax_bringup.stack_lock import LAUNCHED, StackLock, graph_settings, locked, runtime_folder
 from hindrax_bringup.tether import FOREVER_S, tether_setting, wait_for_address
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
+
+_announced: list[IO[str]] = []
+"""Locked for as long as `ros2 launch` lives."""
+
+
+def announce(context: Any, *, mock: bool, made: Sequence[tuple[str, str]], vehicle: str = "") -> None:
+    """Let commands in other terminals find the stack that this launch starts, in the graph of its settings `made`.
+
+    `context` is launch's own; `vehicle`: the file where no argument of launch names it.
+    """
+    chosen = context.launch_configurations
+    graph, record = graph_settings(os.environ | dict(made)), str(chosen.get("record", ""))
+    presence = StackLock(
+        os.getpid(), mock, str(chosen.get("vehicle", vehicle)), record, graph, purpose=LAUNCHED, bag=record
+    )
+    _announced.append(locked(runtime_folder() / f"{os.getpid()}.json", asdict(presence)))
 
 
 def ports(folder: Path, vehicle_file: Path) -> dict[str, object]:

@@ -7,7 +7,6 @@ the tool again (sd_notify(3)). The file is locked for as long as the tool lives,
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import math
 import os
@@ -17,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
-from hindrax_bringup.stack_lock import HEARTBEATS, owned, runtime_folder
+from hindrax_bringup.stack_lock import HEARTBEATS, locked, owned, runtime_folder
 from hindrax_ros.heartbeat import beaten_s
 
 PERIOD_S = 1.0
@@ -25,6 +24,8 @@ DEAD_S = 5.0
 LATE_S = 3.0
 """Without a heartbeat for this long a process is told of."""
 NOBODY = "no stack is up here; start one with `./hindrax up`"
+STARTING = {"stack": "starting"}
+"""Trouble of a stack whose processes are not up yet."""
 NOTIFY = "NOTIFY_SOCKET"
 
 
@@ -55,13 +56,7 @@ class LivenessFile:
             self._write({"at_s": now_s, "status": status, "troubles": dict(troubles)})
 
     def _write(self, beat: Mapping[str, object]) -> None:
-        draft = self._path.with_suffix(".draft")
-        file = draft.open("w", encoding="utf-8")
-        # Locked and complete before it gets the name by which others look for it.
-        fcntl.flock(file, fcntl.LOCK_EX)
-        json.dump(beat, file)
-        file.flush()
-        draft.rename(self._path)
+        file = locked(self._path, beat)
         self.close()
         self._file = file
 
@@ -86,10 +81,16 @@ def pulse() -> Iterator[LivenessFile]:
 
 def felt(folder: Path, now_s: float) -> tuple[bool, str]:
     """Whether every stack of this user lives and is well, and one sentence about each. Monotonic time [s]."""
-    found = [one for path in sorted(folder.glob("*.pulse")) if (one := _felt(path, now_s)) is not None]
+    found = pulses(folder, now_s).values()
     if not found:
         return False, NOBODY
     return not any(unwell for _, unwell in found), "; ".join(unwell or status for status, unwell in found)
+
+
+def pulses(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
+    """What each tool does that looks after a stack, and what is wrong with it, by its process."""
+    found = ((int(path.stem), _felt(path, now_s)) for path in sorted(folder.glob("*.pulse")))
+    return {pid: one for pid, one in found if one is not None}
 
 
 def _felt(path: Path, now_s: float) -> tuple[str, str] | None:

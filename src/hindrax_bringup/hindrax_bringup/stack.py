@@ -87,9 +87,17 @@ def presence_of(stack: Stack, made: Mapping[str, str]) -> StackLock:
     ports = stack.mock_facts.get("ports", {})
     assert isinstance(ports, dict)
     folder = stack.folder
-    mock = MOCK.name in stack.supervisor.children
-    purpose = stack.notes.partition(" ")[0]
-    return StackLock(os.getpid(), mock, str(folder.vehicle), str(folder.path), graph_settings(made), ports, purpose)
+    started = stack.supervisor.children
+    return StackLock(
+        os.getpid(),
+        MOCK.name in started,
+        str(folder.vehicle),
+        str(folder.path),
+        graph_settings(made),
+        ports,
+        purpose=stack.notes.partition(" ")[0],
+        bag=str(folder.bag) if RECORDER.name in started else "",
+    )
 
 
 def mock_parameters(facts: Mapping[str, object]) -> dict[str, dict[str, object]]:

@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import json
 import os
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,8 +21,8 @@ from hindrax_core.errors import UsageError
 FOLDER = "HINDRAX_RUNTIME_DIR"
 """Environment variable that moves the folder; by default it is below XDG_RUNTIME_DIR, or in /tmp per user."""
 
-UP = "up"
-"""Purpose of a stack that waits for an operator; others (a pool test) know themselves what to do."""
+UP, LAUNCHED = "up", "launch"
+"""Purposes of stacks that wait for an operator; others (a pool test) know themselves what to do."""
 
 HEARTBEATS = ".beats"
 """End of the name of a folder with the heartbeats of a tool's processes; it begins with the id of the tool."""
@@ -40,6 +41,15 @@ class StackLock:
     graph: Mapping[str, str] = field(default_factory=dict)
     ports: Mapping[str, str] = field(default_factory=dict)
     purpose: str = UP
+    bag: str = ""
+    """Where it records; empty: nowhere."""
+    started_s: float = field(default_factory=time.monotonic)
+    """When it was announced, of the clock that no correction of the time moves."""
+
+    @property
+    def waits_for_operator(self) -> bool:
+        """Whether it does nothing by itself."""
+        return self.purpose in (UP, LAUNCHED)
 
     @property
     def domain(self) -> str:
@@ -79,18 +89,24 @@ def graph_settings(environment: Mapping[str, str]) -> dict[str, str]:
 @contextlib.contextmanager
 def announced(presence: StackLock) -> Iterator[Path]:
     """Leave the file for as long as the stack runs."""
-    folder = runtime_folder()
-    path, draft = folder / f"{presence.pid}.json", folder / f".{presence.pid}"
-    with draft.open("w", encoding="utf-8") as file:
-        # Locked and complete before it gets the name by which others look for it.
-        fcntl.flock(file, fcntl.LOCK_EX)
-        json.dump(asdict(presence), file)
-        file.flush()
-        draft.rename(path)
+    path = runtime_folder() / f"{presence.pid}.json"
+    with locked(path, asdict(presence)):
         try:
             yield path
         finally:
             path.unlink(missing_ok=True)
+
+
+def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
+    """Write a document and lock it until the file is closed, at the latest by the end of this process."""
+    draft = path.with_suffix(".draft")
+    file = draft.open("w", encoding="utf-8")
+    # Locked and complete before it gets the name by which others look for it.
+    fcntl.flock(file, fcntl.LOCK_EX)
+    json.dump(document, file)
+    file.flush()
+    draft.rename(path)
+    return file
 
 
 def stacks() -> list[StackLock]:
@@ -127,7 +143,7 @@ def choose(found: list[StackLock], pid: int | None) -> StackLock | None:
         if not mine:
             raise UsageError(f"--stack {pid}: no such stack; {_listed(found)}")
         return mine[0]
-    waiting = [one for one in found if one.purpose == UP]
+    waiting = [one for one in found if one.waits_for_operator]
     if len(waiting) == 1:
         return waiting[0]
     if len(found) > 1:

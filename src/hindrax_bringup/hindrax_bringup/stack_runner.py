@@ -14,7 +14,7 @@ from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder
-from hindrax_bringup.liveness import LivenessFile, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
 from hindrax_bringup.processes import MOCK, ONBOARD, THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import StackLock, announced
@@ -53,6 +53,7 @@ def run_up(options: UpOptions) -> int:
         made = environment(mock=mock, domain=domain, tether=options.tether)
         complete_earlier(RUNS)
         with Supervisor(folder.logs, made) as supervisor:
+            beating.beat("up", STARTING)
             stack = Stack(folder, vehicle, supervisor, "up in mock" if mock else "up")
             stack.start(options.mock, record=options.record)
             presence = presence_of(stack, made)

@@ -6,12 +6,12 @@ The mock lies at a fixed folder, so that its ports are known before it is up; no
 import tempfile
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, SetEnvironmentVariable
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
-from hindrax_bringup.launch_settings import parameter_file, settings
+from hindrax_bringup.launch_settings import announce, parameter_file, settings
 from hindrax_bringup.processes import MOCK, ONBOARD
 from hindrax_bringup.share_files import default_vehicle
 from launch import LaunchDescription
@@ -20,7 +20,7 @@ from launch import LaunchDescription
 def generate_launch_description() -> LaunchDescription:
     """The mock first, then every onboard process on its ports and its clock."""
     folder, vehicle = Path(tempfile.mkdtemp(prefix="hindrax-")), default_vehicle()
-    file = str(parameter_file(folder, vehicle))
+    file, made = str(parameter_file(folder, vehicle)), settings(mock=True)
     # Not a Node: that adds words of ROS, and the mock has its own.
     mock = [ExecutableInPackage(package=MOCK.package, executable=MOCK.executable)]
     mock += ["--vehicle", str(vehicle), "--folder", str(folder)]
@@ -40,8 +40,9 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("seed", default_value="1", description="of the mock's noise"),
             DeclareLaunchArgument("rate", default_value="1", description="times real time at most"),
-            *(SetEnvironmentVariable(key, value) for key, value in settings(mock=True)),
+            *(SetEnvironmentVariable(key, value) for key, value in made),
             ExecuteProcess(cmd=mock, output="screen"),
+            OpaqueFunction(function=announce, kwargs={"mock": True, "made": made, "vehicle": str(vehicle)}),
             *stack,
         ]
     )

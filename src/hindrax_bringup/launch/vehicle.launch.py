@@ -5,14 +5,14 @@ The graph keeps to this machine, or reaches over the tether that HINDRAX_TETHER 
 
 from collections.abc import Mapping
 
-from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from hindrax_bringup import security
-from hindrax_bringup.launch_settings import settings
+from hindrax_bringup.launch_settings import announce, settings
 from hindrax_bringup.processes import ONBOARD, RECORDER, Process
 from hindrax_bringup.share_files import default_vehicle
 from launch import LaunchDescription
@@ -39,11 +39,13 @@ def node(process: Process, arguments: Mapping[str, str], **keywords: object) -> 
 
 def generate_launch_description() -> LaunchDescription:
     """Every onboard process, and the recorder where a folder is named."""
+    made = settings(mock=False)
     return LaunchDescription(
         [
             DeclareLaunchArgument("vehicle", default_value=str(default_vehicle()), description="vehicle file"),
             DeclareLaunchArgument("record", default_value="", description="new folder for the bag; empty: no bag"),
-            *(SetEnvironmentVariable(key, value) for key, value in settings(mock=False)),
+            *(SetEnvironmentVariable(key, value) for key, value in made),
+            OpaqueFunction(function=announce, kwargs={"mock": False, "made": made}),
             *(node(process, {"vehicle": "vehicle"}) for process in ONBOARD),
             node(
                 RECORDER,

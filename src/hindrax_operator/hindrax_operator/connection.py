@@ -32,14 +32,22 @@ def presence_of(arguments: argparse.Namespace) -> StackLock | None:
 
 @contextlib.contextmanager
 def joined(
-    found: StackLock | None, *, sim_time: bool = False, tick: Callable[[], None] = lambda: None
+    found: StackLock | None,
+    *,
+    sim_time: bool = False,
+    tick: Callable[[], None] = lambda: None,
+    beating: bool = True,
 ) -> Iterator[Operator]:
-    """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins."""
+    """Yield an operator in the graph of a stack, with its time known; `tick` is called between its spins.
+
+    `beating`: whether its heartbeat says that a person is there.
+    """
     here = _graph_of_this_terminal() if found is None else environment(mock=False, domain=None) | dict(found.graph)
     with adopted(here):
         from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment first
 
         with Operator(mock=sim_time or (found is not None and found.mock), tick=tick) as operator:
+            operator.beat(on=beating)
             operator.wait_for_time()
             yield operator
 

@@ -15,7 +15,7 @@ from typing import Any
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_run, show
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import LivenessFile, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
@@ -116,6 +116,7 @@ def fly(options: PoolOptions, vehicle: Vehicle, folder: RunFolder, progress: Pro
             mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report)
         )
         with Supervisor(folder.logs, made) as supervisor:
+            beating.beat(notes, STARTING)
             stack = Stack(folder, vehicle, supervisor, notes)
             progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
             stack.start(mock, record=True)

@@ -1,0 +1,109 @@
+"""`hindrax status`: the stacks that run on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict, dataclass
+
+from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_bringup.liveness import NOBODY, pulses
+from hindrax_bringup.stack_lock import StackLock, runtime_folder, stacks
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import load_vehicle
+
+NAME = "status"
+HELP = "every stack on this machine: what it does, domain, armed or not, age, health, bag"
+EXAMPLE = "./hindrax status"
+THRUSTERS_S, DIAGNOSTICS_S = 3.0, 1.5
+"""Longest wait for the state of the thrusters, and time in which every node reports once."""
+WELL = "well"
+UNKNOWN = "unknown"
+
+
+@dataclass(slots=True)
+class StackStatus:
+    """One row; `stack` is the number that `--stack` takes."""
+
+    stack: int
+    what: str
+    vehicle: str = ""
+    domain: str = ""
+    thrusters: str = ""
+    age_s: float | None = None
+    health: str = WELL
+    bag: str = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Only the form of the answer."""
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List what is announced here, and the tools that still wait for something."""
+    now_s = time.monotonic()
+    felt, found = pulses(runtime_folder(), now_s), stacks()
+    rows = [_status(one, felt.get(one.pid), now_s) for one in found]
+    known = {one.pid for one in found}
+    rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in felt.items() if pid not in known]
+    if arguments.json:
+        print_json({"stacks": [asdict(one) for one in rows]})
+    elif rows:
+        _show(rows)
+    else:
+        print(NOBODY)
+    return 0
+
+
+def _status(stack: StackLock, pulse: tuple[str, str] | None, now_s: float) -> StackStatus:
+    """What the lock file, the pulse and, where nobody else knows it, the graph of a stack say."""
+    doing, wrong = pulse or ("", "")
+    what, _, thrusters = doing.rpartition(": ")
+    made = StackStatus(
+        stack.pid,
+        what or stack.purpose,
+        _vehicle(stack),
+        stack.domain,
+        thrusters if what else "",
+        round(now_s - stack.started_s, 1),
+        wrong or WELL,
+        stack.bag,
+    )
+    if stack.waits_for_operator:
+        _ask(stack, made)
+    return made
+
+
+def _vehicle(stack: StackLock) -> str:
+    try:
+        name = load_vehicle(stack.vehicle).name
+    except UsageError:
+        name = stack.vehicle
+    return f"{name} (mock)" if stack.mock else name
+
+
+def _ask(stack: StackLock, made: StackStatus) -> None:
+    """Fill in what only the graph of a stack tells, without a heartbeat: no person is there who could act."""
+    from hindrax_operator.connection import joined  # noqa: PLC0415  # rclpy is loaded only where it is needed
+    from hindrax_operator.pool_run import node_problems  # noqa: PLC0415  # as above
+
+    made.thrusters = UNKNOWN
+    try:
+        with joined(stack, beating=False) as operator:
+            operator.wait(lambda: operator.thrusters is not None, THRUSTERS_S, lambda: "the state of the thrusters")
+            made.thrusters = operator.thrusters.state
+            if made.health == WELL:
+                operator.pause(DIAGNOSTICS_S)
+                made.health = "; ".join(node_problems(operator)) or WELL
+    except HindraxError as error:
+        made.health = str(error) if made.health == WELL else made.health
+
+
+def _show(rows: list[StackStatus]) -> None:
+    headings = ["stack", "what", "vehicle", "ROS domain", "thrusters", "age [s]"]
+    table = make_table("", headings[:3], headings[3:], ["health", "bag"])
+    for one in rows:
+        age = "" if one.age_s is None else f"{one.age_s:.0f}"
+        table.add_row(str(one.stack), one.what, one.vehicle, one.domain, one.thrusters, age, one.health, one.bag)
+    print_table(table)

@@ -1,0 +1,101 @@
+"""`hindrax status` lists what is announced on this machine, whatever started it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hindrax_bringup.liveness import pulse
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
+from hindrax_cli.command_line import main
+from hindrax_core.errors import HindraxError
+from hindrax_operator import connection
+
+HERE = os.getpid()
+FLYING = StackLock(
+    HERE, True, str(default_vehicle()), "runs/a", {"ROS_DOMAIN_ID": "7"}, purpose="pool-test", bag="runs/a/bag"
+)
+WAITING = replace(FLYING, pid=1, purpose=LAUNCHED, mock=False, bag="", started_s=time.monotonic() - 100.0)
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    return tmp_path
+
+
+def listed(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
+    assert main(["status", "--json"]) == 0
+    found: list[dict[str, Any]] = json.loads(capsys.readouterr().out)["stacks"]
+    return found
+
+
+def test_nothing_that_runs_is_said_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["status"]) == 0
+    assert capsys.readouterr().out == "no stack is up here; start one with `./hindrax up`\n"
+    assert listed(capsys) == []
+
+
+def test_a_pool_test_says_itself_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
+    with pulse() as beating, announced(FLYING):
+        beating.beat("pool-test surge in mock: armed", {"dvl75": "no bottom lock"})
+        (one,) = listed(capsys)
+        assert one.pop("age_s") >= 0.0
+        assert one == {
+            "stack": HERE,
+            "what": "pool-test surge in mock",
+            "vehicle": "hindrax (mock)",
+            "domain": "7",
+            "thrusters": "armed",
+            "health": "dvl75: no bottom lock",
+            "bag": "runs/a/bag",
+        }
+        assert main(["status"]) == 0
+        assert "runs/a/bag" in capsys.readouterr().out
+
+
+def test_what_waits_for_a_tether_is_listed_too(capsys: pytest.CaptureFixture[str]) -> None:
+    with pulse() as beating:
+        beating.beat("waiting for the tether eth0", {"tether": "waiting for the tether eth0"})
+        (one,) = listed(capsys)
+    assert (one["stack"], one["what"], one["health"]) == (
+        HERE,
+        "waiting for the tether eth0",
+        "tether: waiting for the tether eth0",
+    )
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_the_graph_of_a_stack_that_waits_is_asked_without_a_heartbeat(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], answers: bool
+) -> None:
+    @contextlib.contextmanager
+    def joined(stack: StackLock, *, beating: bool) -> Iterator[Any]:
+        assert stack == WAITING
+        assert not beating
+        if not answers:
+            raise HindraxError("waited 3 s for the clock of the mock")
+        health = SimpleNamespace(level=b"\x01", message="no lock")
+        yield SimpleNamespace(
+            wait=lambda *_: None,
+            pause=lambda _: None,
+            thrusters=SimpleNamespace(state="disarmed"),
+            diagnostics={"hindrax: dvl75": health},
+        )
+
+    monkeypatch.setattr(connection, "joined", joined)
+    with announced(WAITING):
+        (one,) = listed(capsys)
+    assert one["age_s"] >= 100.0
+    assert one["thrusters"] == ("disarmed" if answers else "unknown")
+    assert one["health"] == ("dvl75: no lock" if answers else "waited 3 s for the clock of the mock")
