@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.readings import BottomTrack, BottomVelocity
-from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs, setup_commands
+from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
+from hindrax_drivers.devices.dvl75_settings import commands, wanted_settings
 from hindrax_sim.devices.dvl75 import Dvl75 as Emulator
 from hindrax_sim.devices.dvl75 import DvlSettings, DvlTruth
 
@@ -103,12 +104,13 @@ def test_a_device_fresh_from_the_factory_is_made_to_send_deltas():
 def test_setup_changes_what_differs_and_then_nothing_more():
     line = bench(lambda _: DvlTruth(), settings=DvlSettings(speed_of_sound_mps=1500.0))
     line.run(1.0)
-    wanted = setup_commands(line.driver.configuration, Dvl75Knobs())
+    settled = wanted_settings(Dvl75Knobs())
+    wanted = commands(line.driver.configuration, settled)
     assert wanted == (b"SEND-DVPDL ON\n", b"SET-SPEED-OF-SOUND 1484.0\n")
     for command in wanted:
         line.emulator.receive(command, line.now_s)
     line.driver.feed(line.emulator.receive(b"?\n", line.now_s), 0)
-    assert setup_commands(line.driver.configuration, Dvl75Knobs()) == ()
+    assert commands(line.driver.configuration, settled) == ()
 
 
 def test_a_wrong_speed_of_sound_scales_the_velocity():

@@ -79,6 +79,24 @@ def test_a_dry_run_changes_nothing(dvl, capsys):
     assert device.settings == before
 
 
+def test_the_whole_set_up_of_a_pool_day_and_what_cannot_be_verified(dvl, capsys) -> None:
+    path, device = dvl
+    words = ("--orientation", "0", "0", "90", "--heading-offset", "-10", "--declination", "2.5", "--pool-mode", "on")
+    more = ("--retweet-gps", "on", "--kalman", "on", "--imu-calibration", "grab", "--baud-rate", "57600", "--reboot")
+    code, out, _ = hindrax(capsys, "setup", "--port", path, *words, *more, "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert report["orders"][0] == "GRAB-IMU-CAL"
+    assert report["orders"][-2:] == ["BAUD-RATE 57600", "REBOOT"]
+    assert report["unverified"] == ["Pool Mode", "Heading offset"]
+    found = device.settings
+    assert (found.orientation_deg, found.heading_offset_deg, found.declination_deg) == ((0.0, 0.0, 90.0), -10.0, 2.5)
+    assert (found.pool_mode, found.retweet_gps, found.kalman, found.baud) == (True, True, True, 57600)
+    _, out, _ = hindrax(capsys, "setup", "--port", path, "--baud", "57600", "--declination", "0")
+    assert "sent: DECLINATION 0.0" in out
+    assert device.settings.declination_deg == 0.0
+
+
 def test_show_tells_who_and_what(dvl, capsys):
     path, _ = dvl
     _, out, _ = hindrax(capsys, "show", "--port", path)
@@ -102,7 +120,13 @@ def test_a_port_that_is_not_there(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("words", "error"),
-    [(("--speed-of-sound", "900"), "wanted 1100 to 1950"), (("--velocity-adjustment", "2"), "wanted 0.8 to 1.25")],
+    [
+        (("--speed-of-sound", "900"), "wanted 1100 to 1950"),
+        (("--velocity-adjustment", "2"), "wanted 0.8 to 1.25"),
+        (("--baud-rate", "300"), "wanted 9600 to 921600"),
+        (("--declination", "nan"), "wanted -360 to 360"),
+        (("--orientation", "0", "0", "400"), "wanted -360 to 360"),
+    ],
 )
 def test_settings_the_device_cannot_take_are_refused_before_it_is_asked(words, error, capsys):
     code, _, err = hindrax(capsys, "setup", "--port", "/nowhere", *words)

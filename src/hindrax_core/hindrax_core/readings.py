@@ -105,6 +105,31 @@ class BottomTrack:
 
 
 @dataclass(frozen=True, slots=True)
+class Position:
+    """Place that a DVL reckons from its start, its last GPS fix or a position told to it [deg].
+
+    `fixed`: a GPS gives it at the moment. Without one and never told a position, the device starts at 0, 0.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    fixed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class KalmanSupport:
+    """Numbers that a DVL offers to a Kalman filter outside: `groups` in their order, NaN for what is no number.
+
+    `version` is the device's bit vector of the groups that are there.
+    """
+
+    version: int
+    sequence: int
+    interval_s: float
+    groups: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class DeviceText:
     """A text line of a device, for the log."""
 
@@ -134,6 +159,8 @@ Reading: TypeAlias = (
     | EchoProfile
     | BottomVelocity
     | BottomTrack
+    | Position
+    | KalmanSupport
     | DeviceText
     | Battery
     | AppliedPulses

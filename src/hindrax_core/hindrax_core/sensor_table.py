@@ -28,7 +28,7 @@ SENSORS: tuple[Sensor, ...] = (
     Sensor(
         "dvl75",
         serial=True,
-        publishes={"velocity": 20, "attitude": 20, "detail": 20, "altitude": 20},
+        publishes={"velocity": 20, "attitude": 20, "detail": 20, "altitude": 20, "position": 20},
         meaning="Cerulean DVL-75",
     ),
     Sensor("ping1d", serial=True, publishes={"range": 20, "profile": 0}, meaning="Blue Robotics Ping"),

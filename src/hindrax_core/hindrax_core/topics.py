@@ -48,6 +48,7 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "attitude": ("sensor_msgs/msg/Imu", "attitude of the DVL's own IMU"),
     "detail": ("hindrax_msgs/msg/Dvl", "lock, beams, confidence, device time"),
     "altitude": ("sensor_msgs/msg/Range", "distance along the DVL axis"),
+    "position": ("sensor_msgs/msg/NavSatFix", "place by the DVL's own dead reckoning, and whether a GPS gives it"),
     "range": ("sensor_msgs/msg/Range", "distance to the bottom, sonar"),
     "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
     "data_raw": ("sensor_msgs/msg/Imu", "specific force and angular rate"),

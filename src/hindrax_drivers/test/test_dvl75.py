@@ -12,8 +12,9 @@ from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.knobs import build
-from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo
-from hindrax_drivers.devices.dvl75 import ENABLE_DELTAS, Dvl75, Dvl75Knobs, setup_commands
+from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo, KalmanSupport, Position
+from hindrax_drivers.devices.dvl75 import ENABLE_DELTAS, Dvl75, Dvl75Knobs
+from hindrax_drivers.devices.dvl75_settings import commands, wanted_settings
 
 
 def sentence(body: str) -> bytes:
@@ -182,12 +183,64 @@ def test_text_with_and_without_a_checksum():
     assert [one.text for one in readings(outputs, DeviceText)] == ["Lost lock, searching", "Hello", "Booting v1.2"]
 
 
-def test_what_is_recognized_without_a_reading_is_counted():
+def test_what_is_recognized_without_a_reading_is_counted() -> None:
     driver = started()
     retweet = b"IMU:1.0,0.0,0.0,0.0,0.01,0.02,0.03,1.0,2.0,3.0,0.05\r\n"
-    lines = sentence("GPRMC,123519,A") + sentence("DVKFA,15,42,0.05,1,2") + sentence("DVKFA,0x0000000F,43,0.1")
-    assert readings(driver.feed(lines + retweet, Stamp(0))) == []
-    assert driver.counts == {"GPRMC": 1, "DVKFA": 2, "IMU": 1}
+    assert driver.feed(sentence("DVKFC,24577,1,0.1") + retweet, Stamp(0)) == []
+    assert driver.counts == {"DVKFC": 1, "IMU": 1}
+
+
+GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+
+
+def test_what_a_gps_at_the_dvl_says_is_no_reject_and_no_other_device() -> None:
+    driver = started()
+    minimum = sentence("GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W")
+    assert driver.feed(b"GPS:" + GPS + b"GPS:" + minimum, Stamp(0)) == []
+    assert driver.counts == {"GPS": 2}
+    assert reasons(driver.feed(GPS, Stamp(1))) == ["sentence: unknown"], "a GPS on the wrong port"
+    assert reasons(driver.feed(b"GPS:" + GPS.replace(b"47\r", b"48\r") + GPS, Stamp(2))) == [
+        "sentence: checksum",
+        "sentence: unknown",
+    ]
+    assert readings(driver.feed(b"GPS:" + delta(10**6), Stamp(3)), BottomVelocity)
+
+
+def extended(calibration: str = "3333", place: str = "0,0", gains: str = "25,25,25,25") -> bytes:
+    beams = "T,T,T,T,0.1,0.2,0.3,0.4,1.1,1.2,-1,1.4"
+    head = f"DVEXT,T,A,{calibration},1.0,2.0,3.0,0,0,1.5,0.1,0.2,{place},0.05,1,0,0,0"
+    return sentence(f"{head},{gains},{beams},")
+
+
+@pytest.mark.parametrize("digits", ["", "3", "33333", "3-33", "N/A"])
+def test_calibration_digits_that_are_none_cost_no_altitude(digits: str) -> None:
+    track, _ = readings(started().feed(extended(digits), Stamp(0)))
+    assert (track.altitude_m, track.imu_calibration) == (1.5, digits)
+
+
+def test_a_field_of_a_beam_that_is_no_number_costs_itself() -> None:
+    (track,) = readings(started().feed(extended(gains="25,,25,x"), Stamp(0)), BottomTrack)
+    assert [beam.range_m for beam in track.beams] == [1.1, 1.2, None, 1.4]
+    assert [math.isnan(beam.gain_dB) for beam in track.beams] == [False, True, False, True]
+
+
+def test_the_place_is_that_of_the_extended_data_and_else_that_of_the_recommended_minimum() -> None:
+    driver = started()
+    minimum = sentence("GPRMC,123519,A,4807.038,S,01131.000,W,022.4,084.4,230394,003.1,W")
+    (first,) = readings(driver.feed(minimum, Stamp(0)))
+    assert (first.latitude_deg, first.longitude_deg) == pytest.approx((-48.1173, -11.516666667))
+    assert readings(driver.feed(extended(place="44.9,-93.5"), Stamp(1)), Position) == [Position(44.9, -93.5, True)]
+    assert readings(driver.feed(minimum, Stamp(2))) == []
+    for place in (",", "91,0", "0,-181", "x,1"):
+        assert readings(driver.feed(extended(place=place), Stamp(3)), Position) == []
+
+
+def test_numbers_for_a_kalman_filter_come_in_their_order() -> None:
+    outputs = started().feed(sentence("DVKFA,15,42,0.05,1.5,[A],-2") + sentence("DVKFA,0x0000000F,43,0.1"), Stamp(0))
+    first, second = readings(outputs, KalmanSupport)
+    assert (first.version, first.sequence, first.interval_s, first.groups[::2]) == (15, 42, 0.05, (1.5, -2.0))
+    assert math.isnan(first.groups[1])
+    assert second == KalmanSupport(15, 43, 0.1, ())
 
 
 def test_no_attitude_is_believed_beyond_a_turn():
@@ -250,21 +303,45 @@ def test_start_asks_for_the_configuration_and_sets_nothing():
 CURRENT = {"DVPDL messages": "OFF", "DVEXT messages": "on", "Speed of sound": "1484", "Velocity adjustment": "1.000"}
 
 
-def test_only_settings_that_differ_are_sent():
-    assert setup_commands(CURRENT, Dvl75Knobs()) == (b"SEND-DVPDL ON\n",)
-    assert setup_commands(CURRENT, Dvl75Knobs(speed_of_sound_mps=1500.0))[1:] == (b"SET-SPEED-OF-SOUND 1500.0\n",)
-    assert setup_commands({**CURRENT, "DVPDL messages": "ON"}, Dvl75Knobs()) == ()
+def orders(current: dict[str, str], always: bool = False, **knobs: float) -> tuple[bytes, ...]:
+    return commands(current, wanted_settings(Dvl75Knobs(**knobs)), always)
 
 
-def test_all_settings_are_sent_on_request_and_to_a_device_that_did_not_report():
+def test_only_settings_that_differ_are_sent() -> None:
+    assert orders(CURRENT) == (b"SEND-DVPDL ON\n",)
+    assert orders(CURRENT, speed_of_sound_mps=1500.0)[1:] == (b"SET-SPEED-OF-SOUND 1500.0\n",)
+    assert orders({**CURRENT, "DVPDL messages": "ON"}) == ()
+
+
+def test_all_settings_are_sent_on_request_and_to_a_device_that_did_not_report() -> None:
     wanted = (
         b"SEND-DVPDL ON\n",
         b"SEND-DVEXT ON\n",
         b"SET-SPEED-OF-SOUND 1484.0\n",
         b"SET-VELOCITY-ADJUSTMENT 1.000\n",
     )
-    assert setup_commands(CURRENT, Dvl75Knobs(), always=True) == wanted
-    assert setup_commands({}, Dvl75Knobs()) == wanted
+    assert orders(CURRENT, always=True) == wanted
+    assert orders({}) == wanted
+
+
+def test_an_orientation_is_the_same_with_semicolons() -> None:
+    """OmniTrack turns the semicolons of $DVNVM into the commas of the command, and so do we."""
+    key = "Sensor Orientation"
+    assert commands({key: "0.0;0.0;90.0"}, {key: "0,0,90"}) == ()
+    assert commands({key: "0.0;0.0;90.0"}, {key: "0,0,0"}) == (b"SET-SENSOR-ORIENTATION 0,0,0\n",)
+
+
+@pytest.mark.parametrize(
+    ("model", "on", "off"),
+    [
+        ("DVL-75", b"MANUAL-MODE 0.001,10.0,0.5,56,0.1,50,20.6,-0.671,100,100\n", b"MANUAL-MODE OFF\n"),
+        ("Tracker 650", b"SET-POOL-MODE ON\n", b"SET-POOL-MODE OFF\n"),
+    ],
+)
+def test_each_model_has_its_own_word_for_the_pool(model: str, on: bytes, off: bytes) -> None:
+    """BlueOS-Cerulean-DVL, POOL_MODE_COMMAND; Tracker 650, "Commands Accepted", SET-POOL-MODE."""
+    assert commands({"Model": model}, {"Pool Mode": "ON"}) == (on,)
+    assert commands({"Model": model}, {"Pool Mode": "OFF"}) == (off,)
 
 
 def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy():

@@ -8,7 +8,7 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Position
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
@@ -35,7 +35,8 @@ def test_a_dvl_without_lock_tells_its_detail_and_no_velocity() -> None:
 def test_every_topic_has_a_name_that_messages_come_under() -> None:
     made = messages_of_dvl()
     moving = Stamped(Stamp(0), BottomVelocity((0.1, 0.0, 0.0), 0.01, 1.0, 0.05, 77))
-    said = {name for reading in (Stamped(Stamp(0), TRACK), moving) for name, _ in made.of(reading)}
+    place = Stamped(Stamp(0), Position(44.96, -93.51, fixed=True))
+    said = {name for reading in (Stamped(Stamp(0), TRACK), moving, place) for name, _ in made.of(reading)}
     assert said == {topic.name for topic in made.topics}
     assert made.accepts(BottomVelocity)
     assert not made.accepts(str)

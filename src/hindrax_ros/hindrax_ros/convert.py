@@ -20,10 +20,10 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion as QuaternionMsg
 from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range, Temperature
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, NavSatFix, NavSatStatus, Range, Temperature
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec3, Vec6
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure, Vec3, Vec6
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
 
@@ -106,6 +106,16 @@ def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
 def temperature_to_msg(stamped: Stamped[Pressure], frame: str) -> Temperature:
     """Water temperature at the pressure sensor."""
     message = Temperature(temperature=stamped.reading.temperature_C, variance=0.0)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def position_to_msg(stamped: Stamped[Position], frame: str) -> NavSatFix:
+    """Place that the DVL reckons; its status says whether a GPS gives it at the moment. Its height is unknown (NaN)."""
+    place = stamped.reading
+    message = NavSatFix(latitude=place.latitude_deg, longitude=place.longitude_deg, altitude=math.nan)
+    message.status.status = NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
+    message.status.service = NavSatStatus.SERVICE_GPS
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
     return message
 

@@ -9,7 +9,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 from geometry_msgs.msg import Quaternion
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_ros import convert
 
@@ -127,3 +127,11 @@ def test_dvl_detail_there_and_back(velocity):
     message = convert.dvl_to_msg(Stamped(STAMP, reading), track, "dvl75_link", 1484.0)
     assert message.altitude == 1.25
     assert convert.dvl_from_msg(message).reading == reading
+
+
+def test_a_place_says_whether_a_gps_gives_it() -> None:
+    for fixed, status in ((True, 0), (False, -1)):
+        message = convert.position_to_msg(Stamped(Stamp(5), Position(44.96, -93.51, fixed)), "dvl75_link")
+        assert (message.latitude, message.longitude, message.status.status) == (44.96, -93.51, status)
+        assert math.isnan(message.altitude)
+        assert message.position_covariance_type == 0

@@ -8,6 +8,7 @@ import operator
 import re
 from itertools import pairwise
 
+import pynmea2
 import pytest
 
 from hindrax_sim.devices.dvl75 import BOOT_TEXT, Dvl75, DvlSettings, DvlTruth
@@ -129,7 +130,61 @@ def test_bad_commands_change_nothing_and_are_said_to_be_bad(command):
     assert device.settings == DvlSettings()
 
 
-@pytest.mark.parametrize("command", [b"SET-SENSOR-ORIENTATION 0,0,90", b"SEND-GPRMC OFF", b"SET-POSITION 44.96,-93.51"])
+def sentences(device: Dvl75, tag: str) -> list[list[str]]:
+    return [line.partition("*")[0].split(",") for line in said(device, 0.0, 3.0) if line.startswith(tag)]
+
+
+def told(device: Dvl75, *commands: str) -> Dvl75:
+    for command in commands:
+        assert device.receive(f"{command}\n".encode(), 0.0) == b"", command
+    return device
+
+
+def test_declination_and_offset_turn_the_heading() -> None:
+    turned = told(Dvl75(), "DECLINATION 5.5", "HEADING-OFFSET 90")
+    assert {fields[6] for fields in sentences(turned, "$DVEXT")} == {"95.5"}
+
+
+def test_the_orientation_of_the_head_turns_the_deltas() -> None:
+    device = told(Dvl75(settings=ON, noise_mps=0.0), "SET-SENSOR-ORIENTATION 0, 0, 90")
+    for one in deltas(said(device, 0.0, 3.0, DvlTruth((0.4, 0.0, 0.0))))[12:]:
+        assert one[5:8] == pytest.approx([0.0, 0.02, 0.0], abs=0.00051)
+
+
+def test_a_position_moves_with_the_vehicle_and_is_read_by_another_program() -> None:
+    device = told(Dvl75(), "SET-POSITION 44.96,-93.51", "SEND-GPRMC ON", "SEND-DVEXT OFF")
+    lines = said(device, 0.0, 100.0, DvlTruth((0.5, 0.0, 0.0)))
+    found = [pynmea2.parse(line, check=True) for line in lines]
+    assert {one.sentence_type for one in found} == {"RMC"}
+    assert (found[0].latitude, found[0].longitude) == pytest.approx((44.96, -93.51), abs=1e-5)
+    assert found[-1].status == "A"
+    assert (found[-1].latitude - 44.96) * 111_319 == pytest.approx(0.5 * 99.5, abs=0.5)
+
+
+def test_a_calibration_is_kept_and_deleted() -> None:
+    device = told(Dvl75(), "VOID-IMU-CAL")
+    assert {fields[3] for fields in sentences(device, "$DVEXT")} == {"0000"}
+    told(device, "GRAB-IMU-CAL")
+    assert device.settings.imu_calibrated
+
+
+def test_kalman_support_and_the_words_of_a_gps_come_when_switched_on() -> None:
+    device = told(Dvl75(), "SEND-DVKFA ON", "RETWEET-GPS ON")
+    lines = said(device, 0.0, 3.0)
+    assert [line.split(",")[2] for line in lines if line.startswith("$DVKFA")][:3] == ["0", "1", "2"]
+    assert [line for line in lines if line.startswith("GPS:$GPGGA")]
+
+
+def test_a_line_speed_is_kept_and_the_pool_is_set_by_ten_numbers() -> None:
+    device = told(Dvl75(), "BAUD-RATE 57600", "MANUAL-MODE 0.001,10.0,0.5,56,0.1,50,20.6,-0.671,100,100")
+    device.power_cycle(1.0)
+    assert (device.baud, device.settings.pool_mode) == (57600, True)
+    assert not told(device, "MANUAL-MODE OFF").settings.pool_mode
+    for command in (b"SET-POOL-MODE ON\n", b"MANUAL-MODE 1,2,3\n", b"BAUD-RATE 1\n"):
+        assert device.receive(command, 0.0) == b"Unrecognized command\r\n"
+
+
+@pytest.mark.parametrize("command", [b"SET-SIDE-TRACKING ON", b"HOST-ADDRESS 192.168.2.2:27000"])
 def test_other_commands_of_the_page_are_taken_without_a_word(command):
     assert Dvl75().receive(command + b"\n", 0.0) == b""
 

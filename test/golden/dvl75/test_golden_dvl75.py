@@ -12,7 +12,7 @@ import yaml
 
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity
+from hindrax_core.readings import BottomTrack, BottomVelocity, Position
 from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_drivers.protocols.nmea import checksum
 
@@ -30,9 +30,8 @@ def outputs(line: str) -> list[object]:
 
 
 def reading(line: str, kind: type) -> object:
-    found = [one.reading for one in outputs(line) if isinstance(one, Stamped)]
-    assert [type(one) for one in found] == [kind]
-    return found[0]
+    (found,) = [one.reading for one in outputs(line) if isinstance(one, Stamped) and isinstance(one.reading, kind)]
+    return found
 
 
 @pytest.mark.parametrize("case", named("velocities"))
@@ -62,6 +61,15 @@ def test_extended_data(case):
     assert [beam.locked for beam in found.beams] == case["locks"]
     assert [beam.velocity_mps for beam in found.beams] == case["beam_velocities_mps"]
     assert [beam.range_m for beam in found.beams] == case["ranges_m"]
+    place = reading(case["line"], Position)
+    assert [place.latitude_deg, place.longitude_deg, place.fixed] == case["place"]
+
+
+def test_a_place_of_nmea_0183() -> None:
+    case = CASES["minimum"]
+    place = reading(case["line"], Position)
+    assert (place.latitude_deg, place.longitude_deg) == pytest.approx(case["place"][:2], abs=1e-6)
+    assert place.fixed is case["place"][2]
 
 
 @pytest.mark.parametrize("case", named("refused"))

@@ -148,9 +148,8 @@ def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
                 end = after(stamp, RATE_S)
         if identified is None:
             raise DeviceError(f"{path}: {talk.silence(device.baud)}")
-        return (
-            f"{talk.identity}, {talk.readings / max(TURN_S, seconds_between(identified, clock.now())):.0f} readings/s"
-        )
+        rate = talk.readings / max(TURN_S, seconds_between(identified, clock.now()))
+        return f"{talk.identity}, {rate:.0f} readings/s{'; ' if talk.trouble else ''}{talk.trouble}"
 
 
 class _Talk:

@@ -8,36 +8,41 @@ never give), so its error is uniform over 1 mm, with standard deviation 1 mm / s
 one sentence to the next: 5.8 mm/s at 20 Hz. The instrument's own noise is a floor beside it.
 
 $DVPDL is off in the factory settings. When the device talks and no delta comes, `SEND-DVPDL ON` is sent, a few
-times at most: the setting is kept in flash. Every other setting is touched only by `setup_commands`.
+times at most: the setting is kept in flash. Every other setting is touched only by `hindrax dvl setup`.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
-from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, setup_commands, wanted_settings
+from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, wanted_settings
 from hindrax_drivers.driver import Driver, in_water
 from hindrax_drivers.protocols import dvl75_protocol as protocol
 from hindrax_drivers.protocols.nmea import MAX_LINE, LineSplitter, SentenceError, require_numbers, split_verified
 from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
 
-__all__ = ["Dvl75", "Dvl75Knobs", "setup_commands"]
+__all__ = ["Dvl75", "Dvl75Knobs"]
 
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
 ENABLE_DELTAS = b"SEND-DVPDL ON\n"
+RETWEET, RETWEET_TAG = b"GPS:", b"GPS"
+"""What the device puts before the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
 SHORTEST_us, LONGEST_us = 20_000, 1_000_000
 """Believable intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
 ROUNDING_VARIANCE_m2 = protocol.POSITION_STEP_m**2 / 12.0
 
 
 class Dvl75:
-    """Serial device: sentences in, BottomVelocity, BottomTrack, DeviceText (and Echo of a Tracker 650) out."""
+    """Serial device: sentences in; BottomVelocity, BottomTrack, Position, KalmanSupport, DeviceText out.
+
+    A Tracker 650 gives its altitude as an Echo.
+    """
 
     def __init__(self, knobs: Dvl75Knobs = DEFAULT_KNOBS) -> None:
         self._knobs = knobs
@@ -59,7 +64,7 @@ class Dvl75:
             b"DVTXT": self._on_text,
             b"DVKFA": self._on_kalman,
             b"DVKFC": self._on_counted,
-            b"GPRMC": self._on_counted,
+            b"GPRMC": self._on_minimum,
         }
         self._counts: Counter[bytes] = Counter()
         self._configuration: dict[str, str] = {}
@@ -69,6 +74,7 @@ class Dvl75:
         """Reset to the state after opening the line."""
         self._lines.clear()
         self._clock.restart()
+        self._retweet = False
         self._identity = ""
         self._last_us = -1
         self._last_tag = self._last_extended = b""
@@ -122,11 +128,14 @@ class Dvl75:
             return self._on_delta(split_verified(line), line, stamp)
         if len(line) >= MAX_LINE:
             raise SentenceError("length")
+        retweet, self._retweet = self._retweet, line == RETWEET
         if line[:1] != b"$":
             return self._on_plain(line, stamp)
         if line[:6] == b"$DVTXT" and line[-3:-2] != b"*":
             return self._on_text(line[1:].split(b",", 1), line, stamp)
         fields = split_verified(line)
+        if retweet and not fields[0].startswith(b"DV"):
+            return self._on_counted([RETWEET_TAG], line, stamp)
         handler = self._handlers.get(fields[0])
         if handler is None:
             raise SentenceError("unknown")
@@ -196,7 +205,9 @@ class Dvl75:
         self._counts[b"DVEXT"] += 1
         on_wire_ns = round((len(line) + 2) * 10 * NS_PER_S / self._knobs.baud)
         self._last_track = min(stamp, max(self._last_track, Stamp(stamp - on_wire_ns)))
-        return [*self._identify("DVL-75"), Stamped(self._last_track, track)]
+        outputs: list[Output] = [*self._identify("DVL-75"), Stamped(self._last_track, track)]
+        place = protocol.position(fields)
+        return outputs if place is None else [*outputs, Stamped(self._last_track, place)]
 
     def _on_configuration(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         self._counts[b"DVNVM"] += 1
@@ -219,18 +230,27 @@ class Dvl75:
             raise SentenceError("text")
         return [Stamped(stamp, DeviceText(text.decode("ascii").strip()))]
 
-    def _on_kalman(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
-        protocol.kalman_header(fields)
+    def _on_kalman(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
+        support = protocol.kalman_support(fields)
         self._counts[b"DVKFA"] += 1
-        return self._identify("DVL-75")
+        return [*self._identify("DVL-75"), Stamped(stamp, support)]
 
-    def _on_counted(self, fields: list[bytes], _: bytes, __: Stamp) -> list[Output]:
-        """Count a known sentence without use here: the device's own position, raw beams of a Tracker 650."""
+    def _on_minimum(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
+        """Decode the device's own $GPRMC; $DVEXT has the same place with more digits."""
+        place = protocol.recommended_minimum(fields)
+        self._counts[b"GPRMC"] += 1
+        return [] if place is None or self._last_extended else [Stamped(stamp, place)]
+
+    def _on_counted(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
+        """Count a known sentence without use here: a GPS behind the DVL, raw beams of a Tracker 650."""
+        self._silence.last_valid = stamp
         self._counts[fields[0]] += 1
         return []
 
-    def _on_plain(self, line: bytes, stamp: Stamp) -> list[Output]:
+    def _on_plain(self, line: bytes, stamp: Stamp) -> Sequence[Output]:
         """Handle a line that is no sentence: boot message, answer to a command, or a fragment of a sentence."""
+        if line == RETWEET:
+            return ()
         if line[:4] == b"IMU:":
             protocol.retweet(line)
             self._counts[b"IMU"] += 1

@@ -8,13 +8,34 @@ from dataclasses import dataclass
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3
 
-SETTINGS = {
+POOL_MODE = "Pool Mode"
+HEADING_OFFSET = "Heading offset"
+BAUD_RATE = "Baud rate"
+SETTINGS: Mapping[str, str] = {
     "DVPDL messages": "SEND-DVPDL",
     "DVEXT messages": "SEND-DVEXT",
+    "DVKFA messages": "SEND-DVKFA",
+    "Retweet GPS": "RETWEET-GPS",
     "Speed of sound": "SET-SPEED-OF-SOUND",
     "Velocity adjustment": "SET-VELOCITY-ADJUSTMENT",
+    "Sensor Orientation": "SET-SENSOR-ORIENTATION",
+    "Magnetic declination": "DECLINATION",
+    HEADING_OFFSET: "HEADING-OFFSET",
+    POOL_MODE: "SET-POOL-MODE",
+    BAUD_RATE: "BAUD-RATE",
 }
-"""Key in $DVNVM and the command that sets it: the pairs of Cerulean's own OmniTrack web page."""
+"""Key in $DVNVM and the command that sets it: the pairs of Cerulean's own OmniTrack web page.
+
+The heading offset has no key known to us; it is sent whenever it is named.
+"""
+POOL_MODE_OF_A_DVL75 = {
+    "ON": b"MANUAL-MODE 0.001,10.0,0.5,56,0.1,50,20.6,-0.671,100,100\n",
+    "OFF": b"MANUAL-MODE OFF\n",
+}
+"""A DVL-75 knows no SET-POOL-MODE. These are the lines of Cerulean's extension of BlueOS (BlueOS-Cerulean-DVL)."""
+IMU_CALIBRATION = {"grab": b"GRAB-IMU-CAL\n", "void": b"VOID-IMU-CAL\n"}
+"""Keep the baseline IMU's calibration of this moment in flash, or delete it. Page "Commands Accepted by the DVL"."""
+REBOOT = b"REBOOT\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,26 +76,32 @@ def wanted_settings(knobs: Dvl75Knobs) -> dict[str, str]:
     }
 
 
-def setup_commands(current: Mapping[str, str], knobs: Dvl75Knobs, always: bool = False) -> tuple[bytes, ...]:
-    """Commands that bring the settings (its $DVNVM, empty when unknown) to those of the knobs; they wear the flash."""
-    return commands(current, wanted_settings(knobs), always)
-
-
 def commands(current: Mapping[str, str], wanted: Mapping[str, str], always: bool = False) -> tuple[bytes, ...]:
-    """Command lines that bring a device from `current` settings to the `wanted` ones.
+    """Command lines that bring a device from its `current` settings (its $DVNVM) to the `wanted` ones.
 
-    Settings live in flash, so one that already holds is left alone unless `always`; one that the device did not
-    report is sent. Page "Commands Accepted by the DVL".
+    Settings live in flash, which wears: one that already holds is left alone unless `always`; one that the device did
+    not report is sent. Page "Commands Accepted by the DVL".
     """
+    model = current.get("Model", "")
     return tuple(
-        f"{SETTINGS[key]} {value}\n".encode("ascii")
-        for key, value in wanted.items()
-        if always or not _same(current.get(key, ""), value)
+        _command(key, value, model) for key, value in wanted.items() if always or not _same(current.get(key, ""), value)
     )
 
 
+def _command(key: str, value: str, model: str) -> bytes:
+    if key == POOL_MODE and model == "DVL-75":
+        return POOL_MODE_OF_A_DVL75[value]
+    return f"{SETTINGS[key]} {value}\n".encode("ascii")
+
+
 def _same(found: str, wanted: str) -> bool:
+    """Whether two values mean the same: words, or numbers between commas, which $DVNVM writes as semicolons."""
     try:
-        return abs(float(found) - float(wanted)) < 5e-4
+        pairs = zip(_numbers(found), _numbers(wanted), strict=True)
+        return all(abs(one - other) < 5e-4 for one, other in pairs)
     except ValueError:
         return found.upper() == wanted.upper()
+
+
+def _numbers(value: str) -> list[float]:
+    return [float(part) for part in value.replace(";", ",").split(",")]

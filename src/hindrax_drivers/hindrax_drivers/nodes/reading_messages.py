@@ -21,6 +21,7 @@ from hindrax_core.readings import (
     EchoProfile,
     Inertial,
     Magnetic,
+    Position,
     Pressure,
 )
 from hindrax_core.topics import TOPICS, Topic
@@ -140,6 +141,10 @@ def _altitude(frame: str, _vehicle: Vehicle) -> Write:
     return altitude
 
 
+def _position(frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: convert.position_to_msg(one, frame)
+
+
 def _detail(frame: str, vehicle: Vehicle) -> Write:
     sound_mps = vehicle.water.speed_of_sound_mps
     return _with_track(lambda velocity, track: convert.dvl_to_msg(velocity, track, frame, sound_mps))
@@ -177,5 +182,6 @@ _MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     "velocity": ((BottomVelocity,), _velocity),
     "attitude": ((BottomTrack,), _attitude),
     "altitude": ((BottomTrack, Echo), _altitude),
+    "position": ((Position,), _position),
     "detail": ((BottomVelocity, BottomTrack), _detail),
 }

@@ -8,10 +8,9 @@ with an empty field that the page does not show.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
-from hindrax_core.readings import Beam, BottomTrack, Vec3
+from hindrax_core.readings import Beam, BottomTrack, KalmanSupport, Position, Vec3
 from hindrax_drivers.protocols.nmea import SentenceError, integer, number, numbers
 
 Delta: TypeAlias = tuple[int, int, Vec3, int]
@@ -21,15 +20,6 @@ CLOCK_END_US = 1 << 63
 FARTHEST_m = 1000.0
 POSITION_STEP_m = 0.001
 """Position deltas are printed with three decimals."""
-
-
-@dataclass(frozen=True, slots=True)
-class KalmanHeader:
-    """The part of $DVKFA that the page defines; the data groups after it are ignored."""
-
-    version: int
-    sequence: int
-    interval_s: float
 
 
 def position_delta(fields: list[bytes]) -> Delta:
@@ -52,13 +42,15 @@ def standoff(fields: list[bytes]) -> float:
 
 
 def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
-    """Fields of a $DVEXT: 34 values and an empty one. Page "$DVEXT: DVL Extended Data"."""
-    if len(fields) != 36 or fields[35] or not fields[3].isdigit() or len(fields[3]) != 4:
+    """Fields of a $DVEXT: 34 values, and an empty one where captured lines have it. Page "$DVEXT: DVL Extended Data".
+
+    What the page calls optional, or another IMU fills otherwise, costs itself and not the altitude: calibration
+    digits are kept as they come, a beam without a number has NaN.
+    """
+    if len(fields) < 35:
         raise SentenceError("fields")
     locked = _flag(fields[1])
-    # Check all numbers at once: roll to quaternion and gains, then velocities and ranges of the beams.
-    values = numbers(fields[4:23] + fields[27:35])
-    roll, pitch, heading, skipped, _, altitude, north, east = values[:8]
+    roll, pitch, heading, skipped, _, altitude, north, east = numbers(fields[4:12])
     if abs(roll) > 180.0 or abs(pitch) > 180.0 or not 0.0 <= heading <= 360.0 or not skipped.is_integer():
         raise SentenceError("range")
     if locked and not 0.0 < altitude < FARTHEST_m:
@@ -70,8 +62,8 @@ def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
         heading_rad=math.radians(heading * attitude_sign[2] % 360.0),
         altitude_m=altitude if locked else None,
         velocity_north_east_mps=(north, east),
-        beams=_beams(fields[23:27], values[15:]),
-        imu_calibration=fields[3].decode("ascii"),
+        beams=_beams(fields[23:27], _with_gaps(fields[19:23] + fields[27:35])),
+        imu_calibration=fields[3].decode("ascii", "replace"),
         skipped_pings=int(skipped),
     )
 
@@ -79,7 +71,49 @@ def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
 def _beams(locks: list[bytes], values: list[float]) -> tuple[Beam, ...]:
     """Beams A to D from their locks and 4 gains, 4 velocities, 4 ranges; a range of -1 means that there is none."""
     rows = zip(locks, values[4:8], values[8:], values[:4], strict=True)
-    return tuple([Beam(_flag(lock), speed, reach if reach >= 0.0 else None, gain) for lock, speed, reach, gain in rows])
+    return tuple(
+        [Beam(lock == b"T", speed, reach if reach >= 0.0 else None, gain) for lock, speed, reach, gain in rows]
+    )
+
+
+def _with_gaps(fields: list[bytes]) -> list[float]:
+    """Numbers of fields, NaN where there is none."""
+    try:
+        return numbers(fields)
+    except SentenceError:
+        return [_number_or_nan(field) for field in fields]
+
+
+def _number_or_nan(field: bytes) -> float:
+    try:
+        return number(field)
+    except SentenceError:
+        return math.nan
+
+
+def position(fields: list[bytes]) -> Position | None:
+    """Place in a $DVEXT; None where there is none. Page "$DVEXT": GPS `A` is fresh, latitude and longitude decimal."""
+    return _place(_number_or_nan(fields[12]), _number_or_nan(fields[13]), fixed=fields[2] == b"A")
+
+
+def recommended_minimum(fields: list[bytes]) -> Position | None:
+    """Place in the device's own $GPRMC: status, ddmm.mmmm and N or S, dddmm.mmmm and E or W. NMEA 0183, RMC."""
+    if len(fields) < 7:
+        raise SentenceError("fields")
+    latitude, longitude = (_degrees(fields[at], fields[at + 1] in (b"S", b"W")) for at in (3, 5))
+    return _place(latitude, longitude, fixed=fields[2] == b"A")
+
+
+def _degrees(field: bytes, negative: bool) -> float:
+    """Decimal degrees of degrees and minutes written together."""
+    whole, minutes = divmod(_number_or_nan(field), 100.0)
+    degrees = whole + minutes / 60.0
+    return -degrees if negative else degrees
+
+
+def _place(latitude_deg: float, longitude_deg: float, *, fixed: bool) -> Position | None:
+    there = abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+    return Position(latitude_deg, longitude_deg, fixed) if there else None
 
 
 def _flag(field: bytes) -> bool:
@@ -88,15 +122,18 @@ def _flag(field: bytes) -> bool:
     return field == b"T"
 
 
-def kalman_header(fields: list[bytes]) -> KalmanHeader:
-    """Version, sequence and interval of a $DVKFA. Page "$DVKFA, $DVKFB Kalman Filter Support Messages"."""
+def kalman_support(fields: list[bytes]) -> KalmanSupport:
+    """$DVKFA: version, sequence, interval, then the groups. Page "$DVKFA, $DVKFB Kalman Filter Support Messages".
+
+    The page names the fields of the groups nowhere; they are handed on in their order.
+    """
     if len(fields) < 4:
         raise SentenceError("fields")
     try:
         version = int(fields[1], 0)
     except ValueError:
         raise SentenceError("number") from None
-    return KalmanHeader(version, integer(fields[2]), number(fields[3]))
+    return KalmanSupport(version, integer(fields[2]), number(fields[3]), tuple(_with_gaps(fields[4:])))
 
 
 def retweet(line: bytes) -> list[float]:

@@ -9,13 +9,26 @@ altitude; a lock takes half a second to find and no time to lose.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Vec3
-from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval, configuration, delta, extended
+from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Position, Vec3
+from hindrax_core.rotation import matrix, rotate
+from hindrax_sim.devices.dvl75_sentences import (
+    DvlSettings,
+    DvlTruth,
+    Interval,
+    Track,
+    configuration,
+    delta,
+    extended,
+    kalman,
+    minimum,
+    over_ground,
+)
 from hindrax_sim.emulator import Emulator
 from hindrax_sim.serial_emulator import BaudRateLine
 from hindrax_sim.world import Mounting, World
@@ -36,16 +49,58 @@ BEAM_NOISE_mps = 0.003
 NOWHERE: Vec3 = (0.0, 0.0, 0.0)
 LONGEST_COMMAND = 256
 
-SWITCHES = {"SEND-DVPDL": "deltas", "SEND-DVEXT": "extended", "SEND-FREEFORM": "freeform"}
-SCALARS = {
-    "SET-SPEED-OF-SOUND": ("speed_of_sound_mps", 1100.0, 1950.0),
-    "SET-VELOCITY-ADJUSTMENT": ("velocity_adjustment", 0.8, 1.25),
+M_PER_DEGREE = 1.1131884502145034e5
+"""Metres per degree of latitude, as Cerulean's extension of BlueOS reckons."""
+GPS_EVERY_S = 1.0
+
+Change: TypeAlias = dict[str, Any]
+
+
+def _switch(name: str) -> Callable[[str], Change | None]:
+    return lambda text: {name: text == "ON"} if text in ("ON", "OFF") else None
+
+
+def _scalar(name: str, low: float, high: float, kind: type = float) -> Callable[[str], Change | None]:
+    def change(text: str) -> Change | None:
+        (value,) = _numbers(text, 1) or (math.nan,)
+        return {name: kind(value)} if low <= value <= high else None
+
+    return change
+
+
+def _orientation(text: str) -> Change | None:
+    angles = _numbers(text, 3)
+    return {"orientation_deg": tuple(angles)} if angles else None
+
+
+def _manual_mode(text: str) -> Change | None:
+    """OFF, or ten numbers: those that Cerulean's extension of BlueOS sends for a pool."""
+    return {"pool_mode": text != "OFF"} if text == "OFF" or _numbers(text, 10) else None
+
+
+SETTERS: Mapping[str, Callable[[str], Change | None]] = {
+    "SEND-DVPDL": _switch("deltas"),
+    "SEND-DVEXT": _switch("extended"),
+    "SEND-FREEFORM": _switch("freeform"),
+    "SEND-DVKFA": _switch("kalman"),
+    "SEND-DVFKA": _switch("kalman"),  # so spelled in the page's table
+    "SEND-GPRMC": _switch("minimum"),
+    "RETWEET-GPS": _switch("retweet_gps"),
+    "SET-SPEED-OF-SOUND": _scalar("speed_of_sound_mps", 1100.0, 1950.0),
+    "SET-VELOCITY-ADJUSTMENT": _scalar("velocity_adjustment", 0.8, 1.25),
+    "DECLINATION": _scalar("declination_deg", -180.0, 180.0),
+    "HEADING-OFFSET": _scalar("heading_offset_deg", -360.0, 360.0),
+    "SET-SENSOR-ORIENTATION": _orientation,
+    "GRAB-IMU-CAL": lambda _: {"imu_calibrated": True},
+    "VOID-IMU-CAL": lambda _: {"imu_calibrated": False},
+    "MANUAL-MODE": _manual_mode,
+    "BAUD-RATE": _scalar("baud", 9600, 921600, int),
 }
+"""Change of the settings by a command's argument; None where it is refused."""
 WITHOUT_EFFECT = frozenset(
     (
-        *("SET-POSITION", "SUPPRESS-GPS", "DECLINATION", "HEADING-OFFSET", "SEND-GPRMC", "SEND-DVFKA", "SEND-DVKFA"),
-        *("SEND-DVFKB", "SEND-DVKFB", "RETWEET-GPS", "RETWEET-IMU", "SET-SIDE-TRACKING", "SEND-SIDE-TRACKING-FRAME"),
-        *("SET-SENSOR-ORIENTATION", "GRAB-IMU-CAL", "VOID-IMU-CAL", "BAUD-RATE", "IP-ADDRESS", "HOST-ADDRESS"),
+        *("SUPPRESS-GPS", "SEND-DVFKB", "SEND-DVKFB", "RETWEET-IMU", "SET-SIDE-TRACKING", "SEND-SIDE-TRACKING-FRAME"),
+        *("IP-ADDRESS", "HOST-ADDRESS"),
     )
 )
 """Commands of the page that the device takes without a word and that are not played through here."""
@@ -62,14 +117,12 @@ class Dvl75:
         noise_mps: float = 0.01,
         drift_ppm: float = 40.0,
         booted_s: float = 60.0,
-        baud: int = 115200,
     ) -> None:
         self.settings = settings or DvlSettings()
         self._random = np.random.default_rng(seed)
         self._noise_mps = noise_mps
         self._us_per_s = 1e6 * (1.0 + drift_ppm * 1e-6)
-        self._baud = baud
-        self._wire = BaudRateLine(baud)
+        self._wire = BaudRateLine(self.settings.baud)
         self._truth = DvlTruth()
         self._disguised = self._saturated = False
         self._stepped = False
@@ -89,11 +142,14 @@ class Dvl75:
         self._reported_rad = self._truth.turned_rad
         self._line = b""
         self._paused = False
+        self._place_deg, self._told = (0.0, 0.0), False
+        self._sequence = 0
+        self._gps_s = now_s
 
     @property
     def baud(self) -> int:
         """Line speed."""
-        return self._baud
+        return self.settings.baud
 
     @property
     def next_due_s(self) -> float:
@@ -141,6 +197,8 @@ class Dvl75:
     def _measure(self, travel_m: Vec3) -> None:
         """End an interval, send its sentences, start the next."""
         locked = self._update_lock()
+        if locked:
+            self._reckon()
         turned_rad = self._truth.turned_rad
         moved_m, confidence = self._measured_delta(_minus(travel_m, self._reported_m), locked)
         end_us = self._end_us + self._jumped_us
@@ -150,6 +208,13 @@ class Dvl75:
         self._span_us = self._next_span_us(locked)
         self._end_us += self._span_us
         self._next_s = self._booted_s + self._end_us / self._us_per_s
+
+    def _reckon(self) -> None:
+        """Move the place by the velocity over ground."""
+        north, east, _ = over_ground(self._truth)
+        latitude, longitude = self._place_deg
+        step = self._span_us * 1e-6 / M_PER_DEGREE
+        self._place_deg = (latitude + north * step, longitude + east * step / math.cos(math.radians(latitude)))
 
     def _update_lock(self) -> bool:
         """Update the lock: whether the bottom has been in range for half a second."""
@@ -170,7 +235,8 @@ class Dvl75:
             return (0.0, -0.0, -0.0), 0
         scale = self.settings.speed_of_sound_mps / self._truth.speed_of_sound_mps * self.settings.velocity_adjustment
         noise = self._random.normal(0.0, self._noise_mps * self._span_us * 1e-6, 3).tolist()
-        x, y, z = (scale * way + error for way, error in zip(way_m, noise, strict=True))
+        turned_m = rotate(matrix(_radians(self.settings.orientation_deg)), way_m)
+        x, y, z = (scale * way + error for way, error in zip(turned_m, noise, strict=True))
         return (x, y, z), 100
 
     def _next_span_us(self, locked: bool) -> int:
@@ -183,12 +249,26 @@ class Dvl75:
         if self._disguised:
             self._wire.send(FOREIGN, self._next_s)
         elif not self._paused:
-            if self.settings.deltas:
-                self._wire.send(delta(interval), self._next_s)
-            if self.settings.extended:
-                noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
-                line = extended(self._truth, interval.span_us, self._skips, locked, noise)
+            for line in self._sentences(interval, locked):
                 self._wire.send(line, self._next_s)
+
+    def _sentences(self, interval: Interval, locked: bool) -> Iterator[bytes]:
+        """Yield the sentences of an interval that are switched on."""
+        settings = self.settings
+        if settings.deltas:
+            yield delta(interval)
+        if settings.extended:
+            noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
+            track = Track(locked, self._skips, self._place_deg, noise)
+            yield extended(self._truth, settings, interval.span_us, track)
+        if settings.kalman:
+            yield kalman(self._sequence, interval.span_us)
+            self._sequence += 1
+        if settings.minimum:
+            yield minimum(interval.end_us * 1e-6, self._place_deg, self._told)
+        if settings.retweet_gps and self._next_s >= self._gps_s:
+            self._gps_s = self._next_s + GPS_EVERY_S
+            yield b"GPS:" + FOREIGN
 
     # ---- commands
 
@@ -210,21 +290,21 @@ class Dvl75:
         if word in ("PAUSE", "RESUME"):
             self._paused = word == "PAUSE"
             return b""
-        taken = word in WITHOUT_EFFECT or line.startswith("$GPRMC,") or self._change_setting(word, argument.strip())
-        if taken or not self.settings.freeform:
-            return b""
-        return b"Unrecognized command\r\n"
+        taken = word in WITHOUT_EFFECT or line.startswith("$GPRMC,") or self._change(word, argument.strip())
+        return b"" if taken or not self.settings.freeform else b"Unrecognized command\r\n"
 
-    def _change_setting(self, word: str, argument: str) -> bool:
-        """Change one setting if the command does so and its argument is valid."""
-        name, low, high = SCALARS.get(word, (SWITCHES.get(word, ""), math.nan, math.nan))
-        value: bool | float = argument == "ON"
-        if word in SCALARS:
-            value = _number(argument)
-        if not (low <= value <= high or (word in SWITCHES and argument in ("ON", "OFF"))):
+    def _change(self, word: str, argument: str) -> bool:
+        """Change a setting or the place, if the command does so and its argument is valid."""
+        if word == "SET-POSITION":
+            place = _numbers(argument, 2)
+            self._place_deg, self._told = (place[0], place[1]) if place else self._place_deg, bool(place) or self._told
+            return bool(place)
+        changed = SETTERS[word](argument) if word in SETTERS else None
+        if changed is None:
             return False
-        changed: dict[str, bool | float] = {name: value}
-        self.settings = replace(self.settings, **changed)  # type: ignore[arg-type]  # the tables above pair them
+        self.settings = replace(self.settings, **changed)
+        if "baud" in changed:  # assumed: at once, as it is flash that is written, and not at the next start
+            self._wire = BaudRateLine(self.settings.baud)
         return True
 
     # ---- faults
@@ -258,11 +338,18 @@ def _between(a: Vec3, b: Vec3, share: float) -> Vec3:
     return (x, y, z)
 
 
-def _number(text: str) -> float:
+def _numbers(text: str, count: int) -> tuple[float, ...]:
+    """As many finite numbers between commas; nothing when they are others."""
     try:
-        return float(text)
+        values = tuple(float(part) for part in text.split(","))
     except ValueError:
-        return math.nan
+        return ()
+    return values if len(values) == count and all(map(math.isfinite, values)) else ()
+
+
+def _radians(angles_deg: Vec3) -> Vec3:
+    roll, pitch, yaw = map(math.radians, angles_deg)
+    return (roll, pitch, yaw)
 
 
 def _truth(world: World, at: Mounting) -> DvlTruth:
@@ -293,7 +380,7 @@ def _agrees(truth: DvlTruth, reading: Any) -> bool:
         level = all(abs(found - true) < 0.002 for found, true in zip(angles, truth.attitude_rad, strict=True))
         altitude = truth.altitude_m if reading.altitude_m is None else reading.altitude_m
         return level and (altitude is None or abs(altitude - (truth.altitude_m or 0.0)) < 0.06)
-    return isinstance(reading, DeviceText)
+    return isinstance(reading, DeviceText | Position)
 
 
 EMULATOR = Emulator(lambda seed: Dvl75(seed=seed), _truth, _example, _agrees)

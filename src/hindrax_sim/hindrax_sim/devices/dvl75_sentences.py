@@ -33,13 +33,32 @@ class DvlTruth:
 
 @dataclass(frozen=True, slots=True)
 class DvlSettings:
-    """Flash settings of the device; the defaults are those of the factory."""
+    """Flash settings of the device; the defaults are those of the factory. Angles in degrees."""
 
     deltas: bool = False
     extended: bool = True
     freeform: bool = True
+    kalman: bool = False
+    minimum: bool = False
+    retweet_gps: bool = False
     speed_of_sound_mps: float = 1484.0
     velocity_adjustment: float = 1.0
+    declination_deg: float = 0.0
+    heading_offset_deg: float = 0.0
+    orientation_deg: Vec3 = (0.0, 0.0, 0.0)
+    imu_calibrated: bool = True
+    pool_mode: bool = False
+    baud: int = 115200
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Lock, intervals without one (negative), latitude and longitude [deg], noise of the four beams [m/s]."""
+
+    locked: bool
+    skips: int
+    place_deg: tuple[float, float]
+    noise_mps: Sequence[float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,27 +79,59 @@ def delta(interval: Interval) -> bytes:
     return sentence(f"DVPDL,{interval.end_us},{interval.span_us}{angles}{ways},{interval.confidence}")
 
 
-def extended(truth: DvlTruth, span_us: int, skips: int, locked: bool, noise_mps: Sequence[float]) -> bytes:
-    """$DVEXT with the empty field at its end, beams noisy as given. Page "$DVEXT: DVL Extended Data"."""
+def extended(truth: DvlTruth, settings: DvlSettings, span_us: int, track: Track) -> bytes:
+    """$DVEXT with the empty field at its end. Page "$DVEXT: DVL Extended Data"."""
+    locked = track.locked
     roll, pitch, heading = (math.degrees(angle) for angle in truth.attitude_rad)
+    heading += settings.declination_deg + settings.heading_offset_deg
     altitude = truth.altitude_m if locked and truth.altitude_m is not None else 0.0
     north, east, up = over_ground(truth) if locked else (0.0, 0.0, 0.0)
-    head = f"{'T' if locked else 'F'},X,3333,{roll:.1f},{pitch:.1f},{heading % 360.0:.1f},{skips}"
-    place = f"{up:.3f},{altitude:.2f},{north:.3f},{east:.3f},0.000000000,0.000000000,{span_us * 1e-6:.3f}"
+    calibration = "3333" if settings.imu_calibrated else "0000"
+    head = f"{'T' if locked else 'F'},X,{calibration},{roll:.1f},{pitch:.1f},{heading % 360.0:.1f},{track.skips}"
+    reckoned = ",".join(f"{degrees:.9f}" for degrees in track.place_deg)
+    place = f"{up:.3f},{altitude:.2f},{north:.3f},{east:.3f},{reckoned},{span_us * 1e-6:.3f}"
     quaternion = ",".join(f"{part:.6f}" for part in _head_quaternion(truth.attitude_rad))
-    beams = _beams(truth.velocity_mps, altitude, noise_mps) if locked else NO_BEAMS
+    beams = _beams(truth.velocity_mps, altitude, track.noise_mps) if locked else NO_BEAMS
     return sentence(f"DVEXT,{head},{place},{quaternion},{beams},")
 
 
+def kalman(sequence: int, span_us: int) -> bytes:
+    """$DVKFA as far as its page goes: version, sequence, interval; it names no field of the groups."""
+    return sentence(f"DVKFA,15,{sequence},{span_us * 1e-6:.6f}")
+
+
+def minimum(seconds: float, place_deg: tuple[float, float], told: bool) -> bytes:
+    """$GPRMC of the place by dead reckoning, valid once a position was told. NMEA 0183, RMC."""
+    hours, minutes = divmod(int(seconds) // 60, 60)
+    latitude, longitude = place_deg
+    north = f"{_degrees_minutes(latitude, 2)},{'S' if latitude < 0.0 else 'N'}"
+    east = f"{_degrees_minutes(longitude, 3)},{'W' if longitude < 0.0 else 'E'}"
+    time = f"{hours % 24:02d}{minutes:02d}{seconds % 60.0:05.2f}"
+    return sentence(f"GPRMC,{time},{'A' if told else 'V'},{north},{east},0.0,0.0,010100,,")
+
+
+def _degrees_minutes(degrees: float, digits: int) -> str:
+    whole, minutes = divmod(round(abs(degrees) * 60e4), 60 * 10_000)
+    return f"{whole:0{digits}d}{minutes / 1e4:07.4f}"
+
+
 def configuration(settings: DvlSettings) -> bytes:
-    """Answer to CONFIGURATION. Keys as on the page "$DVNVM" and in Cerulean's OmniTrack."""
+    """Answer to CONFIGURATION. Keys as on the page "$DVNVM" and in Cerulean's OmniTrack.
+
+    Neither has a key for the heading offset, nor one for the pool mode of a DVL-75.
+    """
     pairs = {
         "Model": "DVL-75",
         "DVEXT messages": _on(settings.extended),
         "DVPDL messages": _on(settings.deltas),
+        "DVKFA messages": _on(settings.kalman),
+        "Retweet GPS": _on(settings.retweet_gps),
         "Freeform messages": _on(settings.freeform),
         "Speed of sound": f"{settings.speed_of_sound_mps:.1f}",
         "Velocity adjustment": f"{settings.velocity_adjustment:.3f}",
+        "Magnetic declination": f"{settings.declination_deg:.1f}",
+        "Sensor Orientation": ";".join(f"{angle:g}" for angle in settings.orientation_deg),
+        "Baud rate": f"{settings.baud}",
         "Firmware": "Oct 1 2021",
     }
     listed = "".join(f"{key}={value}," for key, value in pairs.items())

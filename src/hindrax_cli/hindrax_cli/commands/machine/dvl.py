@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hindrax_bringup.share_files import default_vehicle
@@ -18,14 +18,25 @@ from hindrax_core.events import after
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line
-from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs, setup_commands
+from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
+from hindrax_drivers.devices.dvl75_settings import (
+    BAUD_RATE,
+    HEADING_OFFSET,
+    IMU_CALIBRATION,
+    POOL_MODE,
+    REBOOT,
+    commands,
+    wanted_settings,
+)
 
 NAME = "dvl"
 HELP = "show or set what the DVL keeps in its flash"
-EXAMPLE = "./hindrax dvl setup --dry-run"
+EXAMPLE = "./hindrax dvl setup --pool-mode on --dry-run"
 ANSWER_S = 2.0
 FLASH_S = 0.5
 """Time given to the device after a command, which it writes to flash."""
+SWITCHES = {"--pool-mode": POOL_MODE, "--retweet-gps": "Retweet GPS", "--kalman": "DVKFA messages"}
+ANGLES = {"--heading-offset": HEADING_OFFSET, "--declination": "Magnetic declination"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +50,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed-of-sound", type=float, metavar="M_PER_S", help="wanted [m/s]; default: of the vehicle file's water"
     )
     parser.add_argument("--velocity-adjustment", type=float, default=1.0, metavar="FACTOR", help="wanted [-]")
+    parser.add_argument(
+        "--orientation",
+        type=float,
+        nargs=3,
+        metavar=("ROLL", "PITCH", "YAW"),
+        help="how the sensor head is mounted in the vehicle [deg]",
+    )
+    for option in ANGLES:
+        parser.add_argument(option, type=float, metavar="DEG", help="added to the device's compass [deg, to 0.1]")
+    parser.add_argument("--pool-mode", choices=("on", "off"), help="for small tanks, whose walls echo")
+    parser.add_argument("--retweet-gps", choices=("on", "off"), help="hand on what a GPS at the DVL says")
+    parser.add_argument("--kalman", choices=("on", "off"), help="send $DVKFA, for a Kalman filter of one's own")
+    parser.add_argument("--imu-calibration", choices=tuple(IMU_CALIBRATION), help="keep or delete the one of now")
+    parser.add_argument("--baud", type=int, default=Dvl75Knobs().baud, metavar="RATE", help="line speed of now [bit/s]")
+    parser.add_argument("--baud-rate", type=int, metavar="RATE", help="line speed wanted [bit/s]")
+    parser.add_argument("--reboot", action="store_true", help="restart the device in the end")
     parser.add_argument("--always", action="store_true", help="send also what holds already; wears the flash")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be sent")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
@@ -48,17 +75,45 @@ def run(arguments: argparse.Namespace) -> int:
     """Talk to the DVL and print what came of it."""
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or port_of(vehicle)
-    knobs = wanted_knobs(vehicle, arguments.speed_of_sound, arguments.velocity_adjustment)
+    knobs = wanted_knobs(vehicle, arguments.speed_of_sound, arguments.velocity_adjustment, arguments.baud)
+    wanted = wanted_settings(knobs) | asked(arguments)
+    calibrate = [IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
+    orders = Orders(calibrate, wanted, [REBOOT] if arguments.reboot else [], arguments.always)
     clock = SystemClock()
     try:
         with closing(DvlConversation(port, knobs, clock)) as talk:
-            report = talk.show() if arguments.action == "show" else talk.set_up(arguments.always, arguments.dry_run)
+            report = talk.show() if arguments.action == "show" else talk.set_up(orders, arguments.dry_run)
     except DeviceError as error:
         raise HindraxError(str(error)) from error
     finally:
         clock.close()
     print(json.dumps(report) if arguments.json else "\n".join(lines(report)))
     return 0
+
+
+def asked(arguments: argparse.Namespace) -> dict[str, str]:
+    """Settings that were named, as $DVNVM reports them; the line speed last, for it cuts the line."""
+    named = vars(arguments)
+    found = {}
+    for option, key in SWITCHES.items():
+        if value := named[option[2:].replace("-", "_")]:
+            found[key] = value.upper()
+    for option, key in ANGLES.items():
+        if (value := named[option[2:].replace("-", "_")]) is not None:
+            found[key] = f"{within(option, value, -360.0, 360.0):.1f}"
+    if arguments.orientation is not None:
+        angles = (within("--orientation", one, -360.0, 360.0) for one in arguments.orientation)
+        found["Sensor Orientation"] = ",".join(f"{angle:g}" for angle in angles)
+    if arguments.baud_rate is not None:
+        found[BAUD_RATE] = f"{within('--baud-rate', arguments.baud_rate, 9600, 921600):.0f}"
+    return found
+
+
+def within(option: str, found: float, low: float, high: float) -> float:
+    """Value of an option that the device takes; UsageError for any other."""
+    if not low <= found <= high:
+        raise UsageError(f"{option}: found {found:g}, wanted {low:g} to {high:g}")
+    return found
 
 
 def port_of(vehicle: Vehicle) -> str:
@@ -69,14 +124,28 @@ def port_of(vehicle: Vehicle) -> str:
     raise UsageError(f"vehicle {vehicle.name}: found no sensor with device dvl75 and a port; name one with --port")
 
 
-def wanted_knobs(vehicle: Vehicle, speed_of_sound_mps: float | None, velocity_adjustment: float) -> Dvl75Knobs:
+def wanted_knobs(
+    vehicle: Vehicle, speed_of_sound_mps: float | None, velocity_adjustment: float, baud: int
+) -> Dvl75Knobs:
     """Settings that shall hold, within what the device takes."""
     speed = vehicle.water.speed_of_sound_mps if speed_of_sound_mps is None else speed_of_sound_mps
-    if not 1100.0 <= speed <= 1950.0:
-        raise UsageError(f"--speed-of-sound: found {speed:g}, wanted 1100 to 1950 m/s")
-    if not 0.8 <= velocity_adjustment <= 1.25:
-        raise UsageError(f"--velocity-adjustment: found {velocity_adjustment:g}, wanted 0.8 to 1.25")
-    return replace(Dvl75Knobs(), speed_of_sound_mps=speed, velocity_adjustment=velocity_adjustment, enable_tries=0)
+    return replace(
+        Dvl75Knobs(),
+        baud=round(within("--baud", baud, 9600, 921600)),
+        speed_of_sound_mps=within("--speed-of-sound", speed, 1100.0, 1950.0),
+        velocity_adjustment=within("--velocity-adjustment", velocity_adjustment, 0.8, 1.25),
+        enable_tries=0,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """Settings that shall hold, sent where they differ or `always`, and orders `before` and `after` them."""
+
+    before: Sequence[bytes]
+    wanted: Mapping[str, str]
+    after: Sequence[bytes]
+    always: bool
 
 
 class DvlConversation:
@@ -94,28 +163,43 @@ class DvlConversation:
 
     def show(self) -> dict[str, Any]:
         """Identity and settings, as far as the device tells them."""
-        settings = dict(self._ask())
-        return {"port": self._path, "identity": self._identity, "settings": settings}
+        return {"settings": self._ask(), "port": self._path, "identity": self._identity}
 
-    def set_up(self, always: bool, dry_run: bool) -> dict[str, Any]:
-        """Send what differs (or everything), then ask again and say what still differs."""
-        orders = setup_commands(self._ask(), self._knobs, always)
-        report: dict[str, Any] = {"port": self._path, "identity": self._identity, "orders": _texts(orders)}
+    def set_up(self, orders: Orders, dry_run: bool) -> dict[str, Any]:
+        """Send what differs (or everything), then ask again and say what still differs.
+
+        What the device does not report cannot be verified, and the report says so.
+        """
+        wanted = orders.wanted
+        first = [*orders.before, *commands(self._ask(), wanted, orders.always)]
+        report: dict[str, Any] = {"port": self._path, "identity": self._identity}
+        report["orders"] = _texts([*first, *orders.after])
         if dry_run:
             return report | {"sent": False}
-        for order in orders:
-            print(f"sending {order.decode().strip()}", file=sys.stderr, flush=True)
-            self._port.send(Send(order))
-            self._listen(FLASH_S)
+        for order in first:
+            self._send(order)
         settings = self._ask()
-        left = setup_commands(settings, self._knobs) if settings else ()
-        if left:
+        told = {key: value for key, value in wanted.items() if key in settings}
+        if left := commands(settings, told):
             raise HindraxError(f"{self._path}: DVL did not take {', '.join(_texts(left))}; check its firmware")
-        return report | {"sent": True, "verified": bool(settings), "settings": dict(settings)}
+        for order in orders.after:
+            self._send(order)
+        unverified = [key for key in wanted if key not in told]
+        return report | {"sent": True, "verified": not unverified, "unverified": unverified, "settings": settings}
 
-    def _ask(self) -> Mapping[str, str]:
-        """Ask for the configuration; empty when a DVL is there that does not report it."""
-        self._device = Dvl75(self._knobs)
+    def _send(self, order: bytes) -> None:
+        print(f"sending {order.decode().strip()}", file=sys.stderr, flush=True)
+        self._port.send(Send(order))
+        self._listen(FLASH_S)
+        word, _, speed = order.decode().strip().partition(" ")
+        if word == "BAUD-RATE":
+            self._knobs = replace(self._knobs, baud=int(speed))
+            self._port.close()
+            self._port = open_line(self._path, int(speed), self._clock)
+
+    def _ask(self) -> dict[str, str]:
+        """Ask for the configuration; without a report there is only the model, by the sentences that it sends."""
+        self._device, self._identity = Dvl75(self._knobs), ""
         for output in self._device.start(self._clock.now()):
             if isinstance(output, Send):
                 self._port.send(output)
@@ -125,7 +209,7 @@ class DvlConversation:
             raise HindraxError(
                 f"{self._path}: found {found}, wanted a DVL at {self._device.baud} baud; check power, cable and speed"
             )
-        return self._device.configuration
+        return {"Model": "DVL-75" if "DVL-75" in self._identity else ""} | dict(self._device.configuration)
 
     def _listen(self, seconds: float, *, until_configured: bool = False) -> int:
         """Hear the device out; returns the number of bytes."""
@@ -155,6 +239,6 @@ def lines(report: Mapping[str, Any]) -> list[str]:
     if "orders" in report:
         verb = "sent" if report["sent"] else "would send"
         found += [f"{verb}: {order}" for order in report["orders"]] or ["nothing to change"]
-    if report.get("sent") and not report["verified"]:
-        found.append("the device does not report its settings, so they could not be verified")
+    if report.get("sent") and report["unverified"]:
+        found.append(f"not reported by the device, and so not verified: {', '.join(report['unverified'])}")
     return found
