@@ -19,6 +19,7 @@ from sensor_msgs.msg import BatteryState, Joy
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_control.nodes import allocator_node, pilot_node
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
 from hindrax_control.nodes.pilot_node import PilotNode
@@ -27,6 +28,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.signals import ZERO6, Estimate, Navigation
 from hindrax_core.topics import (
+    ALLOCATION,
     ALTITUDE,
     BATTERY,
     DVL_ATTITUDE,
@@ -36,6 +38,7 @@ from hindrax_core.topics import (
     IMU,
     JOYSTICK,
     MAGNETIC,
+    ODOMETRY,
     OPERATOR_WRENCH,
     PRESSURE,
     THRUSTER_HEALTH,
@@ -43,12 +46,13 @@ from hindrax_core.topics import (
     THRUSTER_STATE,
     TOPICS,
     TWIST,
+    WRENCH,
     Topic,
     resolved,
 )
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
+from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
 from hindrax_ros import convert
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 from hindrax_ros.fast_serialization import command_from_bytes
@@ -59,6 +63,8 @@ pytestmark = pytest.mark.ros
 VEHICLE = load_vehicle(default_vehicle())
 PUSH = (20.0, 0.0, 0.0, 0.0, 0.0, 5.0)
 LEVEL = BottomTrack(True, 0.0, 0.0, 0.0, None, (math.nan, math.nan), (), "", 0)
+HANGING = replace(IdealVehicle(VEHICLE, depth_m=0.9).navigation(), velocity_mps=(0.0, 0.0, 0.0))
+STRANGER = "/stranger"
 TOLD = Estimate("surge", ("k_q",), ("N s^2/m^2",), (66.0,), ((0.2,),), 9, 9.0, True, "")
 
 
@@ -77,6 +83,9 @@ def good(topic: Topic, now: Stamp) -> Any:
         DVL_ATTITUDE: lambda: convert.attitude_to_msg(Stamped(now, LEVEL), "dvl", 0.01),
         ESTIMATE: lambda: convert.estimate_to_msg(Stamped(now, TOLD)),
         OPERATOR_WRENCH: lambda: wrench_to_msg(now, ZERO6),
+        WRENCH: lambda: wrench_to_msg(now, ZERO6),
+        ODOMETRY: lambda: convert.odometry_to_msg(Stamped(now, HANGING)),
+        ALLOCATION: lambda: AllocationStatus(forces=[0.0] * 8, pulses=[1500.0] * 8, saturated=[False] * 8),
         HOLD_SETPOINT: lambda: HoldSetpoint(axis="depth", engaged=False),
         THRUSTER_STATE: lambda: ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8, output="pca9685"),
         THRUSTER_HEALTH: ThrusterHealth,
@@ -120,7 +129,6 @@ class Control:
         self.navigator = NavigatorNode(VEHICLE, on_state=lambda stamped: self.states.append(stamped.reading))
         self.sampled = self.now()
         self.allocator.allocation_listeners += [self.pilot.on_allocation, self.navigator.on_allocation]
-        self._ideal = IdealVehicle(VEHICLE, depth_m=0.9)
         self._last = Stamp(0)
         self.cycle()
         self.say(THRUSTER_STATE, good(THRUSTER_STATE, self.now()))
@@ -144,9 +152,7 @@ class Control:
     def cycle(self, count: int = 1) -> None:
         for _ in range(count):
             self._last = Stamp(max(self.now(), self._last + 1))
-            self.pilot.on_navigation(
-                Stamped(self._last, replace(self._ideal.navigation(), velocity_mps=(0.0, 0.0, 0.0)))
-            )
+            self.pilot.on_navigation(Stamped(self._last, HANGING))
 
     def sample(self, count: int) -> None:
         """Give the navigator good inertial samples, one hundred a second."""
@@ -185,7 +191,9 @@ class Control:
 
 
 @pytest.fixture
-def control() -> Iterator[Control]:
+def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[Control]:
+    for module in (allocator_node, pilot_node):
+        monkeypatch.setattr(module, "publishers_of", lambda *_: {STRANGER})
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
         rclpy.init(args=[])
         made = Control()
@@ -206,6 +214,7 @@ def test_nothing_that_is_sent_to_any_subscription_ends_a_node_or_moves_the_vehic
         assert control.still(), topic.name
         swept.add(topic)
     assert {IMU, THRUSTER_STATE, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE, BATTERY, JOYSTICK, TWIST} <= swept
+    assert {WRENCH, ODOMETRY, ALLOCATION} <= swept
 
 
 def test_one_wrong_field_in_a_good_message_ends_no_node_either(control: Control) -> None:

@@ -16,6 +16,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import (
     ALLOCATION,
+    ALTITUDE,
     BATTERY,
     DIAGNOSTICS,
     ESTIMATE,
@@ -112,21 +113,24 @@ ROLES: tuple[Role, ...] = (
         "navigator",
         "control",
         publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
-        subscribes=tuple(MEASURED.values()),
+        subscribes=(*MEASURED.values(), ALLOCATION),
     ),
     Role("estimator_health", "control", publishes=(DIAGNOSTICS,), subscribes=(THRUSTER_STATE,), requests=(ARM,)),
     Role(
         "pilot",
         "control",
         publishes=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
-        subscribes=(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, BATTERY, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
+        subscribes=(
+            *(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
+            *(ODOMETRY, ALTITUDE, ALLOCATION),
+        ),
         executes=(FLY,),
     ),
     Role(
         "allocator",
         "control",
         publishes=(THRUSTER_COMMAND, ALLOCATION, DIAGNOSTICS),
-        subscribes=(THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
+        subscribes=(WRENCH, THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
     ),
     Role(
         "identifier",

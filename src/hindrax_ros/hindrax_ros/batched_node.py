@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
-from hindrax_core.topics import NAMESPACE
+from hindrax_core.topics import NAMESPACE, Topic
 from hindrax_ros.checked_node import CheckedNode
 from hindrax_ros.deferred_publisher import PublishQueue
 
@@ -58,6 +58,21 @@ class BatchedNode(CheckedNode):
         if not ros_time:
             overrides.append(Parameter("use_sim_time", Parameter.Type.BOOL, False))  # as rclpy has it
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=overrides, **options)
+        self._bypassed: frozenset[Subscription] = frozenset()
+
+    def bypass(self, source: Node, topic: Topic) -> bool:
+        """Read a topic no more from the graph if `source`, of the same process, publishes it under the same name.
+
+        The caller then passes its messages on by call. Where a remap separates the two, this changes nothing.
+        """
+        name = self.resolve_topic_name(topic.name)
+        if source.resolve_topic_name(topic.name) != name:
+            return False
+        passed = {one for one in super().subscriptions if one.topic_name == name}
+        self._bypassed |= passed
+        if self.lead in passed:
+            self.lead = None
+        return True
 
     def every(self, seconds: float, act: Callable[[], None]) -> None:
         """Call `act` periodically, in wall time."""
@@ -70,7 +85,7 @@ class BatchedNode(CheckedNode):
 
     def drain(self) -> None:
         """Pass every waiting message to its callback, topic by topic in the order of subscription."""
-        for one in list(super().subscriptions):
+        for one in [one for one in super().subscriptions if one not in self._bypassed]:
             take, kind, raw = one.handle.take_message, one.msg_type, one.raw
             count = 2 if one._callback_type is Subscription.CallbackType.WithMessageInfo else 1  # noqa: SLF001  # as rclpy
             while (found := take(kind, raw)) is not None:

@@ -24,10 +24,12 @@ from sensor_msgs.msg import FluidPressure, Imu, MagneticField, NavSatFix, NavSat
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure, Vec3, Vec6
-from hindrax_core.signals import Estimate, Navigation
+from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
 
 UNKNOWN_COVARIANCE = -1.0
+UNIT = 0.01
+"""Largest error of the length of an orientation."""
 FSD = "base_link_fsd"
 FLU = "base_link"
 
@@ -284,6 +286,35 @@ def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
     for axis, sigma in enumerate(state.velocity_sigma_mps):
         message.twist.covariance[7 * axis] = sigma * sigma
     return message
+
+
+def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
+    """State in anybody's odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
+
+    ValueError for other frames and for what is no orientation. A variance of zero or less means that it is not told.
+    """
+    world, body = message.header.frame_id, message.child_frame_id
+    if body.rpartition("/")[2] != FLU or not world or world.lower().endswith("ned"):
+        raise ValueError(f"found {body[:40]!r} in {world[:40]!r}, wanted {FLU!r} in a world with z up, such as 'odom'")
+    q, position, twist = message.pose.pose.orientation, message.pose.pose.position, message.twist.twist
+    length = math.hypot(q.x, q.y, q.z, q.w)
+    if not abs(length - 1.0) <= UNIT:
+        raise ValueError(f"found an orientation of length {length:g}, wanted 1")
+    sigma = [math.sqrt(variance) if variance > 0.0 else math.nan for variance in message.twist.covariance[::7]]
+    tilt_variances = (message.pose.covariance[21], message.pose.covariance[28])
+    velocity_mps = half_turn(_plain(twist.linear))
+    state = Navigation(
+        attitude_rad=sname_from_quaternion(q),
+        rate_radps=half_turn(_plain(twist.angular)),
+        velocity_mps=velocity_mps,
+        depth_m=-position.z,
+        altitude_m=math.nan,
+        position_m=(position.y, position.x),
+        dvl_locked=all(map(math.isfinite, velocity_mps)),
+        velocity_sigma_mps=(sigma[0], sigma[1], sigma[2]),
+        consistency=Consistency(tilt_sigma_rad=math.sqrt(max(0.0, *tilt_variances))),
+    )
+    return Stamped(stamp_from_msg(message.header.stamp), state)
 
 
 def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:

@@ -21,7 +21,7 @@ from hindrax_ros.deferred_publisher import DeferredPublisher
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
 
-__all__ = ["NAMESPACE", "message_class", "profile", "publisher", "subscription"]
+__all__ = ["NAMESPACE", "message_class", "profile", "publisher", "publishers_of", "subscription"]
 
 
 @cache
@@ -63,3 +63,9 @@ def subscription(
     """
     quality = topic.quality if topic.quality.depth == 1 else replace(topic.quality, depth=queue)
     return node.create_subscription(message_class(topic.type), topic.name, callback, profile(quality), raw=raw)
+
+
+def publishers_of(node: Node, topic: Topic) -> frozenset[str]:
+    """Full names of the nodes that publish a topic, as far as the graph is known."""
+    found = node.get_publishers_info_by_topic(topic.name)
+    return frozenset(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found)

@@ -128,3 +128,31 @@ def test_without_ros_time_no_clock_is_read(context):
     assert with_time.has_parameter("use_sim_time")
     for one in (with_time, without):
         one.destroy_node()
+
+
+def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_the_ends(context: Context) -> None:
+    remaps = ["--ros-args", "-r", "apart:holds/status:=elsewhere"]
+    made = [BatchedNode(name, context=context, cli_args=remaps) for name in ("source", "reader", "apart")]
+    source, reader, apart = made
+    heard: list[str] = []
+    reader.lead = subscription(reader, HOLD_STATUS, lambda _: heard.append("reader"))
+    apart.lead = subscription(apart, HOLD_STATUS, lambda _: heard.append("apart"))
+    assert reader.bypass(source, HOLD_STATUS)
+    assert not apart.bypass(source, HOLD_STATUS)
+    assert (reader.lead is None, apart.lead is None) == (True, False)
+    name = apart.resolve_topic_name(HOLD_STATUS.name)
+    out = [publisher(source, HOLD_STATUS), source.create_publisher(HoldStatus, name, 10)]
+    wait_for(lambda: all(one.get_subscription_count() == 1 for one in out))
+    for one in out:
+        one.publish(HoldStatus())
+    source.publish_queue.flush()
+
+    def drained() -> bool:
+        for one in (reader, apart):
+            one.drain()
+        return bool(heard)
+
+    wait_for(drained)
+    assert heard == ["apart"]
+    for one in made:
+        one.destroy_node()

@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from geometry_msgs.msg import Quaternion
+from nav_msgs.msg import Odometry
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
@@ -135,3 +136,37 @@ def test_a_place_says_whether_a_gps_gives_it() -> None:
         assert (message.latitude, message.longitude, message.status.status) == (44.96, -93.51, status)
         assert math.isnan(message.altitude)
         assert message.position_covariance_type == 0
+
+
+def test_odometry_comes_back_with_all_that_it_holds() -> None:
+    found = convert.odometry_from_msg(convert.odometry_to_msg(Stamped(STAMP, NAVIGATION)))
+    assert found.stamp == STAMP
+    state = found.reading
+    for name in ("attitude_rad", "rate_radps", "velocity_mps", "position_m", "velocity_sigma_mps"):
+        assert getattr(state, name) == pytest.approx(getattr(NAVIGATION, name)), name
+    assert state.depth_m == NAVIGATION.depth_m
+    assert math.isnan(state.altitude_m)
+    assert state.consistency.tilt_sigma_rad == 0.0
+
+
+def test_the_covariance_of_an_odometry_is_the_doubt_of_its_tilt() -> None:
+    message = convert.odometry_to_msg(Stamped(STAMP, NAVIGATION))
+    message.pose.covariance[21], message.pose.covariance[28] = 0.01, 0.04
+    assert convert.odometry_from_msg(message).reading.consistency.tilt_sigma_rad == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("world", "body", "w", "wanted"),
+    [
+        ("map", "base_link", 0.9, "an orientation of length 0.9, wanted 1"),
+        ("map", "base_link", math.nan, "an orientation of length nan"),
+        ("map", "camera", 1.0, "found 'camera' in 'map', wanted 'base_link' in a world"),
+        ("", "base_link", 1.0, "found 'base_link' in '', wanted"),
+        ("local_ned", "base_link", 1.0, "in 'local_ned', wanted 'base_link' in a world with z up"),
+    ],
+)
+def test_an_odometry_of_other_frames_or_no_attitude_is_refused(world: str, body: str, w: float, wanted: str) -> None:
+    message = Odometry(child_frame_id=body)
+    message.header.frame_id, message.pose.pose.orientation.w = world, w
+    with pytest.raises(ValueError, match=wanted):
+        convert.odometry_from_msg(message)

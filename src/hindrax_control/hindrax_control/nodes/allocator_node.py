@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
 
 from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs
@@ -13,10 +14,11 @@ from hindrax_control.allocation.applied_wrench import unfit_pulses
 from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_control.nodes.allocation_messages import AllocationMessages
+from hindrax_control.sole_source import SoleSource
 from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec6
 from hindrax_core.refusal_counts import Refusals
-from hindrax_core.signals import Allocation
+from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.stamp_window import impossible
 from hindrax_core.topics import (
     ALLOCATION,
@@ -24,13 +26,15 @@ from hindrax_core.topics import (
     THRUSTER_COMMAND,
     THRUSTER_HEALTH,
     THRUSTER_STATE,
+    WRENCH,
     Topic,
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.fast_serialization import applied_from_bytes
-from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import knobs
 
 REPORT_S = 1.0
@@ -39,11 +43,17 @@ REPORT_S = 1.0
 class AllocatorNode(BatchedNode):
     """Turns wrenches into `thrusters/command`; `control/allocation` reports what `thrusters/state` achieves.
 
-    The pilot, in the same process, calls `on_wrench`; `allocation_listeners` are called with every achieved allocation.
+    It obeys the one publisher of `control/wrench`. A pilot of the same process calls `on_wrench` instead and is
+    `pilot`. `allocation_listeners` are called with every achieved allocation. While `inhibited`, wrenches are zero.
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__("allocator", ros_time=False)
+    def __init__(self, vehicle: Vehicle, clock: Clock | None = None) -> None:
+        """`clock`: the one of its time; its own by default."""
+        super().__init__("allocator", ros_time=clock is None)
+        self._time = clock or self.get_clock()
+        self.pilot = ""
+        self.inhibited: Callable[[], bool] = lambda: False
+        self._commander, self._armed = SoleSource(), False
         self._cycle = AllocationCycle(
             vehicle, knobs(self, AllocationKnobs), knobs(self, WrenchGuardKnobs), knobs(self, SupplyKnobs)
         )
@@ -57,6 +67,7 @@ class AllocatorNode(BatchedNode):
         subscription(self, THRUSTER_STATE, self._on_state, raw=True)
         subscription(self, THRUSTER_HEALTH, self._on_health)
         subscription(self, BATTERY, self._on_battery)
+        self.lead = subscription(self, WRENCH, self._on_wrench_message)
         self.every(REPORT_S, self._report)
 
     @property
@@ -64,11 +75,21 @@ class AllocatorNode(BatchedNode):
         """Measured supply voltage, shared with the other nodes of the process."""
         return self._cycle.supply
 
-    def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> None:
-        """Allocate one wrench [N, Nm] and publish its command."""
-        command = self._cycle.command(wrench, frame, stamp, now)
+    def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> bool:
+        """Allocate one wrench [N, Nm] and publish its command; False if it is refused."""
+        command = self._cycle.command(ZERO6 if self.inhibited() else wrench, frame, stamp, now)
         if command is not None:
             self._command.publish(self._messages.command(stamp, command))
+        return command is not None
+
+    def _on_wrench_message(self, message: Any) -> None:
+        """Obey the one publisher; what it says is judged as the pilot's wrenches are."""
+        unfit = self._commander.judge(publishers_of(self, WRENCH), armed=self._armed)
+        stamp, now = stamp_from_msg(message.header.stamp), Stamp(self._time.now().nanoseconds)
+        if not unfit and not self.on_wrench(wrench_from_msg(message), message.header.frame_id, stamp, now):
+            unfit = self._cycle.refused[0]
+        if unfit:
+            self._refuse(WRENCH, unfit)
 
     def _on_state(self, data: bytes) -> None:
         """Publish what the applied pulses achieve; pulses without a command have a wanted wrench of zero."""
@@ -81,6 +102,7 @@ class AllocatorNode(BatchedNode):
         if unfit:
             self._refuse(THRUSTER_STATE, unfit)
             return
+        self._armed = applied.armed
         achieved = self._cycle.achieved(applied.sequence, applied.pulses_us)
         for listener in self.allocation_listeners:
             listener(applied.stamp, achieved)
@@ -103,9 +125,15 @@ class AllocatorNode(BatchedNode):
         wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
-        wrong += filter(None, [cycle.supply.silence_warning(now), *self._refusals.news()])
+        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now), *self._refusals.news()])
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
+        values["commander"] = self.pilot or self._commander.name or "none yet"
         values |= self._refusals.values()
         text = "; ".join(wrong) or "allocating"
         self._reporter.publish(now, status("hindrax: allocator", level, text, values))
+
+    def _uninvited(self) -> str:
+        """Who publishes wrenches that the pilot of this process leaves no room for."""
+        others = publishers_of(self, WRENCH) - {self.pilot} if self.pilot else ()
+        return f"not obeyed: {', '.join(sorted(others))}, because {self.pilot} commands" if others else ""

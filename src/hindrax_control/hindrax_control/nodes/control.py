@@ -1,44 +1,74 @@
-"""The control process: navigator, estimator health, pilot and allocator pass data by calls and publish all of it."""
+"""The control process: navigator, estimator health, pilot and allocator, or some of them.
+
+What one of them publishes for another of the same process goes by call as well, if both have the same name for the
+topic; then the graph is not read for it. Remap one end (`-r pilot:control/wrench:=elsewhere`), or leave one of them
+out, and the other takes it from the graph, from whoever publishes it.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rclpy.node import Node
 
+from hindrax_control.allocation.supply_voltage import SupplyVoltage
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
 from hindrax_control.nodes.pilot_node import PilotNode
-from hindrax_core.events import Stamped
-from hindrax_core.signals import Navigation
+from hindrax_core.topics import ALLOCATION, ODOMETRY, WRENCH
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.parameters import text
 from hindrax_ros.process import spin
 
+EVERY = ("allocator", "pilot", "navigator")
 
-def make_nodes() -> Sequence[Node]:
-    """Read the vehicle file and make the four nodes."""
-    reader = BatchedNode("control", ros_time=False)
-    vehicle = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]"))
-    allocator = AllocatorNode(vehicle)
-    health = EstimatorHealthNode(vehicle, send_wrench=allocator.on_wrench)
-    pilot = PilotNode(vehicle, allocator.supply, send_wrench=health.on_wrench)
 
-    def on_state(state: Stamped[Navigation]) -> None:
-        health.on_navigation(state)
-        pilot.on_navigation(state)
-
-    navigator = NavigatorNode(vehicle, on_state)
-    allocator.allocation_listeners += [pilot.on_allocation, navigator.on_allocation]
-    return [reader, health, pilot, allocator, navigator]
+def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
+    """Read the vehicle file, make the nodes, and connect those that have each other. The pilot brings its health."""
+    reader = BatchedNode("control")
+    vehicle, clock = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]")), reader.get_clock()
+    allocator = AllocatorNode(vehicle, clock) if "allocator" in wanted else None
+    pilot = navigator = health = None
+    if "pilot" in wanted:
+        pilot = PilotNode(vehicle, allocator.supply if allocator else SupplyVoltage(vehicle.supply_V))
+        health = EstimatorHealthNode(vehicle, clock)
+        pilot.check_state = health.on_navigation
+    if "navigator" in wanted:
+        navigator = NavigatorNode(vehicle)
+    if allocator and health:
+        allocator.inhibited = health.failed
+    if allocator and pilot and allocator.bypass(pilot, WRENCH):
+        pilot.send_wrench, allocator.pilot = allocator.on_wrench, pilot.get_fully_qualified_name()
+    if navigator and pilot and pilot.bypass(navigator, ODOMETRY):
+        navigator.on_state, pilot.navigator = pilot.on_navigation, navigator.get_fully_qualified_name()
+    for listener in (pilot, navigator):
+        if allocator and listener and listener.bypass(allocator, ALLOCATION):
+            allocator.allocation_listeners.append(listener.on_allocation)
+    # The navigator comes last: the turn in which it has a state begins with what the others have heard.
+    return [node for node in (reader, health, pilot, allocator, navigator) if node is not None]
 
 
 def main() -> int:
-    """Run control until a signal."""
+    """Run all of them until a signal."""
     return spin(make_nodes)
+
+
+def allocator() -> int:
+    """Run the allocator alone."""
+    return spin(lambda: make_nodes(("allocator",)))
+
+
+def pilot() -> int:
+    """Run the pilot and the health of its state alone."""
+    return spin(lambda: make_nodes(("pilot",)))
+
+
+def navigator() -> int:
+    """Run the navigator alone."""
+    return spin(lambda: make_nodes(("navigator",)))
 
 
 if __name__ == "__main__":

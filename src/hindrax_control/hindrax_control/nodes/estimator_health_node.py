@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.readings import Vec6
-from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.signals import Navigation
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import ThrusterState
@@ -23,21 +22,18 @@ from hindrax_ros.graph import subscription
 from hindrax_ros.parameters import knobs
 from hindrax_ros.serialization import deserialized
 
-SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], None]
 REPORT_EVERY = 50
 ASK_AGAIN_S = 0.1
 
 
 class EstimatorHealthNode(BatchedNode):
-    """Checks every state before it is used; while the state is implausible, wrenches are zero and arming is undone.
+    """Checks every state before it is used; while the state is implausible (`failed`), arming is undone."""
 
-    `send_wrench` is called with the wrenches that pass.
-    """
-
-    def __init__(self, vehicle: Vehicle, send_wrench: SendWrench) -> None:
-        super().__init__("estimator_health")
+    def __init__(self, vehicle: Vehicle, clock: Clock) -> None:
+        """`clock`: the one of the time of its requests."""
+        super().__init__("estimator_health", ros_time=False)
         self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs))
-        self._send_wrench = send_wrench
+        self._time = clock
         self._failed: tuple[str, ...] = ()
         self._armed = False
         self._asked = Stamp(0)
@@ -56,9 +52,9 @@ class EstimatorHealthNode(BatchedNode):
         if bool(self._failed) != bool(before) or self._turn % REPORT_EVERY == 0:
             self._report(stamped)
 
-    def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> None:
-        """Pass a wrench on, or a zero wrench in its place."""
-        self._send_wrench(ZERO6 if self._failed else wrench, frame, stamp, now)
+    def failed(self) -> bool:
+        """Whether the last state is not believed."""
+        return bool(self._failed)
 
     def _on_thrusters(self, data: bytes) -> None:
         applied = applied_from_bytes(data)
@@ -75,7 +71,7 @@ class EstimatorHealthNode(BatchedNode):
     def _disarm(self) -> None:
         """Request disarming; the thrusters' state is the answer. A reason keeps it from outranking an operator."""
         request = Arm.Request(arm=False, sequence=0, reason=self._failed[0])
-        request.stamp = stamp_to_msg(Stamp(self.get_clock().now().nanoseconds))
+        request.stamp = stamp_to_msg(Stamp(self._time.now().nanoseconds))
         self._arm.call_async(request)
 
     def _report(self, stamped: Stamped[Navigation]) -> None:

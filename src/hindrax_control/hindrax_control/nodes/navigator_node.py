@@ -11,6 +11,7 @@ from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.topics import (
+    ALLOCATION,
     ALTITUDE,
     DVL_ATTITUDE,
     DVL_DETAIL,
@@ -33,6 +34,7 @@ from hindrax_ros.fast_serialization import (
     navigation_writer,
     odometry_writer,
     pressure_from_bytes,
+    thrust_from_bytes,
 )
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs
@@ -53,12 +55,16 @@ SETTLE_S = 0.0005
 
 
 class NavigatorNode(BatchedNode):
-    """Turns readings into `navigation/status` and `navigation/odometry`; calls `on_state` before it publishes."""
+    """Turns readings into `navigation/status` and `navigation/odometry`; calls `on_state` before it publishes.
 
-    def __init__(self, vehicle: Vehicle, on_state: Callable[[Stamped[Navigation]], None]) -> None:
+    An allocator of the same process calls `on_allocation`, one elsewhere publishes `control/allocation`.
+    """
+
+    def __init__(self, vehicle: Vehicle, on_state: Callable[[Stamped[Navigation]], None] = lambda _: None) -> None:
         super().__init__("navigator", ros_time=False)
         self.settle_s = SETTLE_S
-        self._on_state = on_state
+        self.on_state = on_state
+        self._thrusters = len(vehicle.thrusters)
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs))
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
@@ -66,6 +72,7 @@ class NavigatorNode(BatchedNode):
         self._transforms = Transforms(self)
         self._reporter = DiagnosticsPublisher(self)
         self._turn = 0
+        subscription(self, ALLOCATION, self._on_allocation_message, raw=True)
         for topic, read in SOURCES.items():
             callback = self._callback(topic.name.partition("/")[0], read)
             self.lead = subscription(self, topic, callback, raw=True)
@@ -89,8 +96,17 @@ class NavigatorNode(BatchedNode):
         """Use the thrusters' forces for the compass correction."""
         self._navigator.thrust(stamp, allocation.forces_N)
 
+    def _on_allocation_message(self, data: bytes) -> None:
+        try:
+            thrust = thrust_from_bytes(data)
+        except ValueError as error:
+            self._navigator.refusals.add(ALLOCATION.name, str(error))
+            return
+        if len(thrust.reading.forces_N) == self._thrusters:
+            self._navigator.thrust(thrust.stamp, thrust.reading.forces_N)
+
     def _publish(self, found: Stamped[Navigation]) -> None:
-        self._on_state(found)
+        self.on_state(found)
         self._status.publish(self._status_bytes(found))
         self._odometry.publish(self._odometry_bytes(found))
         self._transforms.publish(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.signals import Estimate
+from hindrax_core.signals import UNKNOWN6, Allocation, Estimate
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldStatus, ManeuverStatus
 from hindrax_ros.convert import stamp_to_msg
@@ -36,6 +37,23 @@ def unfit_estimate(message: Any) -> str:
     if any(message.covariance[index * (count + 1)] < 0.0 for index in range(count)):
         return "found a negative variance, wanted none"
     return ""
+
+
+def allocation_from_msg(message: Any, thrusters: int) -> Allocation:
+    """What the pilot needs of an AllocationStatus: shortfall [N, Nm], forces [N], lost axes. ValueError if unfit."""
+    forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
+    if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):
+        raise ValueError(f"found {len(forces_N)} forces and a shortfall, wanted {thrusters} finite ones")
+    X, Y, Z, K, M, N = shortfall
+    return Allocation(
+        wanted=UNKNOWN6,
+        achieved=UNKNOWN6,
+        shortfall=(X, Y, Z, K, M, N),
+        forces_N=forces_N,
+        pulses_us=(),
+        saturated=(),
+        lost_axes=tuple(message.lost_axes),
+    )
 
 
 def holds_to_msg(holds: Sequence[HoldState], stamp: Stamp) -> HoldStatus:

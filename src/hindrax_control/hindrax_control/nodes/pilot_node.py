@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.subscription import Subscription
 
 from hindrax_control.allocation.applied_wrench import unfit_pulses
 from hindrax_control.allocation.supply_voltage import SupplyVoltage
@@ -14,14 +15,17 @@ from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.maneuver import LATE, ManeuverOutput, abandoned
 from hindrax_control.maneuver.stages import SENSELESS
+from hindrax_control.navigation.foreign_odometry import ForeignOdometry
 from hindrax_control.nodes.active_goal import ActiveGoal, result_of
 from hindrax_control.nodes.pilot_messages import (
+    allocation_from_msg,
     goal_from_msg,
     holds_to_msg,
     maneuver_to_msg,
     unfit_estimate,
 )
 from hindrax_control.pilot import BUSY, Pilot, PilotKnobs, PilotOutput
+from hindrax_control.sole_source import SoleSource
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
@@ -29,10 +33,13 @@ from hindrax_core.refusal_counts import Refusals
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
 from hindrax_core.stamp_window import EXPIRED, order_window
 from hindrax_core.topics import (
+    ALLOCATION,
+    ALTITUDE,
     ESTIMATE,
     HOLD_SETPOINT,
     HOLD_STATUS,
     MANEUVER,
+    ODOMETRY,
     OPERATOR_WRENCH,
     THRUSTER_HEALTH,
     THRUSTER_HEALTH_ORDER,
@@ -44,14 +51,21 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ThrusterHealth, ThrusterState
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import FSD, estimate_from_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_ros.convert import (
+    FSD,
+    estimate_from_msg,
+    odometry_from_msg,
+    stamp_from_msg,
+    stamp_to_msg,
+    wrench_from_msg,
+)
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
-from hindrax_ros.fast_serialization import applied_from_bytes, wrench_writer
-from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
+from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import knobs
 from hindrax_ros.serialization import deserialized
 
-SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], None]
+SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 
 STATUS_EVERY = 5
@@ -65,15 +79,25 @@ UNTIMED = 16
 """Lists of thrusters out of use that are kept until the time is known."""
 
 
+def unsent(_wrench: Vec6, _frame: str, _stamp: Stamp, _now: Stamp) -> None:
+    """Send a wrench nowhere: who obeys it listens to `control/wrench`."""
+
+
 class PilotNode(BatchedNode):
     """Serves the action `maneuver/fly` and the topics of the operator; commands `control/wrench`.
 
-    The navigator calls `on_navigation`, the allocator `on_allocation`; each cycle calls `send_wrench`.
+    It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
+    instead and is `navigator`; an allocator calls `on_allocation`, and each cycle calls `send_wrench`. `check_state` is
+    called with every state before it is used.
     """
 
-    def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench) -> None:
+    def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = unsent) -> None:
         super().__init__("pilot")
-        self._send_wrench = send_wrench
+        self.send_wrench = send_wrench
+        self.check_state: Callable[[Stamped[Navigation]], None] = lambda _: None
+        self.navigator = ""
+        self._odometry, self._source = ForeignOdometry(vehicle), SoleSource()
+        self._altimeter: Subscription | None = None
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs))
         self._armed, self._unarmed = False, ""
         self._last_state = Stamp(0)
@@ -100,6 +124,8 @@ class PilotNode(BatchedNode):
         subscription(self, HOLD_SETPOINT, self._on_setpoint)
         subscription(self, OPERATOR_WRENCH, self._on_operator_wrench)
         subscription(self, ESTIMATE, self._on_estimate)
+        subscription(self, ALLOCATION, self._on_allocation_message)
+        self.lead = subscription(self, ODOMETRY, self._on_odometry)
         self._server = ActionServer(
             self,
             FlyManeuver,
@@ -153,6 +179,41 @@ class PilotNode(BatchedNode):
         """Keep the allocation of the last wrench."""
         self._allocation = allocation
 
+    def _on_allocation_message(self, message: Any) -> None:
+        """Keep what an allocator elsewhere says of the last wrench, and the supply that it measured."""
+        try:
+            self._allocation = allocation_from_msg(message, len(self._names))
+        except ValueError as error:
+            self._refuse(ALLOCATION, str(error))
+            return
+        if message.supply_measured:
+            self._supply.update(message.supply_voltage, self._now())
+
+    def _on_range(self, data: bytes) -> None:
+        """Keep the altimeter's range, which no odometry holds."""
+        try:
+            echo = echo_from_bytes(data)
+        except ValueError as error:
+            self._refuse(ALTITUDE, str(error))
+            return
+        self._odometry.range(echo.stamp, echo.reading.range_m)
+
+    def _on_odometry(self, message: Any) -> None:
+        """Fly one cycle on the odometry of the one who publishes it."""
+        if self._altimeter is None:
+            self._altimeter = subscription(self, ALTITUDE, self._on_range, raw=True)
+        unfit = self._source.judge(publishers_of(self, ODOMETRY), armed=self._armed)
+        state: Stamped[Navigation] | None = None
+        if not unfit:
+            try:
+                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.name, self._now())
+            except ValueError as error:
+                unfit = str(error)
+        if unfit:
+            self._refuse(ODOMETRY, unfit)
+        if state is not None:
+            self.on_navigation(state)
+
     def _on_health_order(self, message: Any) -> None:
         """Take a list that was made later than the one in force; who keeps lists may say an old one again.
 
@@ -199,6 +260,7 @@ class PilotNode(BatchedNode):
 
     def on_navigation(self, stamped: Stamped[Navigation]) -> None:
         """Fly one cycle on a new state."""
+        self.check_state(stamped)
         self._last_state = stamped.stamp
         if self._goal is not None:
             self._goal.cancel_if_asked()
@@ -214,7 +276,7 @@ class PilotNode(BatchedNode):
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
         self._apply_setpoints()
-        self._send_wrench(output.wrench, FSD, stamped.stamp, stamped.stamp)
+        self.send_wrench(output.wrench, FSD, stamped.stamp, stamped.stamp)
         self._wrench.publish(self._wrench_bytes(stamped.stamp, output.wrench))
         self._publish_status(output, stamped.stamp)
         self._follow_goal(stamped.stamp)
@@ -333,9 +395,11 @@ class PilotNode(BatchedNode):
     def _report(self, output: PilotOutput, stamp: Stamp) -> None:
         notes = (f"{state.axis} hold: {state.note}" for state in output.holds if state.note)
         refused = [f"by hand: {output.refused}"] if output.refused else []
-        wrong = (*output.guards, *notes, *refused, *self._refusals.news())
+        others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
+        unheard = [f"not heard: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
+        wrong = (*output.guards, *notes, *refused, *unheard, *self._refusals.news())
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in output.holds if state.engaged)
-        values = {"holds": held} | self._refusals.values()
+        values = {"holds": held, "state from": self.navigator or self._source.name} | self._refusals.values()
         self._reporter.publish(stamp, status("hindrax: pilot", level, text, values))

@@ -1,0 +1,105 @@
+"""The state from somebody else's odometry: what is believed of it, and what ends thrust."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hindrax_control.navigation.estimator_health import EstimatorHealth
+from hindrax_control.navigation.foreign_odometry import ForeignOdometry
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.signals import Consistency, Navigation
+from hindrax_core.vehicle import load_vehicle
+
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+NOW = Stamp(1_700_000_000_000_000_000)
+LEVEL = Navigation(
+    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.5, math.nan, (0.0, 0.0), dvl_locked=True
+)  # fmt: skip
+MINE = "/my/navigator"
+
+
+class Flight:
+    """An odometry at 50 Hz through both, armed."""
+
+    def __init__(self) -> None:
+        self.odometry, self._health = ForeignOdometry(VEHICLE), EstimatorHealth(VEHICLE)
+        self.now = NOW
+
+    def step(self, state: Navigation, source: str = MINE, *, later_s: float = 0.02) -> tuple[str, ...]:
+        self.now = after(self.now, later_s)
+        found, refused = self.odometry.step(Stamped(self.now, state), source, self.now)
+        assert found is not None, refused
+        return self._health.step(found.reading, self.now, armed=True)
+
+    def steps(self, state: Navigation, count: int = 20) -> tuple[str, ...]:
+        return [self.step(state) for _ in range(count)][-1]
+
+
+def test_a_quiet_one_is_believed_and_stands_for_every_sensor_but_the_altimeter() -> None:
+    flight = Flight()
+    assert flight.steps(LEVEL) == ()
+    found, _ = flight.odometry.step(Stamped(after(flight.now, 0.02), LEVEL), MINE, after(flight.now, 0.02))
+    assert found is not None
+    ages_s = found.reading.ages_s
+    assert ages_s.keys() == VEHICLE.sensors.keys()
+    assert {name for name, age_s in ages_s.items() if age_s > 0.0} == {"ping1d"}
+
+
+@pytest.mark.parametrize(
+    ("state", "wanted"),
+    [
+        (replace(LEVEL, attitude_rad=(math.pi, 0.0, 0.0)), "tilt: 180 deg, wanted at most "),
+        (replace(LEVEL, rate_radps=(math.nan, 0.0, 0.0)), "finite: attitude or rates are no numbers"),
+        (replace(LEVEL, rate_radps=(0.0, 9.0, 0.0)), "rate: 516 deg/s, wanted at most 450 deg/s"),
+        (replace(LEVEL, velocity_mps=(9.0, 0.0, 0.0)), "speed: 9.0 m/s, wanted at most "),
+        (replace(LEVEL, consistency=Consistency(tilt_sigma_rad=0.1)), "attitude: tilt known to 5.7 deg, wanted 3.0"),
+    ],
+)
+def test_what_cannot_be_true_ends_thrust(state: Navigation, wanted: str) -> None:
+    flight = Flight()
+    flight.steps(LEVEL)
+    assert flight.steps(state)[0].startswith(wanted)
+
+
+def test_a_jump_another_source_and_a_step_back_are_another_state() -> None:
+    for state, source, later_s in (
+        (replace(LEVEL, position_m=(5.0, 0.0)), MINE, 0.02),
+        (LEVEL, "/stranger", 0.02),
+        (LEVEL, MINE, -0.2),
+    ):
+        flight = Flight()
+        flight.steps(LEVEL)
+        assert flight.step(state, source, later_s=later_s)[0].startswith("restart: the state of the vehicle began anew")
+
+
+def test_moving_on_is_no_jump_not_even_after_a_gap() -> None:
+    flight = Flight()
+    for metres in range(10):
+        assert flight.step(replace(LEVEL, position_m=(0.5 * metres, 0.0)), later_s=0.5) == ()
+
+
+def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
+    odometry = ForeignOdometry(VEHICLE)
+    found, refused = odometry.step(Stamped(after(NOW, -1.0), LEVEL), MINE, NOW)
+    assert found is None
+    assert refused.startswith("1.0 s old, wanted at most 0.50 s")
+    assert odometry.step(Stamped(after(NOW, 1.0), LEVEL), MINE, NOW)[1].startswith("stamped 1.0 s in the future")
+    assert odometry.step(Stamped(NOW, LEVEL), MINE, NOW)[0] is not None
+    assert odometry.step(Stamped(after(NOW, 0.005), LEVEL), MINE, after(NOW, 0.005)) == (None, "")
+
+
+def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> None:
+    odometry = ForeignOdometry(VEHICLE)
+    sonar = VEHICLE.sensors["ping1d"]
+    odometry.range(NOW, 1.2)
+    odometry.range(NOW, math.nan)
+    found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
+    assert found is not None
+    assert found.reading.altitude_m == pytest.approx(1.2 + sonar.position_m[2])
+    later = after(NOW, 3.0)
+    found, _ = odometry.step(Stamped(later, LEVEL), MINE, later)
+    assert found is not None
+    assert math.isnan(found.reading.altitude_m)
+    assert found.reading.ages_s["ping1d"] == pytest.approx(3.0)

@@ -1,0 +1,29 @@
+"""Of several publishers none is obeyed, and the one who is stays while the thrusters are armed."""
+
+from hindrax_control.sole_source import UNKNOWN, SoleSource
+
+ONE, OTHER = "/rov/controller", "/stranger"
+
+
+def test_one_publisher_is_obeyed_and_named() -> None:
+    source = SoleSource()
+    assert source.judge({ONE}, armed=False) == ""
+    assert source.name == ONE
+
+
+def test_of_two_or_none_nobody_is_obeyed() -> None:
+    source = SoleSource()
+    assert source.judge({OTHER, ONE}, armed=False) == "found 2 publishers (/rov/controller, /stranger), wanted one"
+    assert source.judge((), armed=False) == "found 0 publishers, wanted one"
+    assert source.judge({f"/{UNKNOWN}"}, armed=False).startswith("found a publisher without a node")
+    assert source.name == ""
+
+
+def test_another_one_takes_over_only_while_disarmed() -> None:
+    source = SoleSource()
+    source.judge({ONE}, armed=False)
+    refused = source.judge({OTHER}, armed=True)
+    assert refused == "found /stranger, wanted /rov/controller, as when the thrusters were armed; disarm first"
+    assert source.judge({ONE}, armed=True) == ""
+    assert source.judge({OTHER}, armed=False) == ""
+    assert source.name == OTHER

@@ -1,0 +1,161 @@
+"""The page "Use one node", word for word: each of our nodes beside a program of ten lines that replaces another one."""
+
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
+import rclpy
+from documentation.pages import ROOT, block_of
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_core.topics import (
+    DIAGNOSTICS,
+    HOLD_SETPOINT,
+    NAMESPACE,
+    THRUSTER_COMMAND,
+    THRUSTER_STATE,
+    WRENCH,
+)
+from hindrax_msgs.msg import HoldSetpoint, ThrusterState
+from hindrax_msgs.srv import Arm
+from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.graph import publisher, subscription
+
+pytestmark = pytest.mark.ros
+
+PAGE = ROOT / "docs" / "how-to" / "use-one-node.md"
+INSTALLED = ROOT / "ros_ws" / "install"
+PATIENT_S = 60.0
+
+
+class Surroundings:
+    """Plays thrusters for the nodes under test, starts them by the lines of the page, and hears what they say."""
+
+    def __init__(self, folder: Path, processes: ExitStack, environ: dict[str, str]) -> None:
+        self._folder, self._processes, self._environ = folder, processes, environ
+        (folder / "myrov.yaml").write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
+        self.node = Node("surroundings", namespace=NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._state = publisher(self.node, THRUSTER_STATE)
+        self.setpoint = publisher(self.node, HOLD_SETPOINT)
+        self.armed = False
+        self.pulses: tuple[float, ...] = ()
+        self.wrench: tuple[float, ...] = ()
+        self.values: dict[str, dict[str, str]] = {}
+        self.disarmed_because: list[str] = []
+        subscription(self.node, THRUSTER_COMMAND, lambda message: setattr(self, "pulses", tuple(message.pulses)))
+        subscription(self.node, WRENCH, self._on_wrench)
+        subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
+        self.node.create_service(Arm, "thrusters/arm", self._on_arm)
+
+    def _on_wrench(self, message: Any) -> None:
+        force, torque = message.wrench.force, message.wrench.torque
+        self.wrench = (force.x, force.y, force.z, torque.x, torque.y, torque.z)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for one in message.status:
+            self.values[one.name.removeprefix("hindrax: ")] = {pair.key: pair.value for pair in one.values}
+
+    def _on_arm(self, request: Any, response: Any) -> Any:
+        self.disarmed_because += [] if request.arm else [request.reason]
+        self.armed, response.accepted = self.armed and request.arm, True
+        return response
+
+    def run(self, line: str) -> subprocess.Popen[bytes]:
+        """Start a line of the page in its folder: `ros2 run` by the installed program, where ros2 is not there."""
+        assert f"\n{line}\n" in PAGE.read_text(encoding="utf-8"), f"{line}: not on {PAGE}"
+        package, program, *words = shlex.split(line)[2:]
+        return self._start([sys.executable, INSTALLED / package / "lib" / package / program, *words])
+
+    def program(self, name: str, old: str = "", new: str = "") -> subprocess.Popen[bytes]:
+        """Start a program of the page, maybe with another word in it."""
+        file = self._folder / f"{time.monotonic_ns()}_{name}"
+        file.write_text(block_of(PAGE, name).replace(old, new), encoding="utf-8")
+        return self._start([sys.executable, file])
+
+    def _start(self, words: list[Any]) -> subprocess.Popen[bytes]:
+        child = subprocess.Popen(list(map(str, words)), env=self._environ, cwd=self._folder)
+        self._processes.callback(end, child)
+        return child
+
+    def until(self, done: Callable[[], Any]) -> None:
+        deadline = time.monotonic() + PATIENT_S
+        while not done():
+            assert time.monotonic() < deadline, self.values
+            state = ThrusterState(armed=self.armed, state="armed", pulses=[1500.0] * 8, output="pca9685")
+            state.header.stamp = stamp_to_msg(time.time_ns())
+            self._state.publish(state)
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def value(self, node: str, key: str) -> str:
+        return self.values.get(node, {}).get(key, "")
+
+
+def end(child: subprocess.Popen[bytes]) -> None:
+    child.terminate()
+    child.wait(PATIENT_S)
+
+
+@pytest.fixture
+def around(tmp_path: Path) -> Iterator[Surroundings]:
+    with own_domain(mock=True) as domain, ExitStack() as processes:
+        made = environment(mock=True, domain=domain)
+        with adopted(made):
+            rclpy.init(args=[])
+            try:
+                yield Surroundings(tmp_path, processes, made)
+            finally:
+                rclpy.try_shutdown()
+
+
+def test_the_allocator_obeys_ten_lines_of_anybody_but_not_two_of_them(around: Surroundings) -> None:
+    around.run("ros2 run hindrax_control allocator --ros-args -p vehicle:=myrov.yaml")
+    around.program("push.py")
+    around.until(lambda: any(pulse != 1500.0 for pulse in around.pulses))
+    around.until(lambda: around.value("allocator", "commander") == "/my_controller")
+    around.armed = True
+    other = around.program("push.py", "my_controller", "another")
+    around.until(lambda: around.value("allocator", "last refused").endswith("(/another, /my_controller), wanted one"))
+    end(other)
+    pushed = around.pulses
+    around.pulses = ()
+    around.until(lambda: around.pulses == pushed)
+
+
+def test_the_pilot_flies_on_ten_lines_of_anybody_and_disarms_when_they_cannot_be_true(around: Surroundings) -> None:
+    around.run(
+        "ros2 run hindrax_control control --ros-args -p vehicle:=myrov.yaml "
+        "-r navigator:navigation/odometry:=navigator/odometry"
+    )
+    level = around.program("float.py")
+    around.until(lambda: around.value("pilot", "state from") == "/my_navigator")
+    around.armed = True
+
+    def dives() -> bool:
+        wanted = HoldSetpoint(axis="depth", engaged=True, value=1.5)
+        wanted.header.stamp = stamp_to_msg(time.time_ns())
+        around.setpoint.publish(wanted)
+        return bool(around.wrench) and around.wrench[2] > 5.0
+
+    around.until(dives)
+    around.until(lambda: any(pulse != 1500.0 for pulse in around.pulses))
+    end(level)
+    keel_up = "orientation.w, state.pose.pose.orientation.x = 0.0, 1.0"
+    around.program("float.py", "orientation.w = 1.0", keel_up)
+    around.until(lambda: around.disarmed_because)
+    assert around.disarmed_because[0].startswith("tilt: 180 deg, wanted at most ")
+    assert not around.armed
