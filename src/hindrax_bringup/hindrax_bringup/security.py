@@ -115,7 +115,7 @@ ROLES: tuple[Role, ...] = (
         publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
         subscribes=(*MEASURED.values(), ALLOCATION),
     ),
-    Role("estimator_health", "control", publishes=(DIAGNOSTICS,), subscribes=(THRUSTER_STATE,), requests=(ARM,)),
+    Role("estimator_health", "control", publishes=(DIAGNOSTICS,), requests=(ARM,)),
     Role(
         "pilot",
         "control",

@@ -74,7 +74,9 @@ IMU, MAGNETIC = MEASURED["icm20948/data_raw"], MEASURED["icm20948/mag"]
 PRESSURE, WATER_TEMPERATURE = MEASURED["ms5837/pressure"], MEASURED["ms5837/temperature"]
 ALTITUDE, PING_PROFILE = MEASURED["ping1d/range"], MEASURED["ping1d/profile"]
 BATTERY = Topic("battery", "sensor_msgs/msg/BatteryState", STATE, 1, True, "supply voltage, when measured")
-ODOMETRY = Topic("navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, True, "pose and twist, REP-105; of one publisher")
+ODOMETRY = Topic(
+    "navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, True, "pose and twist, REP-105; of one publisher"
+)
 NAVIGATION = Topic(
     "navigation/status", "hindrax_msgs/msg/NavigationStatus", STATE, 50, True, "depth, altitude, attitude, ages, SNAME"
 )
@@ -86,7 +88,14 @@ OPERATOR_WRENCH = Topic(
 JOYSTICK = Topic("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, True, "joystick of the operator, as `joy_node` tells it")
 TWIST = Topic("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, True, "velocity by hand: keyboard, web page")
 LIGHTS = Topic("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, True, "brightness of every lamp, 0 dark to 1")
-WRENCH = Topic("control/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 50, True, "wrench wanted of the allocator; of one publisher")
+WRENCH = Topic(
+    "control/wrench",
+    "geometry_msgs/msg/WrenchStamped",
+    COMMAND,
+    50,
+    True,
+    "wrench wanted of the allocator; of one publisher",
+)
 ALLOCATION = Topic(
     "control/allocation",
     "hindrax_msgs/msg/AllocationStatus",

@@ -34,18 +34,17 @@ def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     pilot = navigator = health = None
     if "pilot" in wanted:
         pilot = PilotNode(vehicle, allocator.supply if allocator else SupplyVoltage(vehicle.supply_V))
-        health = EstimatorHealthNode(vehicle, clock)
-        pilot.check_state = health.on_navigation
+        pilot.health = health = EstimatorHealthNode(vehicle, clock)
     if "navigator" in wanted:
         navigator = NavigatorNode(vehicle)
     if allocator and health:
         allocator.inhibited = health.failed
-    if allocator and pilot and allocator.bypass(pilot, WRENCH):
+    if allocator and pilot and allocator.bypass(pilot, WRENCH, shown=True):
         pilot.send_wrench, allocator.pilot = allocator.on_wrench, pilot.get_fully_qualified_name()
-    if navigator and pilot and pilot.bypass(navigator, ODOMETRY):
+    if navigator and pilot and pilot.bypass(navigator, ODOMETRY, shown=True):
         navigator.on_state, pilot.navigator = pilot.on_navigation, navigator.get_fully_qualified_name()
     for listener in (pilot, navigator):
-        if allocator and listener and listener.bypass(allocator, ALLOCATION):
+        if allocator and listener and listener.bypass(allocator, ALLOCATION, shown=False):
             allocator.allocation_listeners.append(listener.on_allocation)
     # The navigator comes last: the turn in which it has a state begins with what the others have heard.
     return [node for node in (reader, health, pilot, allocator, navigator) if node is not None]

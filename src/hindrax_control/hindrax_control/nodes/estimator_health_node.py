@@ -10,15 +10,13 @@ from rclpy.clock import Clock
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Navigation
-from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
-from hindrax_ros.fast_serialization import applied_from_bytes
-from hindrax_ros.graph import subscription
+from hindrax_ros.fast_serialization import ThrusterStateFields
 from hindrax_ros.parameters import knobs
 from hindrax_ros.serialization import deserialized
 
@@ -27,7 +25,10 @@ ASK_AGAIN_S = 0.1
 
 
 class EstimatorHealthNode(BatchedNode):
-    """Checks every state before it is used; while the state is implausible (`failed`), arming is undone."""
+    """Checks every state before it is used; while the state is implausible (`failed`), arming is undone.
+
+    The pilot, in the same process, calls it with states of the vehicle and of the thrusters.
+    """
 
     def __init__(self, vehicle: Vehicle, clock: Clock) -> None:
         """`clock`: the one of the time of its requests."""
@@ -40,7 +41,6 @@ class EstimatorHealthNode(BatchedNode):
         self._turn = 0
         self._arm = self.create_client(Arm, "thrusters/arm")
         self._reporter = DiagnosticsPublisher(self)
-        subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
 
     def on_navigation(self, stamped: Stamped[Navigation]) -> None:
         """Check a state, before the pilot receives it."""
@@ -56,8 +56,8 @@ class EstimatorHealthNode(BatchedNode):
         """Whether the last state is not believed."""
         return bool(self._failed)
 
-    def _on_thrusters(self, data: bytes) -> None:
-        applied = applied_from_bytes(data)
+    def on_thrusters(self, applied: ThrusterStateFields, data: bytes) -> None:
+        """Disarm thrusters that are armed while the state is implausible; `data`: the whole ThrusterState."""
         self._armed = applied.armed
         if not self._failed:
             return

@@ -17,6 +17,7 @@ from hindrax_control.maneuver.maneuver import LATE, ManeuverOutput, abandoned
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.navigation.foreign_odometry import ForeignOdometry
 from hindrax_control.nodes.active_goal import ActiveGoal, result_of
+from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.nodes.pilot_messages import (
     allocation_from_msg,
     goal_from_msg,
@@ -87,14 +88,14 @@ class PilotNode(BatchedNode):
     """Serves the action `maneuver/fly` and the topics of the operator; commands `control/wrench`.
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
-    instead and is `navigator`; an allocator calls `on_allocation`, and each cycle calls `send_wrench`. `check_state` is
-    called with every state before it is used.
+    instead and is `navigator`; an allocator calls `on_allocation`, and each cycle calls `send_wrench`. `health` checks
+    every state before it is used.
     """
 
     def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = unsent) -> None:
         super().__init__("pilot")
         self.send_wrench = send_wrench
-        self.check_state: Callable[[Stamped[Navigation]], None] = lambda _: None
+        self.health: EstimatorHealthNode | None = None
         self.navigator = ""
         self._odometry, self._source = ForeignOdometry(vehicle), SoleSource()
         self._altimeter: Subscription | None = None
@@ -125,7 +126,7 @@ class PilotNode(BatchedNode):
         subscription(self, OPERATOR_WRENCH, self._on_operator_wrench)
         subscription(self, ESTIMATE, self._on_estimate)
         subscription(self, ALLOCATION, self._on_allocation_message)
-        self.lead = subscription(self, ODOMETRY, self._on_odometry)
+        self.lead = subscription(self, ODOMETRY, self._on_odometry, queue=ODOMETRY.quality.depth)
         self._server = ActionServer(
             self,
             FlyManeuver,
@@ -166,6 +167,8 @@ class PilotNode(BatchedNode):
         if self._armed and not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
         self._armed = applied.armed
+        if self.health is not None:
+            self.health.on_thrusters(applied, data)
 
     def _on_estimate(self, message: Any) -> None:
         """Keep the estimate of a motion, for the feedback of its maneuver."""
@@ -260,7 +263,8 @@ class PilotNode(BatchedNode):
 
     def on_navigation(self, stamped: Stamped[Navigation]) -> None:
         """Fly one cycle on a new state."""
-        self.check_state(stamped)
+        if self.health is not None:
+            self.health.on_navigation(stamped)
         self._last_state = stamped.stamp
         if self._goal is not None:
             self._goal.cancel_if_asked()
