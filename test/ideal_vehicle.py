@@ -1,11 +1,13 @@
 """An ideal vehicle: six uncoupled degrees of freedom in still or moving water, perfect senses."""
 
+from __future__ import annotations
+
 import math
 
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_core.events import stamp_from_s
+from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.signals import Navigation
-from hindrax_core.vehicle import AXES
+from hindrax_core.vehicle import AXES, Vehicle
 
 AGES_S = {"icm20948": 0.01, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05}
 
@@ -13,7 +15,14 @@ AGES_S = {"icm20948": 0.01, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05}
 class IdealVehicle:
     """Starts in the middle of the pool, afloat or at a depth, and drifts with the current."""
 
-    def __init__(self, vehicle, depth_m=0.3, heading_rad=0.0, step_s=0.02, lag_s=0.15):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        depth_m: float = 0.3,
+        heading_rad: float = 0.0,
+        step_s: float = 0.02,
+        lag_s: float = 0.15,
+    ) -> None:
         self.vehicle, self.freedoms = vehicle, prior_dynamics(vehicle)
         self.rate = dict.fromkeys(AXES, 0.0)
         self.thrust = dict.fromkeys(AXES, 0.0)
@@ -22,16 +31,16 @@ class IdealVehicle:
         self.time_s, self.current, self.locked, self.ages_s = 0.0, (0.0, 0.0), True, dict(AGES_S)
 
     @property
-    def stamp(self):
+    def stamp(self) -> Stamp:
         return stamp_from_s(self.time_s)
 
-    def ground_velocity(self):
+    def ground_velocity(self) -> tuple[float, float]:
         """Surge and sway over ground."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         north, east = self.current
         return self.rate["surge"] + cos * north + sin * east, self.rate["sway"] - sin * north + cos * east
 
-    def navigation(self):
+    def navigation(self) -> Navigation:
         u, v = self.ground_velocity()
         return Navigation(
             attitude_rad=(self.roll, self.pitch, math.remainder(self.heading, math.tau)),
@@ -44,7 +53,7 @@ class IdealVehicle:
             ages_s=self.ages_s,
         )
 
-    def step(self, wrench):
+    def step(self, wrench: tuple[float, ...]) -> None:
         """Let a wrench act for one step."""
         angles = {"roll": self.roll, "pitch": self.pitch}
         for axis, force in zip(AXES, wrench, strict=True):

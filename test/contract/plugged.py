@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from contract.serial_bench import Bench, world_s
 from register_rig import START, STEP_S, Rig
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_core.driver_interface import Identity, Trouble
+from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
@@ -52,7 +52,7 @@ class SerialLine(Bench):
         super().__init__(Tapped(driver), emulator, truth, faults=list(faults), seed=seed)
         self.said: list[tuple[float, Any]] = []
 
-    def _handle(self, outputs) -> None:
+    def _handle(self, outputs: Iterable[Output]) -> None:
         outputs = list(outputs)
         self.said += [(self.now_s, one) for one in outputs]
         super()._handle(outputs)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
-from hindrax_core.driver_interface import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamped, stamp_from_s
+from hindrax_drivers.devices.dvl75 import Dvl75
+from hindrax_drivers.devices.ping1d import Ping1d
+from hindrax_sim.devices.dvl75_sentences import DvlTruth
 from hindrax_sim.faults.fault_registry import FaultSpec, with_faults
 from hindrax_sim.faults.stream_faults import FaultyLine
 
@@ -35,7 +40,15 @@ class Log:
 class Bench:
     """`truth(now_s)` is told to the emulator at every step."""
 
-    def __init__(self, driver, emulator, truth, *, faults: list[FaultSpec] | None = None, seed: int = 1):
+    def __init__(
+        self,
+        driver: Dvl75 | Ping1d,
+        emulator: Any,
+        truth: Callable[[float], DvlTruth],
+        *,
+        faults: list[FaultSpec] | None = None,
+        seed: int = 1,
+    ) -> None:
         self.driver = driver
         self.emulator = emulator
         name = faults[0].devices[0] if faults else ""
@@ -68,7 +81,7 @@ class Bench:
                 self._handle(self.driver.feed(chunk, stamp))
         self._handle(self.driver.tick(stamp))
 
-    def _handle(self, outputs) -> None:
+    def _handle(self, outputs: list[Output]) -> None:
         kinds = {Rejected: "rejected", Trouble: "troubles", Identity: "identities", Stamped: "readings", Send: "sends"}
         for one in outputs:
             getattr(self.log, kinds[type(one)]).append((self.now_s, one))

@@ -34,7 +34,7 @@ assert all(abs(one.pressure_Pa - 101_325.0) < 10.0 for one in heard)
 
 
 @pytest.fixture(scope="module")
-def before_and_after(tmp_path_factory):
+def before_and_after(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str], dict[str, str]]:
     place = copy_of_the_clone(tmp_path_factory.mktemp("clone"))
     before = contents(place)
     follow(place)
@@ -54,7 +54,9 @@ def hindrax(place: Path, command: str) -> subprocess.CompletedProcess[str]:
     return run(place, "-m", "hindrax_cli.command_line", *command.removeprefix("./hindrax ").split())
 
 
-def test_four_files_one_row_and_one_line_and_nothing_else(before_and_after):
+def test_four_files_one_row_and_one_line_and_nothing_else(
+    before_and_after: tuple[Path, dict[str, str], dict[str, str]],
+) -> None:
     _, before, after = before_and_after
     assert {path for path in after if path not in before} == NEW
     changed = {path for path in before if after[path] != before[path]}
@@ -64,14 +66,18 @@ def test_four_files_one_row_and_one_line_and_nothing_else(before_and_after):
         assert more == 1, f"{path}: {more} lines more, wanted one"
 
 
-def test_the_new_files_keep_the_rules_of_the_house(before_and_after):
+def test_the_new_files_keep_the_rules_of_the_house(
+    before_and_after: tuple[Path, dict[str, str], dict[str, str]],
+) -> None:
     place, _, _ = before_and_after
     for check in (("check",), ("format", "--check")):
         done = run(place, "-m", "ruff", *check, "--no-cache", *NEW - {"test/golden/lps22hb/cases.yaml"}, TABLE)
         assert done.returncode == 0, done.stdout
 
 
-def test_the_sweep_finds_it_and_it_keeps_the_contract(before_and_after):
+def test_the_sweep_finds_it_and_it_keeps_the_contract(
+    before_and_after: tuple[Path, dict[str, str], dict[str, str]],
+) -> None:
     place, _, _ = before_and_after
     done = hindrax(place, commands()[0])
     assert done.returncode == 0, done.stdout
@@ -80,20 +86,22 @@ def test_the_sweep_finds_it_and_it_keeps_the_contract(before_and_after):
     assert int(passed[1]) > 15, done.stdout
 
 
-def test_the_real_driver_reads_it_in_the_mock_vehicle(before_and_after):
+def test_the_real_driver_reads_it_in_the_mock_vehicle(
+    before_and_after: tuple[Path, dict[str, str], dict[str, str]],
+) -> None:
     done = run(before_and_after[0], "-c", READ)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.ros
-def test_the_doctor_knows_it(before_and_after):
+def test_the_doctor_knows_it(before_and_after: tuple[Path, dict[str, str], dict[str, str]]) -> None:
     done = hindrax(before_and_after[0], f"{commands()[1]} --json")
     checks = {one["name"]: one for one in json.loads(done.stdout)["checks"]}
     assert checks["lps22hb"]["ok"], done.stdout
     assert "LPS22HB at 0x5c" in checks["lps22hb"]["found"]
 
 
-def test_the_reference_knows_it(before_and_after):
+def test_the_reference_knows_it(before_and_after: tuple[Path, dict[str, str], dict[str, str]]) -> None:
     place, _, _ = before_and_after
     done = hindrax(place, commands()[2])
     assert done.returncode == 0, done.stderr

@@ -7,6 +7,7 @@ import random
 from collections import Counter
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import pytest
 from contract.plugged import Plugged, mount_of
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp
 from hindrax_core.readings import DeviceText
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.testing import chunks
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.emulator_registry import EMULATORS
@@ -49,7 +50,7 @@ def kinds(plugged: Plugged, since_s: float, until_s: float) -> Counter[type]:
     return found
 
 
-def fresh(name: str):
+def fresh(name: str) -> Any:
     """The driver as it is when its port has just been opened."""
     vehicle, mount = mount_of(name)
     row = DEVICES[name]
@@ -73,7 +74,7 @@ def test_golden_cases_are_there(name: str) -> None:
 
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
-def test_every_fault_of_its_wire_falls_on_it(sensor) -> None:
+def test_every_fault_of_its_wire_falls_on_it(sensor: Sensor) -> None:
     assert {fault for name, fault in SWEEP if name == sensor.name} >= (
         FAULTS_OF_A_LINE if sensor.serial else FAULTS_OF_A_BUS
     )

@@ -30,7 +30,7 @@ TELLS = '#!/bin/sh\necho "$(basename "$0") $*" >>"$CALLS.there"\n'
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch) -> Path:
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A small clone, and a PATH on which the other machine is this one."""
     if shutil.which("git") is None:
         pytest.skip("needs git: what is deployed is a commit")
@@ -79,7 +79,7 @@ def sent(folder: Path) -> set[str]:
     }
 
 
-def test_a_dry_run_reaches_nobody_and_shows_every_step(place, capsys):
+def test_a_dry_run_reaches_nobody_and_shows_every_step(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["deploy", "pi@rov", "--dry-run", "--tether", "eth0:192.168.2.1"]) == 0
     said = capsys.readouterr().out
     assert calls(place) == []
@@ -89,7 +89,7 @@ def test_a_dry_run_reaches_nobody_and_shows_every_step(place, capsys):
     assert "[7/7] wait until it is well" in said
 
 
-def test_the_last_commit_arrives_and_is_started(place, capsys):
+def test_the_last_commit_arrives_and_is_started(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = place / "opt/hindrax"
     folder.mkdir(parents=True)
     assert main(["deploy", "pi@rov", "--with", "native", "--folder", str(folder)]) == 0, capsys.readouterr().err
@@ -100,7 +100,7 @@ def test_the_last_commit_arrives_and_is_started(place, capsys):
     assert all(words[-2] == "pi@rov" for words in calls(place))
 
 
-def test_a_second_one_removes_what_is_gone_and_keeps_what_was_made_there(place):
+def test_a_second_one_removes_what_is_gone_and_keeps_what_was_made_there(place: Path) -> None:
     folder, clone = place / "opt/hindrax", place / "clone"
     folder.mkdir(parents=True)
     words = ["deploy", "pi@rov", "--with", "native", "--no-system", "--folder", str(folder)]
@@ -119,13 +119,13 @@ def test_a_second_one_removes_what_is_gone_and_keeps_what_was_made_there(place):
     assert done_there(place) == ["hindrax setup", "hindrax setup"]
 
 
-def test_what_is_not_committed_is_said(place, capsys):
+def test_what_is_not_committed_is_said(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (place / "clone/src/new.py").write_text("changed")
     assert main(["deploy", "pi@rov", "--dry-run"]) == 0
     assert "1 changed files are not committed, so they are not sent" in capsys.readouterr().err
 
 
-def test_an_interrupted_one_is_made_good_by_the_next(place, monkeypatch):
+def test_an_interrupted_one_is_made_good_by_the_next(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, clone = place / "opt/hindrax", place / "clone"
     folder.mkdir(parents=True)
     words = ["deploy", "pi@rov", "--with", "native", "--no-system", "--folder", str(folder)]
@@ -149,7 +149,9 @@ def test_an_interrupted_one_is_made_good_by_the_next(place, monkeypatch):
     ],
 )
 @pytest.mark.usefixtures("place")
-def test_a_step_that_fails_is_named_and_ends_it(monkeypatch, capsys, step, code, wanted):
+def test_a_step_that_fails_is_named_and_ends_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], step: str, code: str, wanted: str
+) -> None:
     monkeypatch.setenv("FAIL_AT", step)
     monkeypatch.setenv("FAIL_WITH", code)
     place = Path(os.environ["CALLS"]).parent
@@ -160,7 +162,7 @@ def test_a_step_that_fails_is_named_and_ends_it(monkeypatch, capsys, step, code,
     assert step in calls(place)[-1][-1]
 
 
-def test_a_folder_that_cannot_be_entered_deletes_nothing_elsewhere(place):
+def test_a_folder_that_cannot_be_entered_deletes_nothing_elsewhere(place: Path) -> None:
     bystander = place / "bystander"
     bystander.mkdir()
     (bystander / "src.txt").write_text("")
@@ -173,7 +175,9 @@ def test_a_folder_that_cannot_be_entered_deletes_nothing_elsewhere(place):
     assert (bystander / "src.txt").exists()
 
 
-def test_without_git_or_ssh_it_says_what_to_install(place, monkeypatch, capsys):
+def test_without_git_or_ssh_it_says_what_to_install(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(deploy.shutil, "which", lambda tool: None if tool == "ssh" else tool)
     assert main(["deploy", "pi@rov"]) == 1
     assert "found no ssh here; sudo apt install openssh-client" in capsys.readouterr().err
@@ -183,7 +187,7 @@ def test_without_git_or_ssh_it_says_what_to_install(place, monkeypatch, capsys):
     assert "is no git clone" in capsys.readouterr().err
 
 
-def test_the_kind_follows_from_what_is_there():
+def test_the_kind_follows_from_what_is_there() -> None:
     assert kind_of("rov", "Linux aarch64\nros\n/usr/bin/docker") is DeploymentKind.NATIVE
     assert kind_of("rov", "Linux aarch64\n/usr/bin/docker") is DeploymentKind.CONTAINER
     assert kind_of("rov", "Linux x86_64") is DeploymentKind.NATIVE
@@ -191,7 +195,7 @@ def test_the_kind_follows_from_what_is_there():
         kind_of("rov", "Linux aarch64")
 
 
-def test_a_container_is_built_started_and_asked():
+def test_a_container_is_built_started_and_asked() -> None:
     scripts = [step.script for step in plan(Target("rov", kind=DeploymentKind.CONTAINER, tether="eth0:192.168.2.1"))]
     assert scripts[3] == "sudo /opt/hindrax/docker/pi/set-up.sh --container --tether eth0:192.168.2.1"
     assert scripts[4].endswith("compose.yaml build")
@@ -202,12 +206,12 @@ def test_a_container_is_built_started_and_asked():
 @pytest.mark.parametrize(
     ("host", "folder"), [("-oProxyCommand=x", "/opt/h"), ("", "/opt/h"), ("rov", "/opt/h;rm"), ("rov", "h")]
 )
-def test_words_that_ssh_would_misread_are_refused(host, folder):
+def test_words_that_ssh_would_misread_are_refused(host: str, folder: str) -> None:
     with pytest.raises(UsageError, match="wanted"):
         Target(host, folder)
 
 
 @pytest.mark.parametrize("kind", list(DeploymentKind))
-def test_every_script_is_a_script(kind):
+def test_every_script_is_a_script(kind: DeploymentKind) -> None:
     for step in plan(Target("rov", kind=kind)):
         subprocess.run(["sh", "-n"], input=step.script.encode(), check=True)

@@ -112,7 +112,7 @@ def scripts_of(package: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_they_use_launch_and_our_own_packages_only(file):
+def test_they_use_launch_and_our_own_packages_only(file: Path) -> None:
     names = set()
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
@@ -123,11 +123,11 @@ def test_they_use_launch_and_our_own_packages_only(file):
 
 
 @pytest.mark.parametrize("process", [*ONBOARD, RECORDER, MOCK], ids=lambda process: process.name)
-def test_every_process_is_an_executable_of_its_package(process):
+def test_every_process_is_an_executable_of_its_package(process: Process) -> None:
     assert scripts_of(process.package)[process.executable] == f"{process.module}:main"
 
 
-def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch):
+def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch)
     monkeypatch.delenv(PROFILE, raising=False)
     found = described(FILES[-1])
@@ -148,7 +148,7 @@ def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch):
     assert any(key == PROFILE and value.endswith("loopback.xml") for key, value in set_here)
 
 
-def test_the_mock_brings_its_own_vehicle(monkeypatch):
+def test_the_mock_brings_its_own_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch)
     found = described(ROOT / "src/hindrax_bringup/launch/mock.launch.py")
     assert processes(found) == pairs((*ONBOARD, MOCK))
@@ -161,7 +161,9 @@ def test_the_mock_brings_its_own_vehicle(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["mock", "vehicle"])
-def test_what_launch_starts_is_found_by_the_commands(monkeypatch, tmp_path, name) -> None:
+def test_what_launch_starts_is_found_by_the_commands(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
     """As long as launch lives, and with the arguments that it was given."""
     monkeypatch.setenv(FOLDER, str(tmp_path))
     monkeypatch.setattr(launch_settings, "_announced", announced := [])
@@ -219,7 +221,9 @@ with Operator(mock=True) as operator:
 
 
 @pytest.mark.ros
-def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(monkeypatch, tmp_path):
+def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     stand_in(monkeypatch)
     found = described(ROOT / "src/hindrax_bringup/launch/mock.launch.py")
     monkeypatch.undo()
@@ -234,7 +238,7 @@ def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(monkeypat
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
-def test_launch_itself_takes_them(file):
+def test_launch_itself_takes_them(file: Path) -> None:
     pytest.importorskip("launch_ros", reason="needs a ROS installation: launch is not among the wheels")
     from launch.launch_description_sources import get_launch_description_from_python_launch_file
 

@@ -12,7 +12,7 @@ from hindrax_bringup.processes import CONTROL, IDENTIFIER, REPLAY, SENSORS, UNHE
 from hindrax_sim.nodes.replay import parser
 
 
-def test_a_replay_is_a_record_on_the_nodes_that_compute(monkeypatch):
+def test_a_replay_is_a_record_on_the_nodes_that_compute(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch)
     found = described(ROOT / "src/hindrax_bringup/launch/replay.launch.py")
     assert processes(found) == pairs((SENSORS, CONTROL, IDENTIFIER, REPLAY))
@@ -21,5 +21,5 @@ def test_a_replay_is_a_record_on_the_nodes_that_compute(monkeypatch):
     assert control.keywords["ros_arguments"] == UNHEARD
 
 
-def test_it_is_an_executable_of_its_package():
+def test_it_is_an_executable_of_its_package() -> None:
     assert scripts_of(REPLAY.package)[REPLAY.executable] == f"{REPLAY.module}:main"

@@ -16,12 +16,12 @@ def version(name: str) -> tuple[int, ...]:
     return tuple(int(part) for part in found.split("."))
 
 
-def test_what_is_pinned_runs_with_the_numpy_of_ubuntu():
+def test_what_is_pinned_runs_with_the_numpy_of_ubuntu() -> None:
     for name, first in NEEDS_NUMPY_2_FROM.items():
         assert version(name)[:2] < first, name
 
 
-def test_the_numpy_of_ubuntu_is_not_hidden_and_not_overridden():
+def test_the_numpy_of_ubuntu_is_not_hidden_and_not_overridden() -> None:
     assert not re.search(r"^numpy==", LOCK, re.MULTILINE)
     script = (ROOT / "setup/lock.sh").read_text(encoding="utf-8")
     assert "--constraint - " in script

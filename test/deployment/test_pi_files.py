@@ -32,7 +32,7 @@ def set_up(root: Path, *words: str) -> str:
 
 
 @pytest.fixture
-def pi(tmp_path) -> Path:
+def pi(tmp_path: Path) -> Path:
     boot = tmp_path / "boot/firmware"
     boot.mkdir(parents=True)
     (boot / "config.txt").write_text("[all]\ndtparam=audio=on\n")
@@ -43,7 +43,7 @@ def contents(root: Path) -> dict[str, str]:
     return {str(path.relative_to(root)): path.read_text() for path in root.rglob("*") if path.is_file()}
 
 
-def test_a_second_run_changes_nothing(pi):
+def test_a_second_run_changes_nothing(pi: Path) -> None:
     assert "write /boot/firmware/config.txt" in set_up(pi, "--tether", "eth0:192.168.2.1")
     first = contents(pi)
     again = set_up(pi, "--tether", "eth0:192.168.2.1")
@@ -52,7 +52,7 @@ def test_a_second_run_changes_nothing(pi):
     assert "reboot" not in again
 
 
-def test_a_dry_run_changes_nothing_and_says_everything(pi):
+def test_a_dry_run_changes_nothing_and_says_everything(pi: Path) -> None:
     before = contents(pi)
     said = set_up(pi, "--dry-run", "--tether", "eth0:192.168.2.1")
     assert contents(pi) == before
@@ -60,19 +60,19 @@ def test_a_dry_run_changes_nothing_and_says_everything(pi):
     assert said.replace("would write", "write") == done
 
 
-def test_what_was_in_the_boot_settings_stays(pi):
+def test_what_was_in_the_boot_settings_stays(pi: Path) -> None:
     set_up(pi)
     assert (pi / "boot/firmware/config.txt").read_text().startswith("[all]\ndtparam=audio=on\n# hindrax begin\n")
 
 
-def test_an_old_block_is_replaced(pi):
+def test_an_old_block_is_replaced(pi: Path) -> None:
     config = pi / "boot/firmware/config.txt"
     config.write_text("# hindrax begin\ncore_freq=250\n# hindrax end\n[all]\ndtparam=audio=on\n")
     set_up(pi)
     assert config.read_text() == "[all]\ndtparam=audio=on\n" + (PI / "config.txt").read_text()
 
 
-def test_the_tether_is_named_everywhere_and_only_there(pi):
+def test_the_tether_is_named_everywhere_and_only_there(pi: Path) -> None:
     set_up(pi, "--tether", "eth0:192.168.2.1")
     found = contents(pi)
     assert "HINDRAX_TETHER=eth0:192.168.2.1\n" in found["etc/hindrax/hindrax.env"]
@@ -80,7 +80,7 @@ def test_the_tether_is_named_everywhere_and_only_there(pi):
     assert "RestrictNetworkInterfaces=lo eth0\n" in found["etc/systemd/system/hindrax.service.d/tether.conf"]
 
 
-def test_settings_of_the_owner_survive_a_new_tether(pi):
+def test_settings_of_the_owner_survive_a_new_tether(pi: Path) -> None:
     set_up(pi)
     settings = pi / "etc/hindrax/hindrax.env"
     settings.write_text(settings.read_text().replace("ROS_DOMAIN_ID=0", "ROS_DOMAIN_ID=42"))
@@ -89,14 +89,14 @@ def test_settings_of_the_owner_survive_a_new_tether(pi):
     assert "HINDRAX_TETHER=eth1:192.168.3.1\n" in settings.read_text()
 
 
-def test_whoever_sets_it_up_may_open_the_wires_too(pi, monkeypatch):
+def test_whoever_sets_it_up_may_open_the_wires_too(pi: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SUDO_USER", "nobody")
     assert "would run usermod --append --groups dialout,i2c nobody" in set_up(pi)
     monkeypatch.delenv("SUDO_USER")
     assert "usermod" not in set_up(pi)
 
 
-def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path):
+def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path: Path) -> None:
     clone = tmp_path / "clone/docker"
     shutil.copytree(PI, clone / "pi")
     root = tmp_path / "root"
@@ -108,7 +108,7 @@ def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["--tether", "eth0"], ["--tether", "e;h:1.2.3.4"], ["--frobnicate"]])
-def test_wrong_words_are_refused(tmp_path, words):
+def test_wrong_words_are_refused(tmp_path: Path, words: list[str]) -> None:
     done = subprocess.run([SET_UP, "--root", tmp_path, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "wanted" in done.stderr
@@ -123,7 +123,7 @@ def rules() -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def test_the_rules_are_rules():
+def test_the_rules_are_rules() -> None:
     term = re.compile(
         r'(?:ACTION|SUBSYSTEM|KERNEL|DRIVER|DEVPATH|ATTRS?\{\w+\})(?:==|=)"[^"]*"|(?:GROUP|MODE)="\w+"|SYMLINK\+="[\w/-]+"'
     )
@@ -131,7 +131,7 @@ def test_the_rules_are_rules():
         assert all(term.fullmatch(one.strip()) for one in rule.split(",")), rule
 
 
-def test_udev_accepts_the_rules():
+def test_udev_accepts_the_rules() -> None:
     udevadm = shutil.which("udevadm")
     version = (
         subprocess.run([udevadm, "--version"], capture_output=True, text=True, check=True).stdout if udevadm else "0"
@@ -143,7 +143,7 @@ def test_udev_accepts_the_rules():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_every_device_of_the_vehicle_has_its_name():
+def test_every_device_of_the_vehicle_has_its_name() -> None:
     vehicle = load_vehicle(default_vehicle())
     ports = {mount.port for mount in vehicle.sensors.values()} | {vehicle.output.port}
     named = {f"/dev/{name}" for rule in rules() for name in re.findall(r'SYMLINK\+="([^"]+)"', rule)}
@@ -151,27 +151,27 @@ def test_every_device_of_the_vehicle_has_its_name():
     assert {port for port in ports if not port.startswith("/dev/hindrax/")} == {"/dev/i2c-1"}
 
 
-def test_every_uart_that_is_named_is_switched_on():
+def test_every_uart_that_is_named_is_switched_on() -> None:
     config = (PI / "config.txt").read_text().splitlines()
     switched = {line.removeprefix("dtoverlay=") for line in config if line.startswith("dtoverlay=uart")}
     named = {OVERLAY_OF_ADDRESS[one] for rule in rules() for one in re.findall(r"(fe20\w+)\.serial", rule)}
     assert named == switched
 
 
-def test_the_core_clock_stands_still():
+def test_the_core_clock_stands_still() -> None:
     lines = dict(line.split("=", 1) for line in (PI / "config.txt").read_text().splitlines() if "=" in line)
     assert lines["core_freq"] == lines["core_freq_min"]
     assert lines["dtparam"] == "i2c_arm=on,i2c_arm_baudrate=400000"
 
 
-def test_service_and_container_may_open_the_same_kinds_of_device():
+def test_service_and_container_may_open_the_same_kinds_of_device() -> None:
     allowed = {words.split()[1].partition(":")[0] for words in COMPOSE["device_cgroup_rules"]}
     assert allowed == set(MAJOR_OF_KIND.values())
     service = (PI / "hindrax.service").read_text()
     assert set(re.findall(r"DeviceAllow=char-(\w+) rw", service)) == set(MAJOR_OF_KIND)
 
 
-def test_the_container_is_kept_up_and_held_back():
+def test_the_container_is_kept_up_and_held_back() -> None:
     assert COMPOSE["restart"] == "unless-stopped"
     assert COMPOSE["cap_drop"] == ["ALL"]
     assert COMPOSE["read_only"]
@@ -185,7 +185,7 @@ def test_the_container_is_kept_up_and_held_back():
     assert COMPOSE["stop_signal"] == re.findall(r"^STOPSIGNAL (\w+)$", dockerfile, re.MULTILINE)[0]
 
 
-def test_every_command_that_is_called_exists():
+def test_every_command_that_is_called_exists() -> None:
     called = re.findall(r"/opt/hindrax/hindrax\"?,? \"?([a-z-]+)", (ROOT / "docker/Dockerfile").read_text())
     called += re.findall(r"/opt/hindrax/hindrax ([a-z-]+)", (PI / "hindrax.service").read_text())
     called += [COMPOSE["command"][0]]
@@ -193,13 +193,13 @@ def test_every_command_that_is_called_exists():
     assert set(called) <= {name.replace("_", "-") for name in module_names()} | {"setup"}
 
 
-def test_every_file_that_is_named_exists():
+def test_every_file_that_is_named_exists() -> None:
     texts = [path.read_text() for path in (*PI.iterdir(), ROOT / "docker/compose.yaml")]
     for name in {name for text in texts for name in re.findall(r"\b(?:docker|docs|src)/[\w/.-]*\.\w+", text)}:
         assert (ROOT / name).exists() or name == "docker/.env", name
 
 
-def test_every_setting_is_one_that_the_stack_reads():
+def test_every_setting_is_one_that_the_stack_reads() -> None:
     sources = "".join(path.read_text() for path in ROOT.glob("src/hindrax_*/hindrax_*/**/*.py"))
     settings = re.findall(r"^(\w+)=", (PI / "hindrax.env").read_text(), re.MULTILINE)
     assert "HINDRAX_TETHER" in settings
@@ -207,7 +207,7 @@ def test_every_setting_is_one_that_the_stack_reads():
         assert f'"{name}"' in sources, name
 
 
-def test_the_service_is_watched_and_always_started_again():
+def test_the_service_is_watched_and_always_started_again() -> None:
     parser = configparser.ConfigParser(strict=False, interpolation=None)
     parser.optionxform = str
     parser.read(PI / "hindrax.service")
@@ -219,7 +219,7 @@ def test_the_service_is_watched_and_always_started_again():
     assert service["User"] != "root"
 
 
-def test_systemd_accepts_the_service(tmp_path):
+def test_systemd_accepts_the_service(tmp_path: Path) -> None:
     analyze = shutil.which("systemd-analyze")
     if analyze is None:
         pytest.skip("needs systemd-analyze, which this machine has not; the parts are looked at one by one above")
@@ -229,7 +229,7 @@ def test_systemd_accepts_the_service(tmp_path):
     assert [line for line in done.stderr.splitlines() if "hindrax" in line] == []
 
 
-def test_the_scripts_pass_shellcheck():
+def test_the_scripts_pass_shellcheck() -> None:
     scripts = [*sorted(PI.glob("*.sh")), *sorted(ROOT.glob("src/*/security/*.sh"))]
     command = [Path(sys.executable).parent / "shellcheck", *scripts]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

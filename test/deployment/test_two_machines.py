@@ -7,7 +7,7 @@ import json
 import threading
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -32,7 +32,7 @@ UP = ("-m", "hindrax_cli.command_line", "up", "--mock")
 
 
 @pytest.fixture(scope="module")
-def machines(tmp_path_factory) -> Iterator[Machines]:
+def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
     with three_machines(tmp_path_factory.mktemp("machines")) as made:
         yield made
 
@@ -45,7 +45,7 @@ def wait_for_words(path: Path, words: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def vehicle(machines) -> Machines:
+def vehicle(machines: Machines) -> Machines:
     """The vehicle is started before its tether has carrier, and waits for it."""
     machines.tether("down")
     machines.start(machines.vehicle, [*UP, "--tether", f"tether:{TOPSIDE}", "--out", str(machines.folder / "run")])
@@ -62,7 +62,7 @@ def report_of_a_stranger(machines: Machines, machine: str, *asked: str) -> dict[
     return json.loads(out)
 
 
-def test_without_a_tether_nobody_outside_the_machine_is_answered(machines):
+def test_without_a_tether_nobody_outside_the_machine_is_answered(machines: Machines) -> None:
     child = machines.start(machines.vehicle, [str(HERE / "stand_in_vehicle.py")])
     nothing = {"nodes": [], "heard": 0, "readers": 0, "arm": False}
     assert report_of_a_stranger(machines, machines.vehicle, "127.0.0.1")["heard"], "he knows how"
@@ -72,7 +72,7 @@ def test_without_a_tether_nobody_outside_the_machine_is_answered(machines):
     child.wait(PATIENT_S)
 
 
-def test_the_doctor_at_the_far_end_sees_tether_and_clocks(machines):
+def test_the_doctor_at_the_far_end_sees_tether_and_clocks(machines: Machines) -> None:
     child = machines.start(machines.vehicle, [str(HERE / "stand_in_vehicle.py")], HINDRAX_TETHER=f"tether:{TOPSIDE}")
     words = ["-m", "hindrax_cli.command_line", "doctor", "--topside", "--json", "--tether", f"tether:{VEHICLE}"]
     out, _ = machines.start(machines.topside, words).communicate(timeout=PATIENT_S)
@@ -84,7 +84,7 @@ def test_the_doctor_at_the_far_end_sees_tether_and_clocks(machines):
     child.wait(PATIENT_S)
 
 
-def test_a_stranger_elsewhere_sees_nobody_and_moves_nothing(vehicle):
+def test_a_stranger_elsewhere_sees_nobody_and_moves_nothing(vehicle: Machines) -> None:
     ip("-n", vehicle.elsewhere, "addr", "add", "192.168.77.50/32", "dev", "harbor")
     found = report_of_a_stranger(vehicle, vehicle.elsewhere, VEHICLE, "10.77.0.2")
     assert found == {"nodes": [], "heard": 0, "readers": 0, "arm": False}
@@ -95,7 +95,9 @@ def test_a_stranger_elsewhere_sees_nobody_and_moves_nothing(vehicle):
     assert found["arm"]
 
 
-def test_a_cut_in_mid_maneuver_ends_in_holds_and_full_recovery(vehicle, record_property):
+def test_a_cut_in_mid_maneuver_ends_in_holds_and_full_recovery(
+    vehicle: Machines, record_property: Callable[[str, object], None]
+) -> None:
     child = vehicle.start(vehicle.topside, [str(HERE / "topside.py")], HINDRAX_TETHER=f"tether:{VEHICLE}")
     alarm = threading.Timer(PATIENT_S, child.kill)
     alarm.start()

@@ -1,10 +1,14 @@
 """An operator at the far end of the tether: arms, dives, flies, is cut off, comes back, disarms. One line per event."""
 
+from __future__ import annotations
+
 import json
 import sys
 import time
 
 from hindrax_operator.connection import joined
+from hindrax_operator.nodes.operator_node import Operator
+from hindrax_ros.batched_node import BatchedNode
 
 PATIENT_S = 90.0
 SILENT_S = 3.0
@@ -19,7 +23,7 @@ def tell(event: str, **facts: object) -> None:
 class Heard:
     """How long ago the vehicle was heard, on the clock of the wall: the mock's own time stops with the tether."""
 
-    def __init__(self, operator) -> None:
+    def __init__(self, operator: Operator) -> None:
         self._operator, self._last, self._at = operator, None, time.monotonic()
 
     def silent_s(self) -> float:
@@ -29,7 +33,7 @@ class Heard:
         return now - self._at
 
 
-def fly(operator) -> None:
+def fly(operator: Operator) -> None:
     from hindrax_msgs.action import FlyManeuver
     from hindrax_ros.convert import stamp_to_msg
 
@@ -41,7 +45,7 @@ def fly(operator) -> None:
     operator.wait(lambda: operator.flying == "surge", PATIENT_S, lambda: "the maneuver")
 
 
-def graph(node) -> dict[str, dict[str, list[str]]]:
+def graph(node: BatchedNode) -> dict[str, dict[str, list[str]]]:
     """What every node of the vehicle says, hears and answers, as the middleware sees it."""
     asked = {
         "says": node.get_publisher_names_and_types_by_node,
@@ -54,7 +58,7 @@ def graph(node) -> dict[str, dict[str, list[str]]]:
     return found
 
 
-def seen_by_vehicle(operator) -> bool:
+def seen_by_vehicle(operator: Operator) -> bool:
     """A heartbeat takes up to half a second: who leaves before was never back."""
     link = operator.diagnostics.get("hindrax: link")
     return link is not None and link.message.startswith("the operator is there")

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from documentation.pages import PAGES, ROOT, block_of, commands_of, links_of, paths_of
+from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, links_of, paths_of
 
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
@@ -24,7 +24,7 @@ def name(page: Path) -> str:
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda one: f"{name(one.page)}: {one.line}")
-def test_every_command_is_taken(command):
+def test_every_command_is_taken(command: Command) -> None:
     first, *rest = command.words
     if first in BY_THE_SCRIPT or first.startswith("-"):
         return
@@ -34,20 +34,20 @@ def test_every_command_is_taken(command):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_every_link_leads_somewhere(page):
+def test_every_link_leads_somewhere(page: Path) -> None:
     for link in links_of(page):
         if "://" not in link:
             assert (page.parent / link).exists(), f"{name(page)}: {link} is not there"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_every_path_is_there(page):
+def test_every_path_is_there(page: Path) -> None:
     for path in paths_of(page):
         if MADE_BY_THE_READER not in path:
             assert (ROOT / path).exists(), f"{name(page)}: {path} is not there"
 
 
-def test_every_page_can_be_reached_from_the_overview():
+def test_every_page_can_be_reached_from_the_overview() -> None:
     overview = ROOT / "docs" / "README.md"
     reached = {(overview.parent / link).resolve() for link in links_of(overview)}
     for page in PAGES:
@@ -55,19 +55,21 @@ def test_every_page_can_be_reached_from_the_overview():
             assert page.resolve() in reached, f"docs/README.md has no link to {name(page)}"
 
 
-def test_the_readme_is_a_screen_and_a_half():
+def test_the_readme_is_a_screen_and_a_half() -> None:
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 75
     assert max(map(len, lines)) <= 130
 
 
-def test_the_vehicle_file_of_the_how_to_is_a_vehicle_file(tmp_path):
+def test_the_vehicle_file_of_the_how_to_is_a_vehicle_file(tmp_path: Path) -> None:
     file = tmp_path / "myrov.yaml"
     file.write_text(block_of(HOW_TO / "new-vehicle.md", "myrov.yaml"), encoding="utf-8")
     assert load_vehicle(file).net_buoyancy_N == pytest.approx(0.98, abs=0.01)
 
 
-def test_the_sweep_of_the_how_to_gives_a_curve(tmp_path, capsys, monkeypatch):
+def test_the_sweep_of_the_how_to_gives_a_curve(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("sweep.csv").write_text(block_of(HOW_TO / "calibrate-thrusters.md", "sweep.csv"), encoding="utf-8")
     fit = next(one for one in commands_of(HOW_TO / "calibrate-thrusters.md") if "fit" in one.words)

@@ -1,5 +1,7 @@
 """The rules of the thruster controller. Plain asserts: CPython runs this through pytest, MicroPython as it is."""
 
+from __future__ import annotations
+
 from hindrax_mcu import mavlink
 from hindrax_mcu.controller import Controller
 from hindrax_mcu.failsafe import Failsafe
@@ -8,27 +10,27 @@ NEUTRAL = [1500] * 8 + [1100] * 2
 FULL = [1900] * 10
 
 
-def armed():
+def armed() -> Failsafe:
     failsafe = Failsafe(8, 2, 0)
     failsafe.override(FULL, 7000)
     assert failsafe.arm(7000) == ""
     return failsafe
 
 
-def test_boots_disarmed_at_neutral():
+def test_boots_disarmed_at_neutral() -> None:
     failsafe = Failsafe(8, 2, 0)
     assert failsafe.step(0) == NEUTRAL
     assert not failsafe.armed
     assert failsafe.reason == "boot"
 
 
-def test_overrides_move_no_thruster_while_disarmed_but_switch_the_lights():
+def test_overrides_move_no_thruster_while_disarmed_but_switch_the_lights() -> None:
     failsafe = Failsafe(8, 2, 0)
     failsafe.override(FULL, 100)
     assert failsafe.step(100) == [1500] * 8 + [1900] * 2
 
 
-def test_arms_only_after_neutral_and_only_while_the_host_talks():
+def test_arms_only_after_neutral_and_only_while_the_host_talks() -> None:
     failsafe = Failsafe(8, 2, 0)
     assert failsafe.arm(8000) == "no override from the host"
     failsafe.override(FULL, 6900)
@@ -37,7 +39,7 @@ def test_arms_only_after_neutral_and_only_while_the_host_talks():
     assert failsafe.step(7000) == FULL
 
 
-def test_neutral_counts_again_after_a_disarm():
+def test_neutral_counts_again_after_a_disarm() -> None:
     failsafe = armed()
     failsafe.disarm("asked", 9000)
     failsafe.override(FULL, 10000)
@@ -45,7 +47,7 @@ def test_neutral_counts_again_after_a_disarm():
     assert failsafe.arm(10000) == "neutral for 1000 of 7000 ms"
 
 
-def test_silence_is_neutral_then_disarmed():
+def test_silence_is_neutral_then_disarmed() -> None:
     failsafe = armed()
     assert failsafe.step(7299) == FULL
     assert failsafe.step(7300)[:8] == NEUTRAL[:8]
@@ -59,7 +61,7 @@ def test_silence_is_neutral_then_disarmed():
     assert failsafe.reason == "no override for 2000 ms"
 
 
-def test_released_and_impossible_channels_are_neutral_and_never_the_last_value():
+def test_released_and_impossible_channels_are_neutral_and_never_the_last_value() -> None:
     failsafe = armed()
     for value in (0, 65535, 65534, 3, 799, 2201, 40000):
         failsafe.override([value] * 10, 7050)
@@ -71,13 +73,13 @@ def test_released_and_impossible_channels_are_neutral_and_never_the_last_value()
     assert failsafe.step(7100) == expected
 
 
-def test_pulses_are_clamped():
+def test_pulses_are_clamped() -> None:
     failsafe = armed()
     failsafe.override([1000, 2000] * 4, 7050)
     assert failsafe.step(7050)[:8] == [1100, 1900] * 4
 
 
-def test_frames_survive_garbage_and_pieces():
+def test_frames_survive_garbage_and_pieces() -> None:
     head = b"\xfd\xff\x00noise\xfd\xfd\x03"
     wire = head + mavlink.frame(mavlink.COMMAND_LONG, bytes(28) + b"\x90\x01\x01\x01\x00", 5, 1, 191) + b"\xfd"
     for size in (1, 2, 7, 100):
@@ -89,7 +91,7 @@ def test_frames_survive_garbage_and_pieces():
         assert found[0][1][28:30] == b"\x90\x01"
 
 
-def test_a_damaged_frame_is_not_obeyed():
+def test_a_damaged_frame_is_not_obeyed() -> None:
     good = mavlink.frame(mavlink.RC_CHANNELS_OVERRIDE, b"\xdc\x05" * 8 + b"\x01\x01" + bytes(20), 0, 1, 191)
     for place in range(len(good)):
         bad = bytearray(good)
@@ -98,7 +100,7 @@ def test_a_damaged_frame_is_not_obeyed():
     assert len(mavlink.Parser().feed(good)) == 1
 
 
-def test_controller_talks_and_obeys():
+def test_controller_talks_and_obeys() -> None:
     controller = Controller(8, 2, 0)
     assert controller.step(0).count(b"\xfd") >= 3
     override = mavlink.frame(mavlink.RC_CHANNELS_OVERRIDE, b"\x6c\x07" * 8 + b"\x01\x01" + bytes(20), 0, 1, 191)
@@ -113,7 +115,7 @@ def test_controller_talks_and_obeys():
     assert controller.pulses == NEUTRAL
 
 
-def test_commands_for_others_are_not_obeyed():
+def test_commands_for_others_are_not_obeyed() -> None:
     controller = Controller(8, 2, 0)
     override = mavlink.frame(mavlink.RC_CHANNELS_OVERRIDE, b"\x6c\x07" * 8 + b"\x02\x01" + bytes(20), 0, 1, 191)
     assert controller.receive(override, 8000) == b""
@@ -122,7 +124,7 @@ def test_commands_for_others_are_not_obeyed():
     assert controller.receive(arm, 8000) == b""
 
 
-def test_numbers_that_are_no_number_do_not_arm():
+def test_numbers_that_are_no_number_do_not_arm() -> None:
     controller = Controller(8, 2, 0)
     override = mavlink.frame(mavlink.RC_CHANNELS_OVERRIDE, b"\xdc\x05" * 8 + b"\x01\x01" + bytes(20), 0, 1, 191)
     nan = mavlink.frame(mavlink.COMMAND_LONG, b"\x00\x00\xc0\x7f" + bytes(24) + b"\x90\x01\x01\x01", 1, 1, 191)

@@ -7,12 +7,15 @@ import operator
 import random
 import re
 import struct
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from property.flood import FRAMES, chunked, flood, mutate
 
+from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, EchoProfile
 from hindrax_core.testing import chunks
@@ -77,11 +80,11 @@ def ping_frame(dice: random.Random) -> bytes:
     )
 
 
-def fed(driver, data: bytes, dice: random.Random) -> list:
+def fed(driver: Dvl75 | Ping1d, data: bytes, dice: random.Random) -> list[Any]:
     return [one for chunk in chunked(data, dice) for one in driver.feed(chunk, Stamp(10**9))]
 
 
-def readings(outputs, *kinds: type) -> list:
+def readings(outputs: Iterable[Output], *kinds: type) -> list[Any]:
     return [one.reading for one in outputs if isinstance(one, Stamped) and isinstance(one.reading, kinds)]
 
 
@@ -91,7 +94,7 @@ def true_sentences(data: bytes) -> list[bytes]:
     return [body for body, digits in found if xor(body) == int(digits, 16)]
 
 
-def test_a_flood_of_sentences_raises_nothing_and_lets_no_false_one_through():
+def test_a_flood_of_sentences_raises_nothing_and_lets_no_false_one_through() -> None:
     dice = random.Random(75)
     driver = Dvl75(Dvl75Knobs(min_confidence=0.01))
     accepted = 0
@@ -130,7 +133,7 @@ def running_ping() -> Ping1d:
     return driver
 
 
-def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through():
+def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through() -> None:
     dice = random.Random(1)
     accepted = 0
     # Few at a time: a ping number that goes back is a restart, after which nothing is believed until it is set up.
@@ -154,7 +157,7 @@ def test_a_flood_of_frames_raises_nothing_and_lets_no_false_one_through():
     st.lists(st.integers(1, 300), min_size=1, max_size=10),
     st.sampled_from([(Dvl75, dvl_frame, SENTENCE_MARKS), (running_ping, ping_frame, FRAME_MARKS)]),
 )
-def test_any_chunking_gives_the_same_events(seed, sizes, device):
+def test_any_chunking_gives_the_same_events(seed: int, sizes: list[int], device: Any) -> None:
     make, frame, marks = device
     dice = random.Random(seed)
     data = b"".join(mutate(frame(dice), marks, dice) for _ in range(20))
@@ -170,5 +173,5 @@ def test_any_chunking_gives_the_same_events(seed, sizes, device):
 @pytest.mark.parametrize("make", [Dvl75, running_ping])
 @given(data=st.binary(max_size=3000))
 @settings(max_examples=60, deadline=None)
-def test_bytes_that_mean_nothing_give_no_measurement(make, data):
+def test_bytes_that_mean_nothing_give_no_measurement(make: type[Dvl75] | Callable[[], Ping1d], data: bytes) -> None:
     assert readings(make().feed(data, Stamp(0)), BottomVelocity, BottomTrack, Echo, EchoProfile) == []

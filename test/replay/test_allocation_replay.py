@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +13,8 @@ from hindrax_bag.message_comparison import Difference
 from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
 from hindrax_control.allocation import allocation_cycle, wrench_guard
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import Allocation
 from hindrax_core.topics import ALLOCATION, THRUSTER_COMMAND, WRENCH, resolved
 from hindrax_replay.bag_replay import replay
 
@@ -50,7 +54,7 @@ def test_a_guard_that_refuses_everything_is_found(monkeypatch: pytest.MonkeyPatc
 
 def test_another_allocation_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     class Other(allocation_cycle.Allocator):
-        def allocate(self, *words, **named):
+        def allocate(self, *words: Any, **named: Any) -> Allocation:
             plan = super().allocate(*words, **named)
             return dataclasses.replace(plan, pulses_us=(plan.pulses_us[0] + 1, *plan.pulses_us[1:]))
 
@@ -61,7 +65,7 @@ def test_another_allocation_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_another_reckoning_of_what_was_achieved_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     class Other(allocation_cycle.AppliedWrench):
-        def wrench(self, forces_N):
+        def wrench(self, forces_N: Sequence[float]) -> Vec6:
             X, *others = super().wrench(forces_N)
             return (X + 0.001, *others)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -25,7 +26,7 @@ NAMES = {
 }
 
 
-def others_bag(folder, *, more: dict[str, str] | None = None, spoil: float = 0.0):
+def others_bag(folder: Path, *, more: dict[str, str] | None = None, spoil: float = 0.0) -> Path:
     """Fourteen seconds as another vehicle would have recorded them, with its own odometry beside."""
     bag = BagWriter(folder, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
@@ -45,13 +46,15 @@ def others_bag(folder, *, more: dict[str, str] | None = None, spoil: float = 0.0
 
 
 @pytest.fixture
-def vehicle(tmp_path):
+def vehicle(tmp_path: Path) -> str:
     file = tmp_path / "vehicle.yaml"
     file.write_bytes(attachments(SURGE)["vehicle.yaml"])
     return str(file)
 
 
-def test_a_bag_of_others_is_replayed_by_its_types(tmp_path, vehicle, capsys):
+def test_a_bag_of_others_is_replayed_by_its_types(
+    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = others_bag(tmp_path / "auv")
     assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)["bags"]
@@ -59,14 +62,18 @@ def test_a_bag_of_others_is_replayed_by_its_types(tmp_path, vehicle, capsys):
     assert one["fields_compared"] > 100
 
 
-def test_what_differs_from_their_odometry_is_named(tmp_path, vehicle, capsys):
+def test_what_differs_from_their_odometry_is_named(
+    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = others_bag(tmp_path / "auv", spoil=0.2)
     assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--json"]) == 1
     (one,) = json.loads(capsys.readouterr().out)["bags"]
     assert {found["field"] for found in one["differences"]} == {"pose.pose.position.z"}
 
 
-def test_two_topics_of_a_type_are_told_apart_by_name(tmp_path, vehicle, capsys):
+def test_two_topics_of_a_type_are_told_apart_by_name(
+    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = others_bag(tmp_path / "auv", more={"/hindrax/dvl75/attitude": "/auv/second_imu"})
     words = ["replay", str(bag), "--vehicle", vehicle]
     assert command_line.main(words) == 2
@@ -85,12 +92,14 @@ def test_two_topics_of_a_type_are_told_apart_by_name(tmp_path, vehicle, capsys):
         ("/auv/mag:=/hindrax/icm20948/data_raw", "found sensor_msgs/msg/MagneticField"),
     ],
 )
-def test_a_remap_that_does_not_fit_is_refused(tmp_path, vehicle, capsys, remap, said):
+def test_a_remap_that_does_not_fit_is_refused(
+    tmp_path: Path, vehicle: str, capsys: pytest.CaptureFixture[str], remap: str, said: str
+) -> None:
     bag = others_bag(tmp_path / "auv")
     assert command_line.main(["replay", str(bag), "--vehicle", vehicle, "--remap", remap]) == 2
     assert said in capsys.readouterr().err
 
 
-def test_without_a_vehicle_file_one_is_asked_for(tmp_path, capsys):
+def test_without_a_vehicle_file_one_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["replay", str(others_bag(tmp_path / "auv"))]) == 2
     assert "--vehicle" in capsys.readouterr().err

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import signal
+import types
 from collections.abc import Callable
 from itertools import takewhile
 from pathlib import Path
@@ -25,8 +26,11 @@ from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.commands.data import replay as command
+from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import HindraxError
-from hindrax_core.events import NS_PER_S
+from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.readings import Pressure, Vec3
+from hindrax_core.signals import Navigation
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import icm20948_registers, ms5837
@@ -46,14 +50,14 @@ RAW = {resolved(topic) for topic in RAW_FRAMES}
 
 
 @pytest.fixture(scope="module")
-def short(tmp_path_factory) -> Path:
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first seconds of a reference bag."""
     return recover(
         SURGE, tmp_path_factory.mktemp("short") / "short", keep=lambda _topic, after_s: after_s <= 6.0
     ).output
 
 
-def test_every_reference_bag_gives_what_it_gave(capsys):
+def test_every_reference_bag_gives_what_it_gave(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["replay", "--all", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert len(document["bags"]) == len(BAGS) > 0
@@ -62,17 +66,17 @@ def test_every_reference_bag_gives_what_it_gave(capsys):
         assert one["fields_compared"] > 100_000
 
 
-def test_reference_bags_are_small():
+def test_reference_bags_are_small() -> None:
     assert sum(file.stat().st_size for bag in BAGS for file in bag.iterdir()) < 10_000_000
 
 
-def test_every_device_is_replayed_from_its_wire(short):
+def test_every_device_is_replayed_from_its_wire(short: Path) -> None:
     made = replay(short).ledger.messages
     wanted = {"dvl75/velocity", "ping1d/range", "icm20948/data_raw", "icm20948/mag", "ms5837/pressure"}
     assert wanted <= {topic.removeprefix("/hindrax/") for topic in made}
 
 
-def test_messages_of_other_packages_are_no_part_of_a_replay(short, monkeypatch):
+def test_messages_of_other_packages_are_no_part_of_a_replay(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where marine_acoustic_msgs is installed the DVL publishes a copy that no bag holds."""
     monkeypatch.setattr(reading_messages.marine_acoustic, "dvl_class", lambda: SimpleNamespace)
     made = ReadingMessages("dvl75", load_vehicle(default_vehicle())).topics
@@ -82,10 +86,10 @@ def test_messages_of_other_packages_are_no_part_of_a_replay(short, monkeypatch):
     assert "/hindrax/dvl75/dvl" not in replayed.messages
 
 
-def test_a_changed_driver_constant_is_found_and_named(short, monkeypatch):
+def test_a_changed_driver_constant_is_found_and_named(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = ms5837.to_reading
 
-    def twisted(prom, values):
+    def twisted(prom: Any, values: Any) -> Pressure:
         reading = real(prom, values)
         return dataclasses.replace(reading, pressure_Pa=reading.pressure_Pa * 1.0001)
 
@@ -104,19 +108,27 @@ def test_a_changed_driver_constant_is_found_and_named(short, monkeypatch):
         ((reading_messages, "PING_LIMITS_m", (0.5, 100.0)), "/hindrax/ping1d/range min_range"),
     ],
 )
-def test_a_changed_constant_fails_the_command_and_is_pointed_at(short, monkeypatch, capsys, changed, field):
+def test_a_changed_constant_fails_the_command_and_is_pointed_at(
+    short: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    changed: tuple[types.ModuleType, str, float | tuple[float, float]],
+    field: str,
+) -> None:
     monkeypatch.setattr(*changed)
     assert command_line.main(["replay", str(short)]) == 1
     assert f"  {field}: " in capsys.readouterr().out
 
 
-def test_a_driver_that_asks_for_something_else_is_found(short, monkeypatch):
+def test_a_driver_that_asks_for_something_else_is_found(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ms5837, "PROM_READ", 0xB0)
     found = replay(short).ledger.differences()
     assert any(one.topic == "raw/ms5837" and "the record has" in one.field for one in found)
 
 
-def test_a_changed_navigator_is_found_by_the_command(monkeypatch, capsys):
+def test_a_changed_navigator_is_found_by_the_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr(state_stage.Navigator, "_navigation", _deeper(state_stage.Navigator._navigation))
     assert command_line.main(["replay", str(SURGE), "--json"]) == 1
     (one,) = json.loads(capsys.readouterr().out)["bags"]
@@ -125,40 +137,40 @@ def test_a_changed_navigator_is_found_by_the_command(monkeypatch, capsys):
     }
 
 
-def test_a_mistake_in_the_second_stage_is_raised_in_the_first(short, monkeypatch):
+def test_a_mistake_in_the_second_stage_is_raised_in_the_first(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(state_stage.StateStage, "_identify", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as caught:
         replay(short)
     assert any("state_stage.py" in note for note in caught.value.__notes__)
 
 
-def test_a_second_stage_that_is_killed_is_missed(short, monkeypatch):
+def test_a_second_stage_that_is_killed_is_missed(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(state_stage.StateStage, "_identify", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
     with pytest.raises(HindraxError, match="second stage"):
         replay(short)
 
 
-def test_wrong_use_is_told_apart(short):
+def test_wrong_use_is_told_apart(short: Path) -> None:
     assert command_line.main(["replay"]) == 2
     assert command_line.main(["replay", str(short), "--all"]) == 2
     assert command_line.main(["replay", str(short / "nothing")]) == 2
 
 
-def _deeper(real):
-    def navigation(self, stamp, rate):
+def _deeper(real: Callable[[Navigator, Stamp, Vec3], Navigation]) -> Callable[[Navigator, Stamp, Vec3], Navigation]:
+    def navigation(self: Navigator, stamp: Stamp, rate: Vec3) -> Navigation:
         return dataclasses.replace(real(self, stamp, rate), depth_m=3.0)
 
     return navigation
 
 
-def test_messages_alone_are_replayed_from_their_topics(tmp_path):
+def test_messages_alone_are_replayed_from_their_topics(tmp_path: Path) -> None:
     bag = recover(SURGE, tmp_path / "messages", keep=lambda topic, after_s: topic not in RAW and after_s < 15.0).output
     done = replay(bag)
     assert set(done.ledger.messages) == {"/hindrax/navigation/status", "/hindrax/control/allocation"}
     assert done.ledger.differences() == []
 
 
-def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path):
+def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path: Path) -> None:
     """Where bytes come a quarter of a second at a time, so do navigation states, and odometry lies before status."""
     bag = BagWriter(tmp_path / "bursts", limits=BagLimits(keep_free_MB=0.0))
     bag.open()
@@ -182,7 +194,7 @@ def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path):
     assert replayed.differences() == []
 
 
-def test_an_unfinished_bag_is_replayed_up_to_its_cut(short, tmp_path):
+def test_an_unfinished_bag_is_replayed_up_to_its_cut(short: Path, tmp_path: Path) -> None:
     whole = next(short.glob("*.mcap")).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) * 2 // 3])
@@ -191,7 +203,7 @@ def test_an_unfinished_bag_is_replayed_up_to_its_cut(short, tmp_path):
     assert done.ledger.fields_compared > 10_000
 
 
-def test_an_unfinished_bag_is_identified_up_to_its_cut(tmp_path, capsys):
+def test_an_unfinished_bag_is_identified_up_to_its_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole = next(SURGE.glob("*.mcap")).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) * 9 // 10])
@@ -202,7 +214,7 @@ def test_an_unfinished_bag_is_identified_up_to_its_cut(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["motions"]["surge"]["samples"] > 100
 
 
-def test_two_replays_give_the_same_to_the_last_bit_and_a_reference_keeps_it(short, tmp_path):
+def test_two_replays_give_the_same_to_the_last_bit_and_a_reference_keeps_it(short: Path, tmp_path: Path) -> None:
     first, second = replay(short), replay(short)
     assert repr(first.samples) == repr(second.samples)
     file = reference_file(short, tmp_path)
@@ -217,13 +229,15 @@ def test_two_replays_give_the_same_to_the_last_bit_and_a_reference_keeps_it(shor
     assert (found.topic, found.field) == (f"reference {topic}", "fluid_pressure")
 
 
-def test_update_belongs_to_the_reference_bags_only(short):
+def test_update_belongs_to_the_reference_bags_only(short: Path) -> None:
     assert command_line.main(["replay", str(short), "--update-refs"]) == 2
     assert command.references().is_dir()
 
 
 @pytest.mark.parametrize("late", [0, 3])
-def test_estimates_that_lack_late_measurements_are_explained_in_one_line(tmp_path, monkeypatch, capsys, late) -> None:
+def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], late: int
+) -> None:
     """The live identifier says in /diagnostics how many measurements came too late for it; no bag can repeat that."""
     copy = BagWriter(tmp_path / "late", limits=BagLimits(keep_free_MB=0.0))
     copy.open()
@@ -251,7 +265,7 @@ def _surer(real: Callable[..., Any]) -> Callable[..., Any]:
     return message
 
 
-def test_rules_name_ignored_fields_and_tolerances():
+def test_rules_name_ignored_fields_and_tolerances() -> None:
     rules = Rules(
         {
             "default": {"relative": 1e-9},
@@ -265,13 +279,13 @@ def test_rules_name_ignored_fields_and_tolerances():
     assert ledger.fields_compared == 2
 
 
-def test_our_rules_are_sharp_for_what_devices_measure():
+def test_our_rules_are_sharp_for_what_devices_measure() -> None:
     tolerance = load_rules().of("/hindrax/dvl75/velocity").tolerance("twist.twist.linear.x")
     assert tolerance is not None
     assert tolerance.absolute <= 1e-9
 
 
-def test_padding_is_told_from_fields():
+def test_padding_is_told_from_fields() -> None:
     message = next(iter(messages(SURGE, {"/hindrax/icm20948/data_raw"})))
     text = message.data.index(b"icm20948_link\x00") + len("icm20948_link") + 1
     padded, changed = bytearray(message.data), bytearray(message.data)

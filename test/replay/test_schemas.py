@@ -20,12 +20,12 @@ VERSIONS = sorted(int(one.name) for one in FOLDER.iterdir())
 NAVIGATION, STATE = "/hindrax/navigation/status", "/hindrax/thrusters/state"
 
 
-def test_there_is_a_bag_of_every_version():
+def test_there_is_a_bag_of_every_version() -> None:
     assert list(range(1, VERSION + 1)) == VERSIONS
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_every_message_comes_in_the_form_of_today(version):
+def test_every_message_comes_in_the_form_of_today(version: int) -> None:
     seen = set()
     for message in messages(FOLDER / str(version)):
         if message.type in seen:
@@ -37,13 +37,13 @@ def test_every_message_comes_in_the_form_of_today(version):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_bag_of_every_version_is_replayed(version):
+def test_a_bag_of_every_version_is_replayed(version: int) -> None:
     done = replay(FOLDER / str(version))
     assert done.ledger.differences() == []
     assert done.ledger.messages[NAVIGATION] > 20
 
 
-def test_what_an_old_message_lacks_is_unknown_and_what_it_has_is_kept():
+def test_what_an_old_message_lacks_is_unknown_and_what_it_has_is_kept() -> None:
     old = list(messages(FOLDER / "1", {NAVIGATION, STATE}))
     new = list(messages(FOLDER / str(VERSION), {NAVIGATION, STATE}))
     assert len(old) == len(new)
@@ -60,7 +60,7 @@ def test_what_an_old_message_lacks_is_unknown_and_what_it_has_is_kept():
             assert all(isinstance(value, float) for value in before.pulses)
 
 
-def test_the_newest_bag_has_the_messages_of_today():
+def test_the_newest_bag_has_the_messages_of_today() -> None:
     """Fails when a message was changed without a step that brings earlier bags to its new form."""
     for record in records(next((FOLDER / str(VERSION)).glob("*.mcap"))):
         if type(record).__name__ == "Schema" and record.name.startswith("hindrax_msgs/"):

@@ -1,15 +1,19 @@
 """One pool test in mock for everybody who wants to look at one: the one of the tutorial."""
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 from documentation.pages import TUTORIAL, commands_of
 
 
 @pytest.fixture(scope="session")
-def tutorial_flight(tmp_path_factory):
+def tutorial_flight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
     """Folder and document of the run that the tutorial tells to fly."""
     folder = tmp_path_factory.mktemp("pool") / "run"
     words = next(one.words for one in commands_of(TUTORIAL) if one.words[0] == "pool-test")

@@ -1,11 +1,16 @@
 """Processes die or freeze, the vehicle does not: each in flight, and wires and the true pose are judged."""
 
+from __future__ import annotations
+
 import os
 import signal
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from hindrax_operator.nodes.operator_node import Operator
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
@@ -48,7 +53,7 @@ class Wire:
     def neutral(self) -> bool:
         return all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for pulse in self.pulses())
 
-    def seconds_to_neutral(self, meanwhile=lambda: None, at_most_wall_s: float = 30.0) -> float:
+    def seconds_to_neutral(self, meanwhile: Callable[[], None] = lambda: None, at_most_wall_s: float = 30.0) -> float:
         begin, deadline = self.bus.now(), time.monotonic() + at_most_wall_s
         while not self.neutral():
             assert time.monotonic() < deadline, f"still at {self.pulses()}"
@@ -58,7 +63,7 @@ class Wire:
 
 
 @pytest.fixture(scope="module")
-def flying(tmp_path_factory):
+def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Supervisor, Operator, Wire]]:
     """A mock vehicle that holds its depth under water, thrusters at work."""
     from hindrax_operator.nodes.operator_node import Operator
 
@@ -76,7 +81,7 @@ def flying(tmp_path_factory):
                 assert stack.last_facts()["worst_tilt_deg"] < WORST_TILT_deg
 
 
-def dive(operator, wire) -> None:
+def dive(operator: Operator, wire: Wire) -> None:
     """Arm, and hold a depth; a control process that has just been started again navigates first."""
     from hindrax_operator.nodes.orders import hold
 
@@ -89,7 +94,7 @@ def dive(operator, wire) -> None:
     assert not wire.neutral()
 
 
-def child(supervisor, name: str) -> int:
+def child(supervisor: Supervisor, name: str) -> int:
     """The process that holds the nodes: for the thrusters that is the child of their dead man."""
     pid = supervisor.children[name].handle.pid
     if name != "thrusters":
@@ -97,7 +102,7 @@ def child(supervisor, name: str) -> int:
     return int(Path(f"/proc/{pid}/task/{pid}/children").read_text().split()[0])
 
 
-def test_the_vehicle_holds_on_without_its_identifier(flying):
+def test_the_vehicle_holds_on_without_its_identifier(flying: tuple[Supervisor, Operator, Wire]) -> None:
     supervisor, operator, wire = flying
     dive(operator, wire)
     os.kill(child(supervisor, "identifier"), signal.SIGKILL)
@@ -108,7 +113,7 @@ def test_the_vehicle_holds_on_without_its_identifier(flying):
 
 
 @pytest.mark.parametrize("name", ["control", "thrusters"])
-def test_neutral_within_half_a_second_of_a_death(flying, name):
+def test_neutral_within_half_a_second_of_a_death(flying: tuple[Supervisor, Operator, Wire], name: str) -> None:
     supervisor, operator, wire = flying
     if not operator.thrusters.armed:
         dive(operator, wire)
@@ -122,7 +127,7 @@ def test_neutral_within_half_a_second_of_a_death(flying, name):
 
 
 @pytest.mark.parametrize("who", ["control", "sensors", "thrusters", "dead man", "thrusters and dead man"])
-def test_neutral_within_two_seconds_of_a_freeze(flying, who):
+def test_neutral_within_two_seconds_of_a_freeze(flying: tuple[Supervisor, Operator, Wire], who: str) -> None:
     supervisor, operator, wire = flying
     dive(operator, wire)
     operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
@@ -138,7 +143,7 @@ def test_neutral_within_two_seconds_of_a_freeze(flying, who):
     assert wire.neutral(), "it must not come back armed"
 
 
-def neutral_and_disarmed_after_the_sensors(operator, wire) -> None:
+def neutral_and_disarmed_after_the_sensors(operator: Operator, wire: Wire) -> None:
     """The sensors come back, the state begins anew, and nothing thrusts on it."""
     operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
     assert operator.thrusters.reason.startswith(("restart: ", "no command for "))
@@ -147,7 +152,7 @@ def neutral_and_disarmed_after_the_sensors(operator, wire) -> None:
     assert wire.neutral(), "it must not come back armed"
 
 
-def test_a_death_of_the_sensors_in_a_hold_ends_thrust(flying):
+def test_a_death_of_the_sensors_in_a_hold_ends_thrust(flying: tuple[Supervisor, Operator, Wire]) -> None:
     supervisor, operator, wire = flying
     if not operator.thrusters.armed:
         dive(operator, wire)
@@ -157,7 +162,7 @@ def test_a_death_of_the_sensors_in_a_hold_ends_thrust(flying):
     neutral_and_disarmed_after_the_sensors(operator, wire)
 
 
-def test_a_death_of_the_sensors_in_a_maneuver_ends_it(flying):
+def test_a_death_of_the_sensors_in_a_maneuver_ends_it(flying: tuple[Supervisor, Operator, Wire]) -> None:
     supervisor, operator, wire = flying
     dive(operator, wire)
     neutral_s = []

@@ -1,5 +1,7 @@
 """What comes from the graph is data: whatever is sent to the control process ends no node and moves nothing."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -261,7 +263,9 @@ ORDERS = {
 
 
 @pytest.mark.parametrize("topic", ORDERS, ids=lambda topic: topic.name)
-def test_an_order_that_is_not_of_now_moves_nothing_is_counted_and_stands_in_no_ones_way(control, topic) -> None:
+def test_an_order_that_is_not_of_now_moves_nothing_is_counted_and_stands_in_no_ones_way(
+    control: Control, topic: Topic
+) -> None:
     order = ORDERS[topic](control.now())
     sent = list(hostile.untimely(order))
     for message in sent:
@@ -289,7 +293,9 @@ def test_a_list_in_force_from_before_the_clock_was_set_back_can_still_be_replace
     assert control.pilot._disabled == {}
 
 
-def test_lists_that_come_before_the_time_is_known_are_judged_as_soon_as_it_is(control, monkeypatch) -> None:
+def test_lists_that_come_before_the_time_is_known_are_judged_as_soon_as_it_is(
+    control: Control, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = control.now()
     monkeypatch.setattr(control.pilot, "_now", lambda: Stamp(0))
     for age_s, name in ((7200.0, "T3"), (3600.0, "T4"), (-3600.0, "T5")):

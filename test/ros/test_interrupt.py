@@ -1,9 +1,12 @@
 """Ctrl-C in the middle of a plateau: neutral thrusters, a readable bag, no orphan."""
 
+from __future__ import annotations
+
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,7 +19,7 @@ from hindrax_core.topics import THRUSTER_STATE, resolved
 pytestmark = pytest.mark.ros
 
 
-def test_ctrl_c_in_a_plateau(tmp_path):
+def test_ctrl_c_in_a_plateau(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     said = tmp_path / "said"
     words = ["pool-test", "--mock", "--seed", "5", "--headless", "--out", str(folder)]
@@ -36,7 +39,7 @@ def test_ctrl_c_in_a_plateau(tmp_path):
     wait_for(lambda: not processes_of(folder), 10.0)
 
 
-def wait_for(true, seconds: float) -> None:
+def wait_for(true: Callable[[], bool], seconds: float) -> None:
     deadline = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < deadline

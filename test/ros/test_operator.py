@@ -67,7 +67,7 @@ class Terminal:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory) -> Terminal:
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
     folder = tmp_path_factory.mktemp("operator")
     paths = [*SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
@@ -83,7 +83,7 @@ def wait_for(done: Callable[[], bool], terminal: Terminal) -> None:
 
 
 @pytest.fixture(scope="module")
-def up(terminal) -> Iterator[psutil.Process]:
+def up(terminal: Terminal) -> Iterator[psutil.Process]:
     """A stack in mock, in a ROS domain of its own; yields the process that looks after it."""
     out = terminal.folder / "run"
     child = terminal.start("up", "--mock", "--record", "--out", str(out))
@@ -100,7 +100,7 @@ def up(terminal) -> Iterator[psutil.Process]:
 
 
 @pytest.mark.usefixtures("up")
-def test_nothing_moves_before_it_is_armed(terminal):
+def test_nothing_moves_before_it_is_armed(terminal: Terminal) -> None:
     code, _, said = terminal.run("hold", "heading", "90")
     assert code == 1
     assert "wanted armed; `./hindrax arm` first" in said
@@ -108,7 +108,7 @@ def test_nothing_moves_before_it_is_armed(terminal):
 
 
 @pytest.mark.usefixtures("up")
-def test_armed_it_holds_pushes_and_stops(terminal):
+def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
     code, said, wrong = terminal.run("arm")
     assert code == 0, wrong
     assert "armed (pca9685)" in said
@@ -136,7 +136,7 @@ def test_armed_it_holds_pushes_and_stops(terminal):
 
 
 @pytest.mark.usefixtures("up")
-def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal):
+def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal: Terminal) -> None:
     code, said, wrong = terminal.run("thruster", "disable", "T3", "T4", "--reason", "blade lost")
     assert (code, said) == (0, "out of use: T3, T4; lost axes: sway\n"), wrong
     code, said, wrong = terminal.run("thruster", "enable", "T4", "--json")
@@ -148,7 +148,7 @@ def test_a_thruster_stays_out_of_use_though_its_command_has_ended(terminal):
     assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
 
 
-def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal, up):
+def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal: Terminal, up: psutil.Process) -> None:
     assert terminal.run("thruster", "disable", "T3", "T4")[0] == 0
     (control,) = (one for one in up.children() if "hindrax_control.nodes.control" in one.cmdline())
     control.kill()
@@ -160,14 +160,14 @@ def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal, 
 
 
 @pytest.mark.usefixtures("up")
-def test_a_thruster_alone_is_refused_beside_control(terminal):
+def test_a_thruster_alone_is_refused_beside_control(terminal: Terminal) -> None:
     code, _, wrong = terminal.run("thruster", "2", "--force", "3", "--mock")
     assert code == 1
     assert "the control process commands the thrusters" in wrong
 
 
 @pytest.mark.usefixtures("up")
-def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal):
+def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal: Terminal) -> None:
     for _ in range(15):  # a node may just be looking for its lock, or reports late while a busy mock goes slowly
         code, said, _ = terminal.run("doctor", "--mock", "--json")
         if code == 0:
@@ -179,7 +179,7 @@ def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal):
 
 
 @pytest.mark.usefixtures("up")
-def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal):
+def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: Terminal) -> None:
     child = terminal.start("web", "--port", "0")
     try:
         found = re.fullmatch(r"web: http://(127\.0\.0\.1:\d+)/#(\S+)\n", child.stdout.readline())
@@ -216,7 +216,7 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal):
         assert child.wait(PATIENT_S) == 0, terminal.errors("web")
 
 
-def test_without_a_stack_commands_say_what_is_missing(tmp_path, terminal, ros_domain):
+def test_without_a_stack_commands_say_what_is_missing(tmp_path: Path, terminal: Terminal, ros_domain: int) -> None:
     alone = Terminal(terminal.environment | {FOLDER: str(tmp_path), "ROS_DOMAIN_ID": str(ros_domain)}, tmp_path)
     code, _, said = alone.run("disarm")
     assert code == 1

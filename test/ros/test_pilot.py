@@ -1,9 +1,12 @@
 """The pilot node and an operator, by messages: what is told of a maneuver while it is flown, and of one that is not."""
 
+from __future__ import annotations
+
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -67,10 +70,10 @@ class Bench:
             self.pilot.on_navigation(Stamped(self.operator.now(), self.navigation))
         self.pilot.publish_queue.flush()
 
-    def until(self, done) -> None:
+    def until(self, done: Callable[[], object]) -> None:
         self.operator.wait(done, PATIENT_S, lambda: "the bench")
 
-    def fly(self, motions=("surge",), *, excitation="plateaus") -> str:
+    def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> str:
         """What the operator is told in the end."""
         return self.operator.fly(list(motions), excitation=excitation, seed=1, on_cancel="neutral", seconds=PATIENT_S)
 
@@ -79,11 +82,11 @@ class Bench:
         self.state.state = "armed" if armed else "disarmed"
         self.until(lambda: self.operator.thrusters is not None and self.operator.thrusters.armed is armed)
 
-    def when(self, true, act) -> None:
+    def when(self, true: Callable[[], object], act: Callable[[], object]) -> None:
         """Act once, in the turn in which something is true."""
         self._plans.append((true, act))
 
-    def when_flying(self, act) -> None:
+    def when_flying(self, act: Callable[[], object]) -> None:
         self.when(lambda: self.operator.flying, act)
 
     def go_on(self) -> None:
@@ -107,7 +110,7 @@ def bench() -> Iterator[Bench]:
             made.close()
 
 
-def estimate(stamp: Stamp, **changes) -> Stamped[Estimate]:
+def estimate(stamp: Stamp, **changes: str | tuple[float, float]) -> Stamped[Estimate]:
     told = {
         "motion": "surge",
         "names": ("k_q", "k_l"),
@@ -135,7 +138,7 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     assert not heard[-1].coefficients
     assert not heard[-1].learning
 
-    def told(done) -> None:
+    def told(done: Callable[[Any], Any]) -> None:
         deadline = time.monotonic() + PATIENT_S
         while not done(heard[-1]):
             assert time.monotonic() < deadline, heard[-1]
@@ -153,10 +156,12 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
     client.destroy()
 
 
-def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(bench: Bench, monkeypatch) -> None:
+def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answers = []
 
-    def answer(request, response):
+    def answer(request: Any, response: Any) -> Any:
         response.accepted = len(answers) == patience
         response.reason = "" if response.accepted else f"request is 1.2 s old, wanted at most 1 s; {ASK_AGAIN}"
         answers.append(request.sequence)
@@ -185,7 +190,9 @@ def test_a_goal_that_nobody_can_fly_is_told_why(bench: Bench) -> None:
     assert bench.fly(excitation="noise").startswith("goal: excitation 'noise' unknown, wanted plateaus or ")
 
 
-def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(bench: Bench, monkeypatch) -> None:
+def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bench.say_armed(armed=True)
     true = bench.operator.now
     asked = []
@@ -193,7 +200,7 @@ def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(bench: 
     def now() -> Stamp:
         return after(true(), -3.0 if bench.operator.maneuver is None and len(asked) < patience else 0.0)
 
-    def judge(request, judge=bench.pilot._unflyable) -> str:
+    def judge(request: Any, judge: Callable[[Any], str] = bench.pilot._unflyable) -> str:
         asked.append(judge(request))
         return asked[-1]
 

@@ -1,6 +1,9 @@
 """The main job through real processes: one surge pool test in mock, and what must be true of what it leaves."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -21,11 +24,11 @@ TRUTH = {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}
 
 
 @pytest.fixture(scope="module")
-def run(tutorial_flight):
+def run(tutorial_flight: tuple[Path, Any]) -> tuple[Path, Any]:
     return tutorial_flight
 
 
-def test_the_document_has_the_agreed_shape(run):
+def test_the_document_has_the_agreed_shape(run: tuple[Path, Any]) -> None:
     folder, document = run
     assert document["aborted"] is None
     assert document["bag"] == str(folder / "bag")
@@ -37,34 +40,34 @@ def test_the_document_has_the_agreed_shape(run):
 
 
 @pytest.mark.parametrize("speed", [0.2, 0.3, 0.4])
-def test_drag_is_within_three_percent(run, speed):
+def test_drag_is_within_three_percent(run: tuple[Path, Any], speed: float) -> None:
     surge = run[1]["motions"]["surge"]
     found = surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
     assert found == pytest.approx(TRUTH["k_q"] * speed**2 + TRUTH["k_l"] * speed, rel=0.03)
 
 
 @pytest.mark.parametrize("name", ["k_q", "k_l", "b"])
-def test_truth_lies_within_three_deviations(run, name):
+def test_truth_lies_within_three_deviations(run: tuple[Path, Any], name: str) -> None:
     number = run[1]["motions"]["surge"][name]
     assert abs(number["value"] - TRUTH[name]) < 3.0 * number["std"]
 
 
-def test_added_mass_is_within_five_percent(run):
+def test_added_mass_is_within_five_percent(run: tuple[Path, Any]) -> None:
     assert run[1]["motions"]["surge"]["added_mass"]["value"] == pytest.approx(TRUTH["added_mass"], rel=0.05)
 
 
-def test_no_wall_was_touched(run):
+def test_no_wall_was_touched(run: tuple[Path, Any]) -> None:
     assert run[1]["mock"]["wall_hits"] == 0
 
 
-def test_identifying_over_the_bag_gives_the_same_numbers(run):
+def test_identifying_over_the_bag_gives_the_same_numbers(run: tuple[Path, Any]) -> None:
     folder, document = run
     again = identify_bag(folder / "bag", load_vehicle(folder / "vehicle.yaml")).results.motions["surge"]
     for name, number in again.coefficients.items():
         assert number.value == pytest.approx(document["motions"]["surge"][name]["value"], rel=1e-9, abs=1e-12)
 
 
-def test_the_bag_opens_with_rosbags_and_holds_every_topic(run):
+def test_the_bag_opens_with_rosbags_and_holds_every_topic(run: tuple[Path, Any]) -> None:
     rosbags = pytest.importorskip("rosbags.highlevel")
     with rosbags.AnyReader([run[0] / "bag"]) as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
@@ -79,7 +82,7 @@ def test_the_bag_opens_with_rosbags_and_holds_every_topic(run):
     assert seen == {topic for topic, count in counts.items() if count}
 
 
-def test_the_bag_opens_with_mcap_with_all_checksums(run):
+def test_the_bag_opens_with_mcap_with_all_checksums(run: tuple[Path, Any]) -> None:
     from mcap.reader import make_reader
 
     file = next((run[0] / "bag").glob("*.mcap"))
@@ -91,7 +94,7 @@ def test_the_bag_opens_with_mcap_with_all_checksums(run):
         assert sum(1 for _ in reader.iter_messages()) == summary.statistics.message_count
 
 
-def test_rosbag2_metadata_lies_beside_it(run):
+def test_rosbag2_metadata_lies_beside_it(run: tuple[Path, Any]) -> None:
     information = yaml.safe_load((run[0] / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert information["version"] == 9
     assert information["storage_identifier"] == "mcap"
@@ -99,7 +102,7 @@ def test_rosbag2_metadata_lies_beside_it(run):
     assert all(file.is_file() for file in files)
 
 
-def test_results_are_written(run):
+def test_results_are_written(run: tuple[Path, Any]) -> None:
     coefficients = yaml.safe_load((run[0] / "coefficients.yaml").read_text())
     assert coefficients["motions"]["surge"]["k_q"]["value"] == run[1]["motions"]["surge"]["k_q"]["value"]
     report = (run[0] / "report.html").read_text()
@@ -107,7 +110,7 @@ def test_results_are_written(run):
     assert "http://" not in report.replace("http://www.w3.org", "")
 
 
-def test_no_process_is_left(run):
+def test_no_process_is_left(run: tuple[Path, Any]) -> None:
     vehicle = str(run[0])
     left = [entry.name for entry in Path("/proc").iterdir() if entry.name.isdigit() and vehicle in _command_line(entry)]
     assert left == []

@@ -1,5 +1,7 @@
 """A recorder that stands still for a moment misses nothing of what is said meanwhile."""
 
+from __future__ import annotations
+
 import signal
 import subprocess
 import sys
@@ -7,6 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from hindrax_ros.deferred_publisher import DeferredPublisher
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
@@ -28,13 +32,13 @@ WANTED_BYTES = 4 << 20
 GRANTED = Path("/proc/sys/net/core/rmem_max")
 
 
-def say(out):
+def say(out: DeferredPublisher) -> None:
     out.publish(message_class(IMU.type)())
     assert out.wait_for_all_acked(Duration(seconds=PATIENT_S))
 
 
 @pytest.mark.skipif(int(GRANTED.read_text()) < WANTED_BYTES, reason="this kernel grants sockets too little")
-def test_what_is_said_while_it_stands_still_is_in_the_bag(tmp_path):
+def test_what_is_said_while_it_stands_still_is_in_the_bag(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     words = ["-m", "hindrax_bag.nodes.recorder", "--ros-args", "-p", f"bag:={bag}"]
     with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):

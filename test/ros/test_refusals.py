@@ -1,7 +1,10 @@
 """What is wrong is said in one sentence with its remedy, and the exit code tells whose fault it is."""
 
+from __future__ import annotations
+
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 import yaml
@@ -13,12 +16,12 @@ from hindrax_cli import command_line
 pytestmark = pytest.mark.ros
 
 
-def refuse(capsys, *words: str) -> tuple[int, str]:
+def refuse(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
     code = command_line.main(["pool-test", "--headless", *words])
     return code, capsys.readouterr().err
 
 
-def test_a_wrong_vehicle_file(capsys, tmp_path):
+def test_a_wrong_vehicle_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("name: x\nmass_kg: -3\n")
     code, said = refuse(capsys, "--mock", "--vehicle", str(file))
@@ -27,7 +30,7 @@ def test_a_wrong_vehicle_file(capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
-def test_an_occupied_folder(capsys, tmp_path):
+def test_an_occupied_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "something").touch()
     code, said = refuse(capsys, "--mock", "--out", str(tmp_path))
     assert code == 2
@@ -35,7 +38,7 @@ def test_an_occupied_folder(capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
-def test_a_fault_that_nobody_knows(capsys, tmp_path):
+def test_a_fault_that_nobody_knows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, said = refuse(capsys, "--mock", "--fault", "gnats:dvl75", "--out", str(tmp_path / "run"))
     assert code == 2
     assert "found 'gnats', wanted one of absent, " in said
@@ -43,7 +46,7 @@ def test_a_fault_that_nobody_knows(capsys, tmp_path):
 
 @pytest.mark.root
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
-def test_a_full_disk(capsys, tmp_path):
+def test_a_full_disk(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     disk.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1M", "tmpfs", str(disk)], check=True)
@@ -56,7 +59,7 @@ def test_a_full_disk(capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
-def test_missing_ports(capsys, tmp_path):
+def test_missing_ports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, said = refuse(capsys, "--out", str(tmp_path / "run"))
     assert code == 1
     assert "found no /dev/hindrax/dvl, " in said
@@ -65,7 +68,7 @@ def test_missing_ports(capsys, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_a_port_that_delivers_garbage(capsys, tmp_path):
+def test_a_port_that_delivers_garbage(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, said = refuse(capsys, "--mock", "--fault", "baud_mismatch:dvl75@0+900", "--out", str(tmp_path / "run"))
     assert code == 1
     assert "aborted by start: dvl_lock: no bottom lock" in said
@@ -77,7 +80,7 @@ def test_a_port_that_delivers_garbage(capsys, tmp_path):
     says_so(tmp_path / "run")
 
 
-def says_so(run):
+def says_so(run: Path) -> None:
     report, coefficients = (run / "report.html").read_text(), yaml.safe_load((run / "coefficients.yaml").read_text())
     assert "aborted: start: dvl_lock</span>" in report
     assert "Nothing was flown" in report
@@ -85,7 +88,7 @@ def says_so(run):
     assert coefficients["motions"] == {}
 
 
-def test_options_that_contradict(capsys):
+def test_options_that_contradict(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = refuse(capsys, "--rate", "2")
     assert code == 2
     assert "--fault and --rate are for --mock only" in said

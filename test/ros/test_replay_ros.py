@@ -15,7 +15,7 @@ pytestmark = pytest.mark.ros
 BAG = clone_root() / "test" / "replay" / "bags" / "surge_estimates"
 
 
-def test_processes_on_recorded_wires_give_what_was_recorded(tmp_path, capsys):
+def test_processes_on_recorded_wires_give_what_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     short = recover(BAG, tmp_path / "short", keep=lambda _topic, after_s: after_s < 14.0).output
     out: Path = tmp_path / "again"
     assert command_line.main(["replay", "--ros", str(short), "--out", str(out), "--json"]) == 0
@@ -28,12 +28,12 @@ def test_processes_on_recorded_wires_give_what_was_recorded(tmp_path, capsys):
     assert "/hindrax/raw/icm20948" in made["topics"]
 
 
-def _info(bag: Path, capsys) -> str:
+def _info(bag: Path, capsys: pytest.CaptureFixture[str]) -> str:
     assert command_line.main(["bag", "info", str(bag), "--json"]) == 0
     return capsys.readouterr().out
 
 
-def test_a_bag_without_wires_is_refused(tmp_path, capsys):
+def test_a_bag_without_wires_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bare = recover(BAG, tmp_path / "bare", keep=lambda topic, after_s: "raw/" not in topic and after_s < 3.0).output
     assert command_line.main(["replay", "--ros", str(bare)]) == 2
     assert "holds no wire frames" in capsys.readouterr().err

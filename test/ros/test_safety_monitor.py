@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -43,17 +44,17 @@ class Vehicle:
         subscription(self.node, DIAGNOSTICS, self._diagnose)
         self.beat = publisher(self.node, HEARTBEAT)
 
-    def _arm(self, request, response):
+    def _arm(self, request: Any, response: Any) -> Any:
         self.armed.append(request.arm)
         self.reasons.append(request.reason)
         response.accepted = True
         return response
 
-    def _cancel(self, _request, response):
+    def _cancel(self, _request: Any, response: Any) -> Any:
         self.cancelled += 1
         return response
 
-    def _diagnose(self, message) -> None:
+    def _diagnose(self, message: Any) -> None:
         self.link |= {one.message: one.level for one in message.status if one.name == "hindrax: link"}
 
     def heartbeat(self, ahead_s: float = 0.0) -> Heartbeat:
@@ -72,7 +73,7 @@ class Vehicle:
 
 
 @pytest.fixture
-def watched(request):
+def watched(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
     """Not `vehicle`: a fixture of that name lives as long as the session, and its parameters would too."""
     with (
         own_domain(mock=True) as domain,
@@ -85,7 +86,7 @@ def watched(request):
 
 
 @pytest.mark.parametrize(("watched", "asked"), [(HOLD, []), (NEUTRAL, [False])], indirect=["watched"])
-def test_a_silent_operator_ends_what_flies_and_comes_back(watched, asked):
+def test_a_silent_operator_ends_what_flies_and_comes_back(watched: str, asked: list[bool]) -> None:
     watched.until(lambda: "link: the operator is there" in watched.said, beating=True)
     beats = iter(range(20))
     watched.until(lambda: next(beats, None) is None, beating=True)
@@ -100,17 +101,17 @@ def test_a_silent_operator_ends_what_flies_and_comes_back(watched, asked):
 
 
 @pytest.mark.parametrize("watched", [STAY], indirect=True)
-def test_without_a_tether_it_leaves_the_vehicle_alone(watched):
+def test_without_a_tether_it_leaves_the_vehicle_alone(watched: str) -> None:
     begin = time.monotonic()
     watched.until(lambda: time.monotonic() - begin > 3.0, beating=False)
     assert (watched.armed, watched.cancelled, watched.said) == ([], 0, [])
 
 
 @pytest.mark.parametrize("watched", [HOLD], indirect=True)
-def test_a_heartbeat_that_is_not_of_now_is_no_operator_and_is_shown(watched):
+def test_a_heartbeat_that_is_not_of_now_is_no_operator_and_is_shown(watched: str) -> None:
     for ahead_s, why in ((-30.0, r"\d+\.\d s old, wanted at most 1\.0 s"), (3e8, "stamped .* in the future")):
 
-        def shown(ahead_s=ahead_s, why=why) -> bool:
+        def shown(ahead_s: float = ahead_s, why: str = why) -> bool:
             watched.beat.publish(watched.heartbeat(ahead_s))
             wanted = f"no operator yet; refused: operator/heartbeat: the heartbeat is {why}"
             return any(re.search(wanted, words) for words in watched.link)
@@ -121,7 +122,7 @@ def test_a_heartbeat_that_is_not_of_now_is_no_operator_and_is_shown(watched):
 
 
 @pytest.mark.parametrize("watched", [STAY], indirect=True)
-def test_a_list_from_the_future_is_not_kept_and_does_not_outrank_a_later_one(watched):
+def test_a_list_from_the_future_is_not_kept_and_does_not_outrank_a_later_one(watched: str) -> None:
     kept: list[list[str]] = []
     subscription(watched.node, THRUSTER_HEALTH_ORDER, lambda message: kept.append(list(message.disabled)))
     say = publisher(watched.node, THRUSTER_HEALTH)

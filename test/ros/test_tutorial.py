@@ -1,8 +1,12 @@
 """The tutorial, word for word: what stands under "At the desk" is run in order, in a folder of its own."""
 
+from __future__ import annotations
+
 import shutil
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 from documentation.pages import TUTORIAL, commands_of
@@ -14,20 +18,20 @@ DESK = [command for command in commands_of(TUTORIAL) if command.heading == "At t
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory, tutorial_flight):
+def place(tmp_path_factory: pytest.TempPathFactory, tutorial_flight: tuple[Path, Any]) -> Path:
     """A folder in which the pool test of the tutorial has been flown already: it is the same as elsewhere here."""
     place = tmp_path_factory.mktemp("desk")
     shutil.copytree(tutorial_flight[0], place / "runs" / "first")
     return place
 
 
-def test_the_tutorial_flies_once_at_the_desk():
+def test_the_tutorial_flies_once_at_the_desk() -> None:
     assert [one.words[:2] for one in DESK].count(["pool-test", "--mock"]) == 1
     assert all("--mock" in one.words or one.words[0] != "doctor" for one in DESK)
 
 
 @pytest.mark.parametrize("command", [one for one in DESK if one.words[0] != "pool-test"], ids=lambda one: one.line)
-def test_a_command_of_the_tutorial_works(place, command):
+def test_a_command_of_the_tutorial_works(place: Path, command: Any) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "hindrax_cli.command_line", *command.words],
         capture_output=True,
@@ -42,7 +46,7 @@ def test_a_command_of_the_tutorial_works(place, command):
         assert (place / command.words[command.words.index("--out") + 1]).stat().st_size > 0
 
 
-def test_the_tutorial_ends_with_a_report(place):
+def test_the_tutorial_ends_with_a_report(place: Path) -> None:
     for name in ("report.html", "coefficients.yaml", "vehicle.yaml", "later.html", "model.sdf"):
         assert (place / "runs" / "first" / name).is_file(), name
     for name in ("bag", "logs"):

@@ -11,6 +11,7 @@ import shutil
 from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -30,12 +31,14 @@ from hindrax_tools.reference.parameters import NODES
 PAGES = clone_root() / "docs" / "reference"
 
 
-def test_the_pages_are_up_to_date():
+def test_the_pages_are_up_to_date() -> None:
     stale = reference.stale(PAGES)
     assert not stale, f"stale: {', '.join(stale)}; run `{reference.COMMAND}` and commit what it writes"
 
 
-def test_a_stale_page_is_named_with_the_command_that_writes_it(tmp_path, capsys):
+def test_a_stale_page_is_named_with_the_command_that_writes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["reference", "--write", "--out", str(tmp_path)]) == 0
     assert main(["reference", "--check", "--out", str(tmp_path)]) == 0
     (tmp_path / "topics.md").write_text("something else", encoding="utf-8")
@@ -45,12 +48,12 @@ def test_a_stale_page_is_named_with_the_command_that_writes_it(tmp_path, capsys)
 
 
 @pytest.mark.parametrize("kind", [Vehicle, *(kind for kinds in NODES.values() for kind in kinds)])
-def test_every_setting_says_what_it_means(kind):
+def test_every_setting_says_what_it_means(kind: type[Any]) -> None:
     for name, *_, meaning in rows(kind):
         assert meaning, f"{kind.__name__}.{name} has no meaning: declare it with knob(..., meaning=...)"
 
 
-def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page():
+def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page() -> None:
     wanted = {kind for kinds in NODES.values() for kind in kinds}
     for file in (clone_root() / "src").glob("hindrax_*/hindrax_*/nodes/*.py"):
         tree = ast.parse(file.read_text(encoding="utf-8"))
@@ -66,7 +69,7 @@ def test_every_dataclass_that_a_node_declares_as_parameters_is_on_the_page():
                     assert found in wanted, f"{file}: declares {kind.id}, which reference/parameters.py does not list"
 
 
-def test_every_sensor_of_the_vehicle_says_who_it_is():
+def test_every_sensor_of_the_vehicle_says_who_it_is() -> None:
     found = identities(load_vehicle(default_vehicle()))
     assert set(found) >= {sensor.name for sensor in SENSORS}
 
@@ -77,7 +80,7 @@ def parsers() -> list[argparse.ArgumentParser]:
 
 
 @pytest.mark.parametrize("parser", parsers(), ids=lambda one: one.prog)
-def test_help_shows_an_example_that_the_command_takes(parser):
+def test_help_shows_an_example_that_the_command_takes(parser: argparse.ArgumentParser) -> None:
     text = parser.format_help()
     assert "example:\n" in text
     examples = re.findall(r"^ +\S*hindrax .*", text.partition("example:\n")[2], re.MULTILINE)
@@ -91,26 +94,26 @@ def test_help_shows_an_example_that_the_command_takes(parser):
 
 
 @pytest.mark.parametrize("parser", parsers(), ids=lambda one: one.prog)
-def test_every_option_says_what_it_does(parser):
+def test_every_option_says_what_it_does(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
         if not isinstance(action, argparse._SubParsersAction):
             assert action.help, f"{parser.prog} {action.dest}: has no help"
 
 
-def test_the_overview_lists_every_command(capsys):
+def test_the_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     said = capsys.readouterr().out
     for name in command_line.module_names():
         assert re.search(rf"^  {name.replace('_', '-')} +\w", said, re.MULTILINE)
 
 
-def test_every_page_is_linked_from_the_overview_of_the_documentation():
+def test_every_page_is_linked_from_the_overview_of_the_documentation() -> None:
     overview = (PAGES.parent / "README.md").read_text(encoding="utf-8")
     for name in reference.PAGES:
         assert Path("reference", name).as_posix() in overview
 
 
-def test_the_figures_are_drawn_from_what_lies_beside_them(tmp_path):
+def test_the_figures_are_drawn_from_what_lies_beside_them(tmp_path: Path) -> None:
     figures = PAGES.parent / "explanation" / "figures"
     shutil.copy(figures / "flights.json", tmp_path)
     page = (PAGES.parent / "explanation" / "identification.md").read_text(encoding="utf-8")
@@ -123,7 +126,7 @@ def test_the_figures_are_drawn_from_what_lies_beside_them(tmp_path):
         assert f"figures/{file.name}" in page
 
 
-def test_the_flights_behind_the_figures_say_what_the_page_says():
+def test_the_flights_behind_the_figures_say_what_the_page_says() -> None:
     """With a curve that promises too little all runs are off by more than noise, none by more than calibration."""
     flights = json.loads((PAGES.parent / "explanation" / "figures" / "flights.json").read_text(encoding="utf-8"))
     drag = load_vehicle(default_vehicle()).hydrodynamics

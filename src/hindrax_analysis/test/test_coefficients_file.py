@@ -1,7 +1,11 @@
 """The file of coefficients: what is written is read back, and a broken file is named."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +14,11 @@ import yaml
 from hindrax_analysis.coefficients_file import as_yaml, conditions_of, read_coefficients
 from hindrax_analysis.exports.export_model import export_model, read_motions
 from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
 
 
-def a_result(motion="surge", *, identifiable=True):
+def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResult:
     numbers = {
         "k_q": Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2"),
         "k_l": Number(1.25, 0.06, math.nan, None, "N s/m"),
@@ -36,7 +41,7 @@ def a_result(motion="surge", *, identifiable=True):
 
 
 @pytest.fixture
-def saved(tmp_path, vehicle):
+def saved(tmp_path: Path, vehicle: Vehicle) -> Path:
     results = Results({"surge": a_result(), "yaw": a_result("yaw", identifiable=False)}, vehicle)
     file = tmp_path / "run" / "coefficients.yaml"
     file.parent.mkdir()
@@ -44,7 +49,7 @@ def saved(tmp_path, vehicle):
     return file
 
 
-def test_numbers_come_back_to_the_last_digit(saved):
+def test_numbers_come_back_to_the_last_digit(saved: Path) -> None:
     found = read_coefficients(saved)
     surge = found.motions["surge"]
     assert surge.numbers["k_q"] == Number(66.4812345678901, 0.21, 1.35, 66.48, "N s^2/m^2")
@@ -54,7 +59,7 @@ def test_numbers_come_back_to_the_last_digit(saved):
     assert found.motions["yaw"].reasons == ("it hardly moved: 0.01 # at most",)
 
 
-def test_conditions_come_back(saved, vehicle):
+def test_conditions_come_back(saved: Path, vehicle: Vehicle) -> None:
     told = read_coefficients(saved).conditions
     assert told.vehicle == vehicle.name
     assert told.mock
@@ -62,23 +67,23 @@ def test_conditions_come_back(saved, vehicle):
     assert told.kinematic_viscosity_m2ps == vehicle.water.kinematic_viscosity_m2ps
 
 
-def test_the_run_is_called_by_its_folder(saved):
+def test_the_run_is_called_by_its_folder(saved: Path) -> None:
     assert read_coefficients(saved).label == "run"
 
 
-def test_the_exports_read_the_same_file(saved):
+def test_the_exports_read_the_same_file(saved: Path) -> None:
     motions = read_motions(yaml.safe_load(saved.read_text()), str(saved))
     assert motions["surge"].get("k_q") == 66.4812345678901
     assert "yaw" not in motions
 
 
-def test_words_stand_beside_the_numbers(saved):
+def test_words_stand_beside_the_numbers(saved: Path) -> None:
     text = saved.read_text()
     assert "k_q = 66.481 +- 0.21 (+- 1.35 with calibration) N s^2/m^2" in text
     assert "yaw: NOT identifiable" in text
 
 
-def test_a_run_without_motions_is_a_file_too(tmp_path, vehicle):
+def test_a_run_without_motions_is_a_file_too(tmp_path: Path, vehicle: Vehicle) -> None:
     file = tmp_path / "coefficients.yaml"
     file.write_text(as_yaml(Results({}, vehicle), conditions_of(vehicle, mock=False)), encoding="utf-8")
     assert read_coefficients(file).motions == {}
@@ -95,7 +100,7 @@ def test_a_run_without_motions_is_a_file_too(tmp_path, vehicle):
         ("motions: {surge: 3}", "motions.surge"),
     ],
 )
-def test_a_broken_file_is_named(tmp_path, text, named):
+def test_a_broken_file_is_named(tmp_path: Path, text: str, named: str) -> None:
     file = tmp_path / "coefficients.yaml"
     file.write_text(text)
     with pytest.raises(HindraxError, match=r"coefficients\.yaml") as caught:
@@ -103,7 +108,7 @@ def test_a_broken_file_is_named(tmp_path, text, named):
     assert named in str(caught.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(HindraxError, match="cannot be read"):
         read_coefficients(tmp_path / "none.yaml")
 
@@ -111,21 +116,21 @@ def test_a_missing_file_is_named(tmp_path):
 BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 
 
-def an_aborted_file(path, vehicle, motions):
+def an_aborted_file(path: Path, vehicle: Vehicle, motions: dict[str, Any]) -> Path:
     told = replace(conditions_of(vehicle, mock=True, motions=tuple(motions)), aborted=BOUNDS, flown_s={"surge": 20.04})
     file = path / "coefficients.yaml"
     file.write_text(as_yaml(Results(motions, vehicle), told), encoding="utf-8")
     return file
 
 
-def test_an_aborted_run_says_so_first_and_is_read_back(tmp_path, vehicle):
+def test_an_aborted_run_says_so_first_and_is_read_back(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     assert next(iter(yaml.safe_load(file.read_text()).items())) == ("aborted", BOUNDS)
     told = read_coefficients(file).conditions
     assert (told.aborted, told.flown_s) == (BOUNDS, {"surge": 20.0})
 
 
-def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved):
+def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved: Path) -> None:
     data = yaml.safe_load(saved.read_text())
     assert "aborted" not in data
     del data["conditions"]["flown_s"]
@@ -134,7 +139,7 @@ def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved):
     assert (told.aborted, told.flown_s) == ("", {})
 
 
-def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path, vehicle):
+def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {})
     assert "# Nothing was flown" in file.read_text()
     assert read_coefficients(file).motions == {}
@@ -142,7 +147,7 @@ def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path, vehicle):
         export_model(yaml.safe_load(file.read_text()), vehicle, str(file))
 
 
-def test_an_export_of_an_aborted_run_says_so(tmp_path, vehicle):
+def test_an_export_of_an_aborted_run_says_so(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     notes = export_model(yaml.safe_load(file.read_text()), vehicle, str(file), complete=True).notes
     assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"

@@ -1,17 +1,21 @@
 """CSV as other people write it: names, units, separators, times; and what is refused."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import pytest
 
 from hindrax_analysis.records.csv_columns import meaning_of
 from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 
 TIMES, SPEEDS, FORCES = (0.0, 0.1, 0.25), (0.1, 0.2, 0.3), (5.0, -6.0, 7.0)
 
 
-def is_read(text, frame=""):
+def is_read(text: str, frame: str = "") -> Recording:
     found = read_csv(text, "x.csv", frame)
     assert found.velocity_t.tolist() == pytest.approx(TIMES, abs=1e-6)
     assert found.velocity[:, 0].tolist() == pytest.approx(SPEEDS)
@@ -19,7 +23,9 @@ def is_read(text, frame=""):
     return found
 
 
-def written(header, separator=",", *, time=1, speed=1.0, force=1.0, origin=0):
+def written(
+    header: str, separator: str = ",", *, time: int = 1, speed: float = 1.0, force: float = 1.0, origin: int = 0
+) -> str:
     """A record with other units: `time`, `speed` and `force` are theirs per SI unit."""
     times = [origin + round(t * time) if time > 1 else t for t in TIMES]
     rows = zip(times, SPEEDS, FORCES, strict=True)
@@ -40,45 +46,45 @@ def written(header, separator=",", *, time=1, speed=1.0, force=1.0, origin=0):
         ("t,u_kn,X_lbf", {"speed": 3600.0 / 1852.0, "force": 1.0 / 4.4482216152605}),
     ],
 )
-def test_names_and_units_of_others(header, units):
+def test_names_and_units_of_others(header: str, units: dict[str, Any]) -> None:
     is_read(written(header, **units))
 
 
-def test_rates_angles_and_moments_have_their_units():
+def test_rates_angles_and_moments_have_their_units() -> None:
     found = read_csv("t,r_degps,N_mNm,pitch (°),depth_cm\n0,180,500,90,150\n", "x.csv")
     assert found.velocity[0, 5] == pytest.approx(math.pi)
     assert found.wrench[0, 5] == pytest.approx(0.5)
     assert found.attitude[0, 1:].tolist() == pytest.approx([math.pi / 2.0, 1.5])
 
 
-def test_a_line_of_units_below_the_header_line():
+def test_a_line_of_units_below_the_header_line() -> None:
     is_read(written("t,u,X\nms,cm/s,N", time=1000, speed=100.0))
 
 
-def test_decimal_commas_where_semicolons_part_the_cells():
+def test_decimal_commas_where_semicolons_part_the_cells() -> None:
     is_read(written("t,u,X", ";").replace(".", ",").replace("t,u,X", "t;u;X"))
 
 
-def test_lines_above_the_header_line_are_passed_over():
+def test_lines_above_the_header_line_are_passed_over() -> None:
     is_read('% of a pool\n"recorded in May, by hand"\n' + written("t,u,X"))
 
 
-def test_dates_are_times():
+def test_dates_are_times() -> None:
     dated = [f"2024-05-01T12:00:{t:06.3f}Z,{u},{x}" for t, u, x in zip(TIMES, SPEEDS, FORCES, strict=True)]
     assert is_read("\n".join(["time,u,X", *dated])).origin_s == 1714564800.0
 
 
-def test_a_stamp_in_two_columns():
+def test_a_stamp_in_two_columns() -> None:
     parts = [f"1700000000,{round(t * 1e9)},{u},{x}" for t, u, x in zip(TIMES, SPEEDS, FORCES, strict=True)]
     is_read("\n".join(["header.stamp.sec,header.stamp.nanosec,twist.linear.x,wrench.force.x", *parts]))
 
 
-def test_cells_that_say_nothing_have_many_names():
+def test_cells_that_say_nothing_have_many_names() -> None:
     found = read_csv("t,u,X\n0,1,2\n1,NaN,#N/A\n2,-,null\n3,inf,\n", "x.csv")
     assert found.velocity_t.tolist() == found.wrench_t.tolist() == [0.0]
 
 
-def test_axes_that_are_told_are_turned():
+def test_axes_that_are_told_are_turned() -> None:
     text = "t,v,Y,roll,pitch,depth\n0,1,2,0.1,0.2,3\n"
     found = read_csv(text, "x.csv", "flu")
     assert found.velocity[0, 1] == -1.0
@@ -87,14 +93,14 @@ def test_axes_that_are_told_are_turned():
     assert read_csv(text, "x.csv", "fsd").velocity[0, 1] == 1.0
 
 
-def test_decimal_commas_between_commas_move_nothing_unseen():
+def test_decimal_commas_between_commas_move_nothing_unseen() -> None:
     with pytest.raises(HindraxError, match=r"x\.csv, line 3: found 5 cells, wanted 3 as in the header line"):
         read_csv("t,u,X\n0,1,2\n0,5,1,5,2\n", "x.csv")
     assert len(read_csv("t,u,X\n0,1,2,,\n", "x.csv").velocity_t) == 1
 
 
 @pytest.mark.parametrize("header", ["linear_acceleration.x", "temperature", "V", "x", "mag_x", "t_air", "", "pwm_x_y"])
-def test_what_means_nothing_is_left_alone(header):
+def test_what_means_nothing_is_left_alone(header: str) -> None:
     assert meaning_of(header) is None
 
 
@@ -106,6 +112,6 @@ def test_what_means_nothing_is_left_alone(header):
         ("t,u_furlongs,X", "u_furlongs: the unit 'furlongs' is none of m/s, cm/s"),
     ],
 )
-def test_a_column_that_says_too_little_is_told_what_it_lacks(header, remedy):
+def test_a_column_that_says_too_little_is_told_what_it_lacks(header: str, remedy: str) -> None:
     with pytest.raises(HindraxError, match=remedy):
         read_csv(f"{header}\n0,1,2\n", "x.csv")

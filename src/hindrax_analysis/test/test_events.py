@@ -1,6 +1,11 @@
 """Measurements out of a bag: each one, in the order of its stamp, however late it was written."""
 
+from __future__ import annotations
+
+import types
 from types import SimpleNamespace
+
+import pytest
 
 from hindrax_analysis.records import bag_events
 from hindrax_bringup.share_files import default_vehicle
@@ -8,8 +13,8 @@ from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import load_vehicle
 
 
-def test_what_a_process_said_late_is_not_left_out(monkeypatch):
-    def phase(second):
+def test_what_a_process_said_late_is_not_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def phase(second: int) -> types.SimpleNamespace:
         stamp = SimpleNamespace(sec=second, nanosec=0)
         told = SimpleNamespace(header=SimpleNamespace(stamp=stamp), motion="pitch", phase=str(second))
         return SimpleNamespace(topic=resolved(MANEUVER), decoded=lambda: told)

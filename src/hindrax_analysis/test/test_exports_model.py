@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -23,7 +24,7 @@ def value(number: float, std: float = 0.1) -> dict[str, float]:
     return {"value": number, "std": std}
 
 
-def results(**motions: dict) -> dict:
+def results(**motions: dict) -> dict[str, Any]:
     """Table 3 and Table 6 of the Hindrax, with changes."""
     table = {
         "surge": (66.48, 1.25, 12.08),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
+import types
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -190,7 +192,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def module(generated: Path):
+def module(generated: Path) -> types.ModuleType:
     spec = importlib.util.spec_from_file_location("hindrax_model", generated)
     assert spec is not None
     assert spec.loader is not None
@@ -201,13 +203,13 @@ def module(generated: Path):
 
 @settings(max_examples=40)
 @given(velocities)
-def test_python_model_drag_and_passivity(module, velocity: np.ndarray) -> None:
+def test_python_model_drag_and_passivity(module: types.ModuleType, velocity: np.ndarray) -> None:
     assert -module.drag(velocity) == pytest.approx(MODEL.resisting_force(velocity), abs=1e-9)
     assert velocity @ module.drag(velocity) >= 0.0
     assert velocity @ module.coriolis(velocity) @ velocity == pytest.approx(0.0, abs=1e-9)
 
 
-def test_python_model_acceleration_from_rest_is_force_over_total_mass(module) -> None:
+def test_python_model_acceleration_from_rest_is_force_over_total_mass(module: types.ModuleType) -> None:
     hold = module.restoring(0.0, 0.0)
     assert hold[2] == pytest.approx(0.78453, abs=1e-4)  # buoyancy exceeds weight: the thrusters must push down
     assert module.MASS[0, 0] == pytest.approx(15.22 + 12.08)
@@ -215,12 +217,12 @@ def test_python_model_acceleration_from_rest_is_force_over_total_mass(module) ->
     assert module.MASS @ acceleration == pytest.approx([0, 10.0, 0, 0, 0, 0], abs=1e-12)
 
 
-def test_python_model_rights_itself(module) -> None:
+def test_python_model_rights_itself(module: types.ModuleType) -> None:
     roll_moment = -module.restoring(0.2, 0.0)[3]
     assert roll_moment == pytest.approx(-0.02 * VEHICLE.buoyancy_N * np.sin(0.2))
 
 
-def test_python_model_reaches_the_speed_at_which_drag_holds_the_thrust(module) -> None:
+def test_python_model_reaches_the_speed_at_which_drag_holds_the_thrust(module: types.ModuleType) -> None:
     velocity, attitude = np.zeros(6), np.zeros(3)
     for _ in range(4000):
         wrench = module.restoring(0.0, 0.0) + np.array([0, 10.0, 0, 0, 0, 0])
@@ -237,7 +239,9 @@ def test_python_model_runs_with_numpy_alone(generated: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [gz.write, uuv.write, stonefish.write, vehicle_block.write, python_model.write])
-def test_every_format_says_where_it_comes_from_and_what_its_signs_are(write) -> None:
+def test_every_format_says_where_it_comes_from_and_what_its_signs_are(
+    write: Callable[..., str] | Callable[[ExportModel], str],
+) -> None:
     text = write(MODEL)
     assert "exported by hindrax from coefficients.yaml" in text
     assert "positive" in text

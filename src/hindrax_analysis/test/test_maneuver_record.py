@@ -1,6 +1,10 @@
 """What the maneuver of a bag came to, out of the status messages of the pilot."""
 
+from __future__ import annotations
+
+import types
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -9,36 +13,36 @@ from hindrax_analysis.records.maneuver_record import ManeuverRecord, record_of
 BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 
 
-def status(at_s, phase, motion="surge", aborted=""):
+def status(at_s: float, phase: str, motion: str = "surge", aborted: str = "") -> types.SimpleNamespace:
     stamp = SimpleNamespace(sec=int(at_s), nanosec=round(at_s % 1 * 1e9))
     return SimpleNamespace(header=SimpleNamespace(stamp=stamp), motion=motion, phase=phase, aborted=aborted)
 
 
-def flight(begin_s, seconds, motion="surge"):
+def flight(begin_s: float, seconds: float, motion: str = "surge") -> list[Any]:
     return [status(begin_s + 0.1 * step, "plateau", motion) for step in range(round(10 * seconds))]
 
 
-def test_an_abort_is_told_with_what_was_flown_until_then():
+def test_an_abort_is_told_with_what_was_flown_until_then() -> None:
     found = record_of([status(0.0, "settle"), *flight(5.0, 20.0), status(25.0, "aborted", "", BOUNDS)])
     assert found.aborted == BOUNDS
     assert found.flown_s == {"surge": pytest.approx(20.0)}
 
 
-def test_a_flight_to_its_end_is_not_aborted():
+def test_a_flight_to_its_end_is_not_aborted() -> None:
     found = record_of([*flight(0.0, 3.0), *flight(3.0, 2.0, "yaw"), status(5.0, "done", "")])
     assert found.aborted == ""
     assert found.flown_s == {"surge": pytest.approx(3.0), "yaw": pytest.approx(2.0)}
 
 
-def test_the_last_maneuver_counts():
+def test_the_last_maneuver_counts() -> None:
     again = [*flight(10.0, 1.0), status(11.0, "done", "")]
     assert record_of([status(0.0, "aborted", "", "late: 3 s old"), *again]).aborted == ""
 
 
-def test_the_pause_between_two_flights_is_not_flown():
+def test_the_pause_between_two_flights_is_not_flown() -> None:
     assert record_of([*flight(0.0, 1.0), *flight(60.0, 1.0)]).flown_s["surge"] == pytest.approx(1.8)
 
 
 @pytest.mark.parametrize("statuses", [[], [status(0.0, "settle"), status(0.1, "aborted", "")]])
-def test_what_only_settles_flies_nothing(statuses):
+def test_what_only_settles_flies_nothing(statuses: list[types.SimpleNamespace]) -> None:
     assert record_of(statuses) == ManeuverRecord()

@@ -1,5 +1,7 @@
 """Whose axes velocities are in, by the positions beside them; and velocities from poses alone."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ Q = np.column_stack([np.zeros((len(T), 2)), np.sin(0.5 * YAW), np.cos(0.5 * YAW)
 P = np.cumsum(to_world(BODY, Q), axis=0) * 0.05
 
 
-def test_turning_there_and_back():
+def test_turning_there_and_back() -> None:
     assert to_world(np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]])) == pytest.approx(
         np.array([[0.0, 1.0, 0.0]]), abs=1e-12
     )
@@ -21,7 +23,7 @@ def test_turning_there_and_back():
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
-def test_positions_tell_the_axes_of_the_velocities(noise):
+def test_positions_tell_the_axes_of_the_velocities(noise: float) -> None:
     stray = noise * np.random.default_rng(1).standard_normal(BODY.shape)
     assert compare_frames(T, P, Q, to_world(BODY, Q) + stray).is_world
     ours = compare_frames(T, P, Q, BODY + stray)
@@ -30,20 +32,20 @@ def test_positions_tell_the_axes_of_the_velocities(noise):
 
 
 @pytest.mark.parametrize("wrong", [-1.0, 1000.0])
-def test_velocities_that_contradict_the_positions(wrong):
+def test_velocities_that_contradict_the_positions(wrong: float) -> None:
     assert compare_frames(T, P, Q, wrong * BODY).is_neither
 
 
-def test_a_vehicle_that_keeps_its_heading_north_is_in_both_axes():
+def test_a_vehicle_that_keeps_its_heading_north_is_in_both_axes() -> None:
     north = np.tile([0.0, 0.0, 0.0, 1.0], (len(T), 1))
     assert not compare_frames(T, np.cumsum(BODY, axis=0) * 0.05, north, BODY).is_world
 
 
-def test_positions_that_never_change_tell_nothing():
+def test_positions_that_never_change_tell_nothing() -> None:
     assert compare_frames(T, np.zeros_like(P), Q, BODY) is None
 
 
-def test_poses_alone_make_velocities_and_rates():
+def test_poses_alone_make_velocities_and_rates() -> None:
     t, nu = velocities_from_poses(T, P, Q * np.where(np.arange(len(T)) % 7, 1.0, -1.0)[:, None])
     assert nu[:, 0] == pytest.approx(np.interp(t + 0.025, T, SURGE), abs=0.01)
     assert nu[:, 1] == pytest.approx(0.0, abs=0.01)

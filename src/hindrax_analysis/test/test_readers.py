@@ -1,7 +1,10 @@
 """Records of others: columns, gaps in them, and the events that they make."""
 
+from __future__ import annotations
+
 import contextlib
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from hindrax_core.signals import Attitude, Phase, Thrust, Velocity
 PLAIN = "t,u,X\n" + "\n".join(f"{0.1 * i:.1f},{math.sin(i):.4f},{i % 7}" for i in range(60))
 
 
-def test_columns_may_have_units_in_their_names_and_any_order():
+def test_columns_may_have_units_in_their_names_and_any_order() -> None:
     found = read_csv("X_N; extra ;time_s;u_mps\n1;abc;5.0;0.1\n2;def;5.5;0.2\n", "x.csv")
     assert found.velocity_t.tolist() == [0.0, 0.5]
     assert found.velocity[:, 0].tolist() == [0.1, 0.2]
@@ -26,7 +29,7 @@ def test_columns_may_have_units_in_their_names_and_any_order():
     assert np.isnan(found.velocity[:, 1:]).all()
 
 
-def test_rates_may_differ_and_rows_may_be_out_of_order():
+def test_rates_may_differ_and_rows_may_be_out_of_order() -> None:
     found = read_csv("# a comment\nt,u,X,roll\n1.0,,5,\n0.0,0.1,,\n2.0,nan,6,0.2\n3.0,0.3,,\n", "x.csv")
     assert found.velocity_t.tolist() == [0.0, 3.0]
     assert found.wrench_t.tolist() == [1.0, 2.0]
@@ -51,7 +54,7 @@ def test_rates_may_differ_and_rows_may_be_out_of_order():
         ("t,u,X\n1,1,2\n1,2,3", "all times are the same"),
     ],
 )
-def test_what_is_wrong_is_named(text, named):
+def test_what_is_wrong_is_named(text: str, named: str) -> None:
     with pytest.raises(HindraxError, match=r"x\.csv") as caught:
         read_csv(text, "x.csv")
     assert named in str(caught.value)
@@ -59,12 +62,12 @@ def test_what_is_wrong_is_named(text, named):
 
 @settings(deadline=None)
 @given(st.text(max_size=200))
-def test_any_text_is_read_or_refused(text):
+def test_any_text_is_read_or_refused(text: str) -> None:
     with contextlib.suppress(HindraxError):
         assert read_csv(text, "x.csv").source == "x.csv"
 
 
-def test_events_are_in_order_and_end_the_motion():
+def test_events_are_in_order_and_end_the_motion() -> None:
     found = list(events(read_csv(PLAIN, "x.csv"), 0))
     assert [event.stamp for event in found] == sorted(event.stamp for event in found)
     assert sum(isinstance(event.reading, Velocity) for event in found) == 60
@@ -73,12 +76,12 @@ def test_events_are_in_order_and_end_the_motion():
     assert phases == [Phase("surge", "excite"), Phase("", "")]
 
 
-def test_a_second_record_begins_where_it_is_told():
+def test_a_second_record_begins_where_it_is_told() -> None:
     first = next(iter(events(read_csv(PLAIN, "x.csv"), 0, 2000.0)))
     assert to_s(first.stamp) == 2000.0
 
 
-def test_depth_serves_heave_only_where_no_velocity_was_measured():
+def test_depth_serves_heave_only_where_no_velocity_was_measured() -> None:
     rows = "\n".join(f"{0.1 * i},{i},{0.2 * i},{0.5 * i}" for i in range(5))
     with_w = list(events(read_csv("t,Z,w,depth\n" + rows, "x.csv"), 2))
     without = list(events(read_csv("t,Z,x,depth\n" + rows, "x.csv"), 2))
@@ -86,7 +89,7 @@ def test_depth_serves_heave_only_where_no_velocity_was_measured():
     assert [event.reading.depth_m for event in without if isinstance(event.reading, Attitude)] == [0, 0.5, 1, 1.5, 2]
 
 
-def test_a_cut_keeps_the_force_in_force():
+def test_a_cut_keeps_the_force_in_force() -> None:
     cut = read_csv(PLAIN, "x.csv").between(2.05, 4.0)
     assert cut.velocity_t[0] == pytest.approx(2.1)
     assert cut.velocity_t[-1] == pytest.approx(4.0)
@@ -104,23 +107,23 @@ def test_a_cut_keeps_the_force_in_force():
         (lambda i: (0.1 * i, i if i < 25 else "", "" if i < 30 else i), "after the last velocity"),
     ],
 )
-def test_why_nothing_can_be_learned_is_said(row, said):
+def test_why_nothing_can_be_learned_is_said(row: Callable[[int], tuple[object, ...]], said: str) -> None:
     text = "t,u,X\n" + "\n".join(",".join(map(str, row(i))) for i in range(40))
     assert said in reason_to_skip(read_csv(text, "x.csv"), 0)
 
 
-def test_axes_that_do_not_meet_are_named():
+def test_axes_that_do_not_meet_are_named() -> None:
     text = "t,u,X,Y\n" + "\n".join(f"{0.1 * i},{i % 7},0,{i % 3}" for i in range(40))
     assert "(on sway it does)" in reason_to_skip(read_csv(text, "x.csv"), 0)
 
 
-def test_a_record_that_moves_has_no_objection():
+def test_a_record_that_moves_has_no_objection() -> None:
     assert reason_to_skip(read_csv(PLAIN, "x.csv"), 0) == ""
     assert has_signal(read_csv(PLAIN, "x.csv"), 0)
     assert not has_signal(read_csv(PLAIN, "x.csv"), 5)
 
 
-def test_a_slow_topic_is_not_a_pause():
+def test_a_slow_topic_is_not_a_pause() -> None:
     slow = read_csv("t,u,X\n" + "\n".join(f"{2 * i},{i % 5},{i % 3}" for i in range(30)), "x.csv")
     knobs = tuned([slow])
     assert knobs.gap_s > 2.0

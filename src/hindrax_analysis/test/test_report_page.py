@@ -1,8 +1,11 @@
 """The report: drawings that are well formed, scales that are right, pages that need no network."""
 
+from __future__ import annotations
+
 import math
 import re
 from dataclasses import replace
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -22,15 +25,16 @@ from hindrax_analysis.report.page import plus_minus, table
 from hindrax_analysis.report.published import PUBLISHED, published_of
 from hindrax_analysis.report.report_tables import table_methods
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import DragBand, MotionResult, Number, with_truth
 from hindrax_ident.model.motion_model import model_of
-from hindrax_ident.online.session import Session
+from hindrax_ident.online.session import Outcome, Session
 
 finite = st.floats(-1e6, 1e6, allow_nan=False)
 
 
 @pytest.fixture(scope="module")
-def outcome(vehicle):
+def outcome(vehicle: Vehicle) -> Outcome:
     model = model_of(vehicle, 0)
     flight = fly(model, np.array([66.48, 1.25, 0.0, 27.3]), back_and_forth((3.0, 8.0, 14.0), 8.0, 96.0), 0.15)
     session = Session(vehicle)
@@ -40,7 +44,7 @@ def outcome(vehicle):
 
 
 @pytest.fixture(scope="module")
-def report(vehicle, outcome):
+def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
     t = np.linspace(0.0, 90.0, 50)
     names = ("k_q", "k_l", "b", "added_mass")
     trace = Trace(t, {name: 10.0 + np.exp(-t) for name in names}, {name: np.exp(-t) for name in names})
@@ -49,7 +53,7 @@ def report(vehicle, outcome):
     return RunReport(vehicle, results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
 
 
-def a_run(label, k_q, std=0.5, *, identifiable=True):
+def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
     numbers = {"k_q": Number(k_q, std, 2.0 * std, unit="N s^2/m^2"), "k_l": Number(1.0, 0.1, unit="N s/m")}
     blank = Conditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
     return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4), 100)})
@@ -60,7 +64,7 @@ def a_run(label, k_q, std=0.5, *, identifiable=True):
 
 @settings(deadline=None)
 @given(finite, st.floats(1e-6, 1e6))
-def test_ticks_are_round_within_the_range_and_a_handful(low, width):
+def test_ticks_are_round_within_the_range_and_a_handful(low: float, width: float) -> None:
     high = low + width
     if not high > low + 1e-9 * abs(low):
         return
@@ -73,19 +77,19 @@ def test_ticks_are_round_within_the_range_and_a_handful(low, width):
 
 @settings(deadline=None)
 @given(finite, st.floats(1e-3, 1e5))
-def test_tick_texts_tell_ticks_apart(low, width):
+def test_tick_texts_tell_ticks_apart(low: float, width: float) -> None:
     marks = ticks(low, low + width)
     if width > 1e-4 * abs(low):
         texts = [tick_text(mark, marks) for mark in marks]
         assert len(set(texts)) == len(texts)
 
 
-def test_a_scale_maps_its_ends():
+def test_a_scale_maps_its_ends() -> None:
     scale = Scale(-1.0, 1.0, 10.0, 20.0)
     assert scale(np.array([-1.0, 0.0, 1.0])).tolist() == [10.0, 15.0, 20.0]
 
 
-def test_a_range_ignores_what_is_not_finite():
+def test_a_range_ignores_what_is_not_finite() -> None:
     low, high = data_range([np.array([1.0, math.nan, 3.0, math.inf])])
     assert low < 1.0
     assert 3.0 < high < 4.0
@@ -94,7 +98,7 @@ def test_a_range_ignores_what_is_not_finite():
 
 @settings(deadline=None)
 @given(st.integers(2000, 5000), st.integers(0, 2**31))
-def test_a_thinned_line_keeps_its_extremes(count, seed):
+def test_a_thinned_line_keeps_its_extremes(count: int, seed: int) -> None:
     y = np.random.default_rng(seed).standard_normal(count)
     x, kept = thinned(np.arange(float(count)), y)
     assert len(x) < count
@@ -106,7 +110,7 @@ def test_a_thinned_line_keeps_its_extremes(count, seed):
 # ---- drawings
 
 
-def test_every_layer_makes_well_formed_svg_inside_the_frame():
+def test_every_layer_makes_well_formed_svg_inside_the_frame() -> None:
     x = np.linspace(0.0, 1.0, 30)
     hole = np.where(x > 0.5, math.nan, x)
     layers = (
@@ -123,18 +127,18 @@ def test_every_layer_makes_well_formed_svg_inside_the_frame():
     assert "inf" not in text
 
 
-def test_a_chart_without_any_point_is_still_a_chart():
+def test_a_chart_without_any_point_is_still_a_chart() -> None:
     empty = np.zeros(0)
     ET.fromstring(drawing(Chart("none", "x", "y", "c", (Line(empty, empty, "model"), Points(empty, empty, "model")))))
 
 
-def test_a_figure_escapes_its_words():
+def test_a_figure_escapes_its_words() -> None:
     text = figure(Chart("<b>", "x", "y", "1 < 2", (Line(np.arange(2.0), np.arange(2.0), "model"),)))
     assert "<b>" not in text
     assert "1 &lt; 2" in text
 
 
-def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others():
+def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others() -> None:
     good = [Entry("one", 66.0, 0.3, 1.0, "model"), Entry("two", 67.0, 0.3, 1.0, "model")]
     wild = Entry("wild", 980.0, 1700.0, 1700.0, "earlier", excluded=True)
     frame = re.compile(r'class="tick" x="([\d.]+)"[^>]*>([^<]+)<')
@@ -144,7 +148,7 @@ def test_a_run_that_is_not_believed_does_not_spoil_the_frame_of_the_others():
     assert 'class="stem' not in without
 
 
-def test_a_forest_keeps_every_source_in_the_frame():
+def test_a_forest_keeps_every_source_in_the_frame() -> None:
     entries = [
         Entry("a", 1.0, 0.1, 0.2, "model"),
         Entry("b", 1.1, 1e9, math.nan, "paper"),
@@ -166,15 +170,15 @@ def test_a_forest_keeps_every_source_in_the_frame():
         ((1234.5, 56.0), "1234 \u00b1 56"),
     ],
 )
-def test_a_value_has_two_digits_of_its_deviation(pair, text):
+def test_a_value_has_two_digits_of_its_deviation(pair: tuple[float, float], text: str) -> None:
     assert plus_minus(*pair) == text
 
 
-def test_no_negative_zero():
+def test_no_negative_zero() -> None:
     assert plus_minus(-0.0001, 0.02) == "0.000 \u00b1 0.020"
 
 
-def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle):
+def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle: Vehicle) -> None:
     """COB-2023-1394: the rows of Table 3 over their Reynolds numbers give the printed C_D within its deviation."""
     for motion in ("surge", "sway", "heave_down", "heave_up"):
         paper = PUBLISHED[motion]
@@ -187,7 +191,7 @@ def test_the_drag_coefficients_of_table_3_are_those_of_table_4(vehicle):
         assert found.reynolds[-1] == pytest.approx(paper.reynolds[1])
 
 
-def a_motion(motion, band):
+def a_motion(motion: str, band: DragBand | None) -> MotionResult:
     return MotionResult(
         motion=motion,
         method="",
@@ -203,7 +207,7 @@ def a_motion(motion, band):
     )
 
 
-def test_plateaus_are_not_shown_of_a_motion_that_rights_itself():
+def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:
     methods = {"plateaus": {"k_q": Number(-3.0, 3.0)}, "rls": {"k_q": Number(1.2, 0.1)}}
     roll = replace(
         a_motion("roll", None), method="output-error", methods=methods, coefficients={"k_q": Number(1.2, 0.1)}
@@ -218,7 +222,7 @@ def test_plateaus_are_not_shown_of_a_motion_that_rights_itself():
 # ---- pages
 
 
-def test_every_chart_has_units_and_one_sentence(report, vehicle):
+def test_every_chart_has_units_and_one_sentence(report: RunReport, vehicle: Vehicle) -> None:
     result = report.results.motions["surge"]
     charts = charts_of(MotionFigures(vehicle, result, report.assessments[0], report.traces["surge"], mock=True))
     assert len(charts) >= 11
@@ -229,12 +233,12 @@ def test_every_chart_has_units_and_one_sentence(report, vehicle):
         assert not re.search(r"\. [A-Z]", chart.caption), chart.title
 
 
-def test_on_a_phone_every_number_stands_under_its_heading():
+def test_on_a_phone_every_number_stands_under_its_heading() -> None:
     page = table(["run", "k<sub>q</sub>", "verdict"], [["first", "66.5", ""]])
     assert '<td><span class="head">k<sub>q</sub></span>66.5</td><td></td>' in page
 
 
-def test_the_page_needs_nothing_but_itself(report):
+def test_the_page_needs_nothing_but_itself(report: RunReport) -> None:
     text = run_page(report)
     assert not re.search(r"(https?:)?//[a-z]", text.replace("data:,", ""))
     assert "<script" not in text
@@ -244,7 +248,7 @@ def test_the_page_needs_nothing_but_itself(report):
     assert "nan" not in re.sub(r"<style>.*</style>", "", text, flags=re.DOTALL)
 
 
-def test_the_page_shows_paper_truth_methods_and_earlier_runs(report):
+def test_the_page_shows_paper_truth_methods_and_earlier_runs(report: RunReport) -> None:
     text = run_page(report)
     for word in (
         "66.48 \u00b1 10.20",
@@ -258,16 +262,16 @@ def test_the_page_shows_paper_truth_methods_and_earlier_runs(report):
     assert text.count("<svg viewBox") >= 15
 
 
-def test_the_page_is_well_formed(report):
+def test_the_page_is_well_formed(report: RunReport) -> None:
     body = re.search(r"<main>.*</main>", run_page(report), flags=re.DOTALL).group()
     ET.fromstring(body)
 
 
-def test_the_same_run_gives_the_same_page(report):
+def test_the_same_run_gives_the_same_page(report: RunReport) -> None:
     assert run_page(report) == run_page(report)
 
 
-def test_a_comparison_shows_every_run_and_their_mean():
+def test_a_comparison_shows_every_run_and_their_mean() -> None:
     text = comparison_page(
         [a_run("monday", 66.0), a_run("tuesday", 67.0), a_run("bad <day>", 10.0, identifiable=False)]
     )
@@ -276,7 +280,7 @@ def test_a_comparison_shows_every_run_and_their_mean():
         assert word in text, word
 
 
-def test_runs_that_disagree_widen_their_mean():
+def test_runs_that_disagree_widen_their_mean() -> None:
     agreeing = pool_runs([Number(1.0, 0.1), Number(1.05, 0.1), Number(0.95, 0.1)])
     disagreeing = pool_runs([Number(1.0, 0.1), Number(2.0, 0.1), Number(0.0, 0.1)])
     assert agreeing.std == pytest.approx(0.1 / math.sqrt(3.0))
@@ -285,7 +289,7 @@ def test_runs_that_disagree_widen_their_mean():
 
 
 @pytest.mark.parametrize(("name", "shown"), [("hindrax", True), ("Hindrax two", True), ("bluerov2", False)])
-def test_the_paper_stands_beside_its_own_vehicle_only(name, shown):
+def test_the_paper_stands_beside_its_own_vehicle_only(name: str, shown: bool) -> None:
     assert (published_of(name, "surge") is not None) == shown
 
 
@@ -295,11 +299,11 @@ def test_the_paper_stands_beside_its_own_vehicle_only(name, shown):
 BOUNDS = "pool_bounds: 0.4 m to the <wall>; give it room"
 
 
-def aborted(report, **changes):
+def aborted(report: RunReport, **changes: dict[str, Any]) -> RunReport:
     return replace(report, conditions=replace(report.conditions, aborted=BOUNDS, **changes))
 
 
-def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report):
+def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report: RunReport) -> None:
     text = run_page(aborted(report, flown_s={"surge": 20.4}))
     ET.fromstring(re.search(r"<main>.*</main>", text, flags=re.DOTALL).group())
     assert '<span class="chip bad">aborted: pool_bounds</span>' in text
@@ -316,19 +320,19 @@ def test_an_aborted_run_says_by_what_and_what_was_flown_until_then(report):
         ("no colon", "no colon"),
     ],
 )
-def test_the_chip_names_the_guard(report, sentence, guard):
+def test_the_chip_names_the_guard(report: RunReport, sentence: str, guard: str) -> None:
     text = run_page(replace(report, conditions=replace(report.conditions, aborted=sentence)))
     assert f'<span class="chip bad">aborted: {guard}</span>' in text
 
 
-def test_a_run_in_which_nothing_was_flown_says_so_and_shows_no_tables(report):
+def test_a_run_in_which_nothing_was_flown_says_so_and_shows_no_tables(report: RunReport) -> None:
     text = run_page(replace(aborted(report), results=replace(report.results, motions={}), traces={}, assessments={}))
     ET.fromstring(re.search(r"<main>.*</main>", text, flags=re.DOTALL).group())
     assert "Nothing was flown" in text
     assert "Table 3 of" not in text
 
 
-def test_a_comparison_and_a_forest_mark_the_aborted_run(report):
+def test_a_comparison_and_a_forest_mark_the_aborted_run(report: RunReport) -> None:
     cut = a_run("cut short", 67.0)
     cut = replace(cut, conditions=replace(cut.conditions, aborted=BOUNDS))
     text = comparison_page([a_run("monday", 66.0), cut])

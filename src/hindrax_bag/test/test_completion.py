@@ -49,7 +49,7 @@ def record(bag: BagWriter, count: int) -> None:
         bag.write(LEVEL, level(index, 1.0), 9 * NS_PER_S + index, index)
 
 
-def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path):
+def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path: Path) -> None:
     first = unfinished_bag(tmp_path / "bag")
     bag, unfinished = resumed(tmp_path / "bag")
     assert unfinished == [first]
@@ -65,7 +65,7 @@ def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path):
     assert sorted(file.name for file in first.parent.iterdir()) == ["bag_0.mcap", "bag_1.mcap", "metadata.yaml"]
 
 
-def test_a_finished_bag_is_resumed_and_metadata_names_all_files(tmp_path):
+def test_a_finished_bag_is_resumed_and_metadata_names_all_files(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=5)
     bag, unfinished = resumed(tmp_path / "bag")
     assert unfinished == []
@@ -76,13 +76,13 @@ def test_a_finished_bag_is_resumed_and_metadata_names_all_files(tmp_path):
         assert {one.topic: one.digest for one in reader.connections}[LEVEL.topic] == LEVEL.type_hash
 
 
-def test_the_bag_of_another_is_not_resumed(tmp_path):
+def test_the_bag_of_another_is_not_resumed(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=1).rename(tmp_path / "bag" / "dive_0.mcap")
     with pytest.raises(HindraxError, match=r"found dive_0\.mcap, wanted bag_0\.mcap"):
         resumed(tmp_path / "bag")
 
 
-def test_two_recorders_do_not_share_a_bag(tmp_path):
+def test_two_recorders_do_not_share_a_bag(tmp_path: Path) -> None:
     bag, _ = resumed(tmp_path / "bag")
     with pytest.raises(HindraxError, match="another recorder"):
         resumed(tmp_path / "bag")
@@ -90,7 +90,7 @@ def test_two_recorders_do_not_share_a_bag(tmp_path):
     resumed(tmp_path / "bag")[0].close()
 
 
-def test_a_file_that_is_written_is_left_alone(tmp_path):
+def test_a_file_that_is_written_is_left_alone(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag")
     record(bag, 3)
     bag.flush()
@@ -101,13 +101,13 @@ def test_a_file_that_is_written_is_left_alone(tmp_path):
     assert len(list(messages(tmp_path / "bag"))) == 6
 
 
-def test_unfinished_files_of_all_bags_below_a_folder_are_found(tmp_path):
+def test_unfinished_files_of_all_bags_below_a_folder_are_found(tmp_path: Path) -> None:
     path = unfinished_bag(tmp_path / "a" / "bag")
     small_bag(tmp_path / "b" / "bag", count=1)
     assert unfinished_files(tmp_path) == [path]
 
 
-def test_a_bag_of_several_files_is_unfinished_as_long_as_metadata_lacks_one(tmp_path):
+def test_a_bag_of_several_files_is_unfinished_as_long_as_metadata_lacks_one(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=5)
     bag, _ = resumed(tmp_path / "bag")
     assert [one.finished for one in find_bags(tmp_path)] == [False]
@@ -116,14 +116,14 @@ def test_a_bag_of_several_files_is_unfinished_as_long_as_metadata_lacks_one(tmp_
     assert [(one.finished, one.messages) for one in find_bags(tmp_path)] == [(True, 13)]
 
 
-def test_a_file_without_a_message_is_removed(tmp_path):
+def test_a_file_without_a_message_is_removed(tmp_path: Path) -> None:
     path = unfinished_bag(tmp_path / "bag")
     path.write_bytes(path.read_bytes()[: chunk_end(path, 0) - 5])
     assert "removed" in complete(path)
     assert list((tmp_path / "bag").iterdir()) == []
 
 
-def test_a_file_with_a_damaged_chunk_is_kept_beside_its_copy(tmp_path):
+def test_a_file_with_a_damaged_chunk_is_kept_beside_its_copy(tmp_path: Path) -> None:
     path = unfinished_bag(tmp_path / "bag")
     data = bytearray(path.read_bytes())
     data[chunk_end(path, 5) - 40] ^= 0xFF
@@ -134,7 +134,7 @@ def test_a_file_with_a_damaged_chunk_is_kept_beside_its_copy(tmp_path):
 
 
 @pytest.mark.parametrize("content", [bytes(5000), b"no bag at all, by any means"])
-def test_what_cannot_be_completed_is_left_as_it_is(tmp_path, content):
+def test_what_cannot_be_completed_is_left_as_it_is(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "bag_0.mcap"
     path.write_bytes(content)
     assert "cannot be completed" in complete(path)
@@ -142,7 +142,7 @@ def test_what_cannot_be_completed_is_left_as_it_is(tmp_path, content):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path):
+def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path: Path) -> None:
     path = unfinished_bag(tmp_path / "bag")
     budget_MB = (path.stat().st_size + 600) / 1e6
     bag, _ = resumed(tmp_path / "bag", BagLimits(budget_MB=budget_MB, when_full="oldest", keep_free_MB=0.0))

@@ -48,7 +48,7 @@ def sqlite_bag(folder: Path, *, with_definitions: bool) -> Path:
 
 
 @pytest.mark.parametrize("with_definitions", [True, False])
-def test_sqlite_bag(tmp_path, with_definitions):
+def test_sqlite_bag(tmp_path: Path, with_definitions: bool) -> None:
     sqlite_bag(tmp_path / "other", with_definitions=with_definitions)
 
     def nothing(package: str, name: str) -> str:
@@ -60,13 +60,13 @@ def test_sqlite_bag(tmp_path, with_definitions):
     assert found[0].type == LEVEL.type
 
 
-def test_sqlite_bag_of_an_unknown_type_says_what_to_install(tmp_path):
+def test_sqlite_bag_of_an_unknown_type_says_what_to_install(tmp_path: Path) -> None:
     path = sqlite_bag(tmp_path / "other", with_definitions=False)
     with pytest.raises(UsageError, match="demo_msgs/msg/Level is neither in the bag nor installed"):
         list(messages(path))
 
 
-def test_a_file_that_is_no_bag_is_refused(tmp_path):
+def test_a_file_that_is_no_bag_is_refused(tmp_path: Path) -> None:
     for name in ("x.mcap", "x.db3"):
         (tmp_path / name).write_bytes(b"nothing like a bag, but long enough to look")
         with pytest.raises(UsageError, match=name):
@@ -82,13 +82,13 @@ def _folder(path: Path) -> Path:
     return path
 
 
-def test_parts_come_in_the_order_of_their_numbers(tmp_path):
+def test_parts_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     for number in (10, 2, 0):
         (tmp_path / f"bag_{number}.mcap").touch()
     assert [file.name for file in bag_files(tmp_path)] == ["bag_0.mcap", "bag_2.mcap", "bag_10.mcap"]
 
 
-def test_a_damaged_chunk_is_left_out_and_said(tmp_path):
+def test_a_damaged_chunk_is_left_out_and_said(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=100)
     data = bytearray(path.read_bytes())
     second = data.index(b"zstd", data.index(b"zstd") + 1)
@@ -103,7 +103,7 @@ def test_a_damaged_chunk_is_left_out_and_said(tmp_path):
     assert not damage.unfinished
 
 
-def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path):
+def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=100)
     data = path.read_bytes()
     path.write_bytes(data[:2500] + bytes(4096))
@@ -113,7 +113,7 @@ def test_a_tail_of_zeros_as_some_file_systems_leave_it(tmp_path):
 
 
 @pytest.mark.parametrize("length", [2**33, 2**62, 2**64 - 1])
-def test_lengths_that_no_file_has_cost_no_memory_and_no_more_than_their_record(tmp_path, length):
+def test_lengths_that_no_file_has_cost_no_memory_and_no_more_than_their_record(tmp_path: Path, length: int) -> None:
     path = small_bag(tmp_path / "bag", count=100)
     data = path.read_bytes()
     second = data.index(b"zstd", data.index(b"zstd") + 1)
@@ -130,7 +130,7 @@ def test_lengths_that_no_file_has_cost_no_memory_and_no_more_than_their_record(t
         assert most < 10_000_000
 
 
-def test_elements_that_no_message_has_cost_no_memory():
+def test_elements_that_no_message_has_cost_no_memory() -> None:
     text = b"string[] names\nfloat64[] values\nInner[] inners\n" + b"=" * 80 + b"\nMSG: demo_msgs/Inner\nuint8 one\n"
     form = MessageDecoder("/demo", "cdr", Schema(1, text, "ros2msg", "demo_msgs/msg/Many"))
     for count in range(3):

@@ -150,7 +150,7 @@ def received(place: Path) -> list[BagMessage]:
     return list(messages(place, {IMU_TOPIC}))
 
 
-def test_names_of_hashes_and_parameter_files():
+def test_names_of_hashes_and_parameter_files() -> None:
     class Hash:
         version, value = 1, bytes(range(32))
 
@@ -162,7 +162,7 @@ def test_names_of_hashes_and_parameter_files():
 
 
 @pytest.mark.ros
-def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int):
+def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int) -> None:
     with Rig(tmp_path, ros_domain) as rig:
         rig.order(COUNT, 0.003)
         published = rig.published()
@@ -186,7 +186,7 @@ def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int):
 
 
 @pytest.mark.ros
-def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path, ros_domain: int):
+def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path, ros_domain: int) -> None:
     with Rig(tmp_path, ros_domain) as rig:
         rig.order(100_000, 0.003)
         deadline = time.monotonic() + 30.0
@@ -205,7 +205,9 @@ def test_a_recorder_that_is_killed_loses_less_than_a_second(tmp_path: Path, ros_
 
 @pytest.mark.ros
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_a_restarted_recorder_goes_on_in_the_next_file_and_the_bag_is_whole(tmp_path: Path, ros_domain: int, how: int):
+def test_a_restarted_recorder_goes_on_in_the_next_file_and_the_bag_is_whole(
+    tmp_path: Path, ros_domain: int, how: int
+) -> None:
     with Rig(tmp_path, ros_domain) as rig:
         rig.order(100_000, 0.003)
         rig.wait_for(COUNT)
@@ -254,7 +256,7 @@ time.sleep(2.5)
 
 
 @pytest.mark.ros
-def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_path: Path, ros_domain: int):
+def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_path: Path, ros_domain: int) -> None:
     with Rig(tmp_path, ros_domain) as rig:
         subprocess.run([sys.executable, "-c", HOSTILE_JOY], env=rig.environment, check=True, timeout=PATIENT_S)
         assert rig.recorder.poll() is None
@@ -274,7 +276,7 @@ def test_hostile_stamps_and_bytes_are_recorded_and_counted_and_end_nothing(tmp_p
 
 
 @pytest.mark.ros
-def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ros_domain: int):
+def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ros_domain: int) -> None:
     stuck = tmp_path / "stuck"
     with Rig(tmp_path, ros_domain, ("-c", STUCK)) as rig:
         rig.order(10, 0.01)
@@ -296,7 +298,7 @@ def test_what_does_not_fit_into_the_queue_is_counted_and_told(tmp_path: Path, ro
     assert words["lost: icm20948/data_raw"] == str(lost)
 
 
-def test_offered_quality_is_that_of_the_publisher():
+def test_offered_quality_is_that_of_the_publisher() -> None:
     offered = SimpleNamespace(
         depth=0, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.TRANSIENT_LOCAL
     )
@@ -318,7 +320,7 @@ def test_offered_quality_is_that_of_the_publisher():
         (2, [5, 6, 9, 7, 10, 8], 0),  # the other began later
     ],
 )
-def test_gaps_in_the_numbers_are_counted(publishers, numbers, lost):
+def test_gaps_in_the_numbers_are_counted(publishers: int, numbers: list[int], lost: int) -> None:
     gaps = PublicationGaps(lambda: publishers)
     for number in numbers:
         gaps.count(number)

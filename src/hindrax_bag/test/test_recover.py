@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+from pathlib import Path
 
 import pytest
 from bag_samples import LEVEL, level, small_bag, writer
@@ -20,18 +21,18 @@ from hindrax_core.events import NS_PER_S
 
 
 @pytest.fixture(autouse=True)
-def no_waiting_for_the_disk(monkeypatch):
+def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hundreds of bags are made here, and none is to survive this machine."""
     monkeypatch.setattr(os, "fsync", lambda _number: None)
 
 
-def _chunk_ends(path) -> list[int]:
+def _chunk_ends(path: Path) -> list[int]:
     with path.open("rb") as stream:
         records = StreamReader(stream, emit_chunks=True).records
         return [stream.tell() for record in records if isinstance(record, Chunk)]
 
 
-def test_cut_at_any_byte(tmp_path):
+def test_cut_at_any_byte(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
     whole = path.read_bytes()
     everything = [(one.topic, one.data, one.received, one.sent) for one in messages(path)]
@@ -52,7 +53,7 @@ def test_cut_at_any_byte(tmp_path):
             assert bool(summary.chunk_indexes) == bool(flushed)
 
 
-def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path):
+def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(split_s=1.0, keep_free_MB=0.0))
     for index in range(340):
         bag.write(LEVEL, level(index, index * 0.5), NS_PER_S + index * 10_000_000, index)
@@ -75,7 +76,7 @@ def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path):
         assert len(list(made.output.glob("*.mcap"))) == 3
 
 
-def test_a_damaged_chunk_costs_itself_only(tmp_path):
+def test_a_damaged_chunk_costs_itself_only(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
     data, ends = bytearray(path.read_bytes()), _chunk_ends(path)
     data[ends[5] - 40] ^= 0xFF
@@ -86,7 +87,7 @@ def test_a_damaged_chunk_costs_itself_only(tmp_path):
     assert "a chunk is damaged" in made.notes[0]
 
 
-def test_recovered_bag_opens_elsewhere_and_keeps_everything(tmp_path):
+def test_recovered_bag_opens_elsewhere_and_keeps_everything(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
     path.write_bytes(path.read_bytes()[: _chunk_ends(path)[10] - 10])
     made = recover(path.parent, tmp_path / "out")
@@ -101,13 +102,13 @@ def test_recovered_bag_opens_elsewhere_and_keeps_everything(tmp_path):
     assert "in the middle of a chunk" in made.notes[0]
 
 
-def test_a_whole_bag_loses_nothing(tmp_path):
+def test_a_whole_bag_loses_nothing(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag")
     made = recover(path, tmp_path / "out")
     assert (made.messages, made.lost_s, made.notes) == (301, 0.0, ())
 
 
-def test_output_is_never_overwritten(tmp_path):
+def test_output_is_never_overwritten(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=3)
     with pytest.raises(UsageError, match="exists already"):
         recover(path, path.parent)

@@ -25,14 +25,14 @@ from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LATCHED, Quality
 
 
-def test_definition_brings_every_dependency_once():
+def test_definition_brings_every_dependency_once() -> None:
     text = definition("demo_msgs/msg/Level", lookup)
     assert text.count("MSG: std_msgs/Header\n") == 1
     assert text.count("MSG: builtin_interfaces/Time\n") == 1
     assert text.startswith("std_msgs/Header header")
 
 
-def test_bytes_come_back_untouched(tmp_path):
+def test_bytes_come_back_untouched(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=50)
     found = list(messages(tmp_path / "bag"))
     assert [one.data for one in found if one.topic == LEVEL.topic] == [
@@ -43,7 +43,7 @@ def test_bytes_come_back_untouched(tmp_path):
     assert found[7].decoded().level == 3.0
 
 
-def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path):
+def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=5)
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
@@ -63,7 +63,7 @@ def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path)
     assert decoded == [0.0, 0.5, 1.0, 1.5, 2.0]
 
 
-def test_mcap_reader_verifies_every_checksum_and_finds_messages_by_their_index(tmp_path):
+def test_mcap_reader_verifies_every_checksum_and_finds_messages_by_their_index(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=3000, per_flush=1000)
     with path.open("rb") as stream:
         records = list(StreamReader(stream, validate_crcs=True).records)
@@ -83,7 +83,7 @@ def test_mcap_reader_verifies_every_checksum_and_finds_messages_by_their_index(t
     assert summary.statistics.message_end_time == NS_PER_S + 2999 * 10_000_000 + 1_000_000
 
 
-def test_qualities_of_the_publishers_survive_a_recovery(tmp_path):
+def test_qualities_of_the_publishers_survive_a_recovery(tmp_path: Path) -> None:
     several = Channel("/demo/word", "demo_msgs/msg/Word", (LATCHED, Quality(reliable=False, depth=3, deadline_s=0.25)))
     bag = writer(tmp_path / "bag")
     bag.write(several, word("a"), 1, 1)
@@ -98,17 +98,17 @@ def test_qualities_of_the_publishers_survive_a_recovery(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "7", "- {reliability: 1}", "{"])
-def test_unknown_words_on_quality_are_passed_over(text):
+def test_unknown_words_on_quality_are_passed_over(text: str) -> None:
     assert qualities_of(text) == ()
 
 
-def test_numbers_of_older_bags_are_the_same_qualities():
+def test_numbers_of_older_bags_are_the_same_qualities() -> None:
     forever = "{sec: 2147483647, nsec: 4294967295}"
     text = f"- {{history: 3, depth: 0, reliability: 1, durability: 1, deadline: {forever}, lifespan: {forever}}}"
     assert qualities_of(text) == (Quality(latched=True),)
 
 
-def test_rosbags_reads_the_folder(tmp_path):
+def test_rosbags_reads_the_folder(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=50)
     with Reader(tmp_path / "bag") as reader:
         topics = {one.topic: one for one in reader.connections}
@@ -119,13 +119,13 @@ def test_rosbags_reads_the_folder(tmp_path):
     assert data[3] == level(NS_PER_S + 30_000_000, 1.5)
 
 
-def test_a_bag_is_never_overwritten(tmp_path):
+def test_a_bag_is_never_overwritten(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=1)
     with pytest.raises(HindraxError, match="exists already"):
         writer(tmp_path / "bag")
 
 
-def test_what_was_flushed_is_on_disk_without_an_end(tmp_path):
+def test_what_was_flushed_is_on_disk_without_an_end(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag")
     for index in range(10):
         bag.write(LEVEL, level(index, 0.0), index + 1, index)
@@ -144,7 +144,7 @@ def _record(bag: BagWriter, seconds: int, per_s: int = 100) -> list[str]:
     return said
 
 
-def test_split_by_time_leaves_files_that_each_open_alone(tmp_path):
+def test_split_by_time_leaves_files_that_each_open_alone(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(split_s=1.9, keep_free_MB=0.0))
     bag.describe("hindrax", {"notes": "split"})
     said = _record(bag, 6)
@@ -161,14 +161,14 @@ def test_split_by_time_leaves_files_that_each_open_alone(tmp_path):
         assert len(list(reader.messages())) == 600
 
 
-def test_split_by_size(tmp_path):
+def test_split_by_size(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(split_MB=0.002, keep_free_MB=0.0))
     _record(bag, 3)
     bag.close()
     assert len(bag_files(tmp_path / "bag")) == 4
 
 
-def test_budget_stops_the_recording_and_says_so(tmp_path):
+def test_budget_stops_the_recording_and_says_so(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.004, keep_free_MB=0.0))
     said = _record(bag, 10)
     bag.close()
@@ -179,7 +179,7 @@ def test_budget_stops_the_recording_and_says_so(tmp_path):
     assert kept % 100 == 0
 
 
-def test_budget_drops_the_oldest_file_when_asked(tmp_path):
+def test_budget_drops_the_oldest_file_when_asked(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
     said = _record(bag, 30)
     bag.close()
@@ -192,7 +192,7 @@ def test_budget_drops_the_oldest_file_when_asked(tmp_path):
         assert reader.message_count == len(stamps)
 
 
-def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path):
+def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path: Path) -> None:
     with pytest.raises(HindraxError, match="MB are wanted"):
         writer(tmp_path / "never", BagLimits(planned_s=1e6, keep_free_MB=1e6))
     bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
@@ -201,11 +201,13 @@ def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path):
     assert len(list(messages(tmp_path / "bag"))) == 100
 
 
-def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(tmp_path, monkeypatch):
+def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bag = writer(tmp_path / "bag")
     _record(bag, 1)
 
-    def refuse(*_args, **_keywords):
+    def refuse(*_args: object, **_keywords: object) -> None:
         raise OSError(28, "No space left on device")
 
     part = bag._part

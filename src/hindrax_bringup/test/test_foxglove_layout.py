@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import re
+from typing import Any
 
 import pytest
 
@@ -42,31 +43,31 @@ def resolve(path: str) -> str:
 
 
 @pytest.mark.parametrize("path", paths())
-def test_every_path_is_a_field_of_a_topic(path):
+def test_every_path_is_a_field_of_a_topic(path: str) -> None:
     kind = resolve(path)
     if path.count(".") and not path.endswith((".state", ".motion", ".phase")):
         assert kind in ("double", "float", "uint32", "int32"), f"{path} is {kind}: nothing to plot"
 
 
 @pytest.mark.parametrize("path", ["/hindrax/nothing.x", "/hindrax/battery.volts", "/hindrax/control/allocation.forces"])
-def test_a_path_that_names_nothing_is_found(path):
+def test_a_path_that_names_nothing_is_found(path: str) -> None:
     with pytest.raises((KeyError, AssertionError)):
         resolve(path)
 
 
-def panels(layout) -> list[str]:
+def panels(layout: Any) -> list[str]:
     if isinstance(layout, str):
         return [layout]
     return panels(layout["first"]) + panels(layout["second"])
 
 
-def test_every_panel_has_its_place_and_every_place_its_panel():
+def test_every_panel_has_its_place_and_every_place_its_panel() -> None:
     tabs = [name for tab in PANELS["Tab!main"]["tabs"] for name in panels(tab["layout"])]
     assert LAYOUT["layout"] == "Tab!main"
     assert sorted([*tabs, "Tab!main"]) == sorted(PANELS)
 
 
-def test_it_has_what_foxglove_asks_of_a_layout():
+def test_it_has_what_foxglove_asks_of_a_layout() -> None:
     """Its import wants these five, and places that are panels or two halves; types are those of its own panels."""
     assert LAYOUT.keys() >= {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
     assert LAYOUT["playbackConfig"]["speed"] > 0
@@ -81,7 +82,7 @@ def test_it_has_what_foxglove_asks_of_a_layout():
         check_place(tab["layout"])
 
 
-def check_place(layout) -> None:
+def check_place(layout: Any) -> None:
     if isinstance(layout, dict):
         assert layout["direction"] in {"row", "column"}
         assert 0 < layout.get("splitPercentage", 50) < 100

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -21,7 +22,7 @@ sys.stdin.read()
 """
 
 
-def test_ports_tell_the_domains(tmp_path):
+def test_ports_tell_the_domains(tmp_path: Path) -> None:
     heading = "  sl  local_address rem_address   st\n"
     table, table6 = tmp_path / "udp", tmp_path / "udp6"
     table.write_text(f"{heading}  1: 00000000:1CE8 00000000:0000 07\n  2: 0100007F:1DEC 00000000:0000 07\n")
@@ -29,7 +30,7 @@ def test_ports_tell_the_domains(tmp_path):
     assert occupied_domains((table, table6, tmp_path / "none")) == {0, 1, 4}
 
 
-def test_a_domain_in_which_somebody_receives_is_not_chosen(monkeypatch):
+def test_a_domain_in_which_somebody_receives_is_not_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
     with own_domain(mock=True) as first:
         assert first is not None
@@ -41,7 +42,9 @@ def test_a_domain_in_which_somebody_receives_is_not_chosen(monkeypatch):
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("name", "refused"), [("pilot", True), ("thrusters", True), ("viewer", False)])
-def test_a_mock_does_not_join_the_domain_of_a_stack(ros_domain, monkeypatch, name, refused):
+def test_a_mock_does_not_join_the_domain_of_a_stack(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, name: str, refused: bool
+) -> None:
     pytest.importorskip("rclpy", reason="needs the ROS environment")
     made = environment(mock=True, domain=ros_domain)
     words = [sys.executable, "-c", NODE, name]

@@ -1,5 +1,7 @@
 """The operator's end of the link: when it may conclude that a maneuver is over, and whose heartbeat it sends."""
 
+from __future__ import annotations
+
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +16,7 @@ from hindrax_ros.convert import stamp_to_msg
 NOW = Stamp(1_000 * 10**9)
 
 
-def unheard(maneuver_age_s, navigation_age_s):
+def unheard(maneuver_age_s: float | None, navigation_age_s: float) -> bool:
     maneuver = None if maneuver_age_s is None else ManeuverStatus()
     if maneuver is not None:
         maneuver.header.stamp = stamp_to_msg(after(NOW, -maneuver_age_s))
@@ -32,11 +34,13 @@ def unheard(maneuver_age_s, navigation_age_s):
         (None, 0.02, False),  # it has not begun
     ],
 )
-def test_silence_about_a_maneuver(maneuver_age_s, navigation_age_s, over):
+def test_silence_about_a_maneuver(maneuver_age_s: float | None, navigation_age_s: float, over: bool) -> None:
     assert unheard(maneuver_age_s, navigation_age_s) is over
 
 
-def test_heartbeats_keep_the_pace_of_the_wall_though_the_clock_of_a_mock_stands(monkeypatch):
+def test_heartbeats_keep_the_pace_of_the_wall_though_the_clock_of_a_mock_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     beats: list[int] = []
     monkeypatch.setattr(Operator, "_send_heartbeat", lambda operator: beats.append(operator.now()))
@@ -45,7 +49,7 @@ def test_heartbeats_keep_the_pace_of_the_wall_though_the_clock_of_a_mock_stands(
     assert beats == [0, 0]
 
 
-def test_without_a_clock_no_heartbeat_is_sent(monkeypatch):
+def test_without_a_clock_no_heartbeat_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     sent: list[object] = []
     with Operator(mock=True) as operator:
@@ -57,7 +61,7 @@ def test_without_a_clock_no_heartbeat_is_sent(monkeypatch):
     assert [message.header.stamp.sec for message in sent] == [1_000]
 
 
-def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch):
+def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     with Operator(mock=False) as operator:
         ticks = []

@@ -71,7 +71,7 @@ def files() -> list[Path]:
 
 
 @pytest.mark.parametrize("file", files(), ids=lambda file: file.stem)
-def test_what_a_node_does_it_may(file):
+def test_what_a_node_does_it_may(file: Path) -> None:
     name = str(file.relative_to(SOURCES)).partition("/")[2]
     assert name in NODES_OF_FILE, f"say here which node {name} is, and give it a role in hindrax_bringup/security.py"
     for verbs, allowed in ((SAY, "publishes"), (HEAR, "subscribes")):
@@ -79,13 +79,13 @@ def test_what_a_node_does_it_may(file):
         assert {topic.name for topic in uses(file, verbs)} <= {getattr(topic, "name", topic) for topic in granted}
 
 
-def test_every_topic_of_the_table_has_somebody_who_may_say_it():
+def test_every_topic_of_the_table_has_somebody_who_may_say_it() -> None:
     said = {topic for role in ROLES for topic in role.publishes}
     outside = {"joy", "cmd_vel"}
     assert {topic.name for topic in TOPICS if topic not in said} == outside
 
 
-def test_only_the_operator_commands_and_only_the_allocator_makes_pulses():
+def test_only_the_operator_commands_and_only_the_allocator_makes_pulses() -> None:
     def who(topic: Topic) -> set[tuple[str, str]]:
         return {(role.enclave, role.node) for role in ROLES if topic in role.publishes}
 
@@ -103,22 +103,22 @@ def test_only_the_operator_commands_and_only_the_allocator_makes_pulses():
     }
 
 
-def test_nobody_at_the_far_end_hears_raw_frames():
+def test_nobody_at_the_far_end_hears_raw_frames() -> None:
     far = [role for role in ROLES if role.enclave in ("operator", "bench")]
     assert not {topic for role in far for topic in role.subscribes} & set(RAW_FRAMES)
 
 
-def test_every_process_has_an_enclave_with_every_node_of_it():
+def test_every_process_has_an_enclave_with_every_node_of_it() -> None:
     for process in (*ONBOARD, RECORDER):
         assert set(process.nodes) <= {role.node for role in ROLES if role.enclave == process.name}
 
 
-def test_the_policies_are_up_to_date():
+def test_the_policies_are_up_to_date() -> None:
     written = (share_folder("security") / "policies.xml").read_text(encoding="utf-8")
     assert written == policies(), "run: python -m hindrax_bringup.security"
 
 
-def test_the_policies_allow_by_full_name_and_deny_nothing():
+def test_the_policies_allow_by_full_name_and_deny_nothing() -> None:
     document = ET.fromstring(policies())
     assert [one.get("path") for one in document.iter("enclave")] == list(security.enclaves())
     names = [one.text for kind in ("topic", "service", "action") for one in document.iter(kind)]
@@ -131,7 +131,7 @@ def test_the_policies_allow_by_full_name_and_deny_nothing():
     assert [one.text for one in pilot.findall("./actions[@execute='ALLOW']/action")] == ["/hindrax/maneuver/fly"]
 
 
-def test_one_setting_enforces_them(tmp_path):
+def test_one_setting_enforces_them(tmp_path: Path) -> None:
     assert settings("", {}) == {}
     with pytest.raises(HindraxError, match="ROS from wheels has no DDS security"):
         settings(str(tmp_path), {FROM_WHEELS: "1"})
@@ -149,7 +149,7 @@ def test_one_setting_enforces_them(tmp_path):
     assert OVERRIDE not in with_enclave({}, "safety_monitor")
 
 
-def test_a_node_in_the_tool_is_the_operator_unless_it_says_who_else():
+def test_a_node_in_the_tool_is_the_operator_unless_it_says_who_else() -> None:
     secured = {"ROS_SECURITY_ENABLE": "true"}
     with adopted(secured):
         assert os.environ[OVERRIDE] == "/hindrax/operator"
@@ -169,7 +169,7 @@ esac
 """
 
 
-def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path):
+def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path: Path) -> None:
     tool, folder = tmp_path / "bin/ros2", tmp_path / "keys"
     tool.parent.mkdir()
     tool.write_text(ROS2)
@@ -190,7 +190,7 @@ def test_the_keystore_has_every_enclave_and_the_topside_only_its_own(tmp_path):
     assert (folder.stat().st_mode & 0o077, topside.stat().st_mode & 0o077) == (0, 0)
 
 
-def test_without_ros_the_keystore_says_what_to_install(tmp_path):
+def test_without_ros_the_keystore_says_what_to_install(tmp_path: Path) -> None:
     command = [share_folder("security") / "keystore.sh", tmp_path / "keys"]
     done = subprocess.run(
         command, env={"PATH": "/usr/bin:/bin"}, check=False, capture_output=True, text=True, cwd=tmp_path

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
+
+import pytest
 
 from hindrax_bag.bag_index import is_whole
 from hindrax_bag.read.bag_reader import messages
@@ -13,7 +16,7 @@ from hindrax_bringup.stack_runner import complete_earlier
 WORD = Channel("/demo/word", "demo_msgs/msg/Word")
 
 
-def test_bags_of_earlier_runs_are_completed(tmp_path, capsys):
+def test_bags_of_earlier_runs_are_completed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = BagWriter(tmp_path / "now" / "bag", lambda _package, _name: "uint8 one\n", BagLimits(keep_free_MB=0.0))
     bag.open()
     bag.write(WORD, b"\x00\x01\x00\x00\x07", 1, 1)

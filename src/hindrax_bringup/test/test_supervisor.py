@@ -1,11 +1,15 @@
 """Processes that end for good, freeze, or leave their output unsafe: who is told, and of what."""
 
+from __future__ import annotations
+
 import os
 import re
 import shutil
 import signal
 import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +17,7 @@ from hindrax_bringup import supervisor as module
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.supervisor import SupervisedProcess, Supervisor
 from hindrax_core.errors import HindraxError
 from hindrax_ros.heartbeat import beaten_s
 
@@ -33,34 +37,34 @@ time.sleep(600)
 
 
 @pytest.fixture
-def supervisor(tmp_path, monkeypatch):
+def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     (tmp_path / "lamps.py").write_text(BEATS)
     with Supervisor(tmp_path / "logs", {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}) as made:
         yield made
 
 
-def start(supervisor, process=LAMPS, arguments=()):
+def start(supervisor: Supervisor, process: Process = LAMPS, arguments: Sequence[str] = ()) -> SupervisedProcess:
     child = supervisor.start(process, arguments)
     until(lambda: beaten_s(child.heartbeat) is not None)
     return child
 
 
-def until(done):
+def until(done: Callable[[], object]) -> None:
     deadline = time.monotonic() + PATIENT_S
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
 
-def told(supervisor):
+def told(supervisor: Supervisor) -> list[str]:
     """Sentences of the first look that has any."""
     found = []
     until(lambda: found.extend(supervisor.check()) or found)
     return found
 
 
-def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path):
+def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path: Path) -> None:
     with Supervisor(tmp_path, {}) as supervisor:
         child = supervisor.start(Process("lamps", "p", "no_such_module", "lamps", (), "none", restart=False))
         child.handle.wait(30.0)
@@ -70,7 +74,7 @@ def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path):
             supervisor.require()
 
 
-def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(supervisor):
+def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(supervisor: Supervisor) -> None:
     child = start(supervisor)
     old, (below,) = child.handle.pid, descendants(child.handle.pid)
     held = HeldProcesses([below])
@@ -84,7 +88,7 @@ def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(s
     held.kill(0.0)
 
 
-def test_a_process_below_that_is_stopped_is_told_once(supervisor):
+def test_a_process_below_that_is_stopped_is_told_once(supervisor: Supervisor) -> None:
     child = start(supervisor)
     (below,) = descendants(child.handle.pid)
     os.kill(below, signal.SIGSTOP)
@@ -93,7 +97,9 @@ def test_a_process_below_that_is_stopped_is_told_once(supervisor):
     assert supervisor.check() == []
 
 
-def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_not(supervisor, monkeypatch):
+def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_not(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
     child = start(supervisor)
     assert supervisor.check() == []
     monkeypatch.setattr(module, "LOOK_S", 0.0)
@@ -105,7 +111,9 @@ def test_a_process_without_a_heartbeat_is_killed_and_one_that_has_not_begun_is_n
     assert supervisor.check() == []
 
 
-def test_after_a_gap_of_its_own_it_gives_the_others_time(supervisor, monkeypatch):
+def test_after_a_gap_of_its_own_it_gives_the_others_time(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
     child = start(supervisor)
     child.heartbeat.write_text("1.0")
     monkeypatch.setattr(module, "LOOK_S", 0.0)
@@ -115,7 +123,9 @@ def test_after_a_gap_of_its_own_it_gives_the_others_time(supervisor, monkeypatch
 
 
 @pytest.mark.parametrize(("well_after_s", "restarts"), [(0.0, 1), (1e9, 3)])
-def test_the_budget_of_restarts_refills_after_a_good_time(supervisor, monkeypatch, well_after_s, restarts):
+def test_the_budget_of_restarts_refills_after_a_good_time(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch, well_after_s: float, restarts: int
+) -> None:
     monkeypatch.setattr(module, "WELL_AFTER_S", well_after_s)
     child = start(supervisor)
     for _ in range(3):
@@ -124,13 +134,15 @@ def test_the_budget_of_restarts_refills_after_a_good_time(supervisor, monkeypatc
     assert child.restarts == restarts
 
 
-def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(supervisor, capsys):
+def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(
+    supervisor: Supervisor, capsys: pytest.CaptureFixture[str]
+) -> None:
     os.kill(start(supervisor, UNSAFE).handle.pid, signal.SIGSTOP)
     supervisor.close()
     assert capsys.readouterr().err == "lamps had to be killed; it is dark\n"
 
 
-def test_an_output_that_cannot_be_made_safe_is_told_with_what_else_went_wrong(supervisor):
+def test_an_output_that_cannot_be_made_safe_is_told_with_what_else_went_wrong(supervisor: Supervisor) -> None:
     def fly() -> None:
         with supervisor:
             os.kill(start(supervisor, UNSAFE, ["broken"]).handle.pid, signal.SIGSTOP)
@@ -141,14 +153,14 @@ def test_an_output_that_cannot_be_made_safe_is_told_with_what_else_went_wrong(su
         fly()
 
 
-def test_a_process_starts_again_though_the_folder_of_heartbeats_has_gone(supervisor):
+def test_a_process_starts_again_though_the_folder_of_heartbeats_has_gone(supervisor: Supervisor) -> None:
     child = start(supervisor)
     shutil.rmtree(child.heartbeat.parent)
     child.handle.kill()
     assert "started again" in told(supervisor)[0]
 
 
-def test_what_killed_tools_left_behind_is_removed(tmp_path, monkeypatch):
+def test_what_killed_tools_left_behind_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     (tmp_path / "4999999-abc.beats").mkdir()
     with Supervisor(tmp_path / "logs", {}):
@@ -156,7 +168,7 @@ def test_what_killed_tools_left_behind_is_removed(tmp_path, monkeypatch):
     assert list(tmp_path.glob("*.beats")) == []
 
 
-def test_who_is_not_there_neither_stands_still_nor_has_children():
+def test_who_is_not_there_neither_stands_still_nor_has_children() -> None:
     assert not is_stopped(os.getpid())
     assert not is_stopped(4999999)
     assert descendants(4999999) == []

@@ -7,6 +7,7 @@ import json
 import os
 import socket
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 
@@ -30,17 +31,18 @@ from hindrax_bringup.tether import (
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import up
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.signals import Navigation
 
 NAMES = {"d": SPACE}
 
 
 @pytest.fixture(autouse=True)
-def own_settings(tmp_path, monkeypatch):
+def own_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     monkeypatch.setenv(SETTING, "")
 
 
-def test_names():
+def test_names() -> None:
     assert parse_tether("") is None
     assert parse_tether("eth0") == Tether("eth0")
     assert parse_tether("enp3s0:192.168.2.1,192.168.2.3") == Tether("enp3s0", ("192.168.2.1", "192.168.2.3"))
@@ -57,12 +59,12 @@ def test_names():
         ("eth0:192.168.2.1,", "found peer '', wanted an IPv4 address"),
     ],
 )
-def test_what_is_no_tether_is_refused(words, wanted):
+def test_what_is_no_tether_is_refused(words: str, wanted: str) -> None:
     with pytest.raises(UsageError, match=wanted):
         parse_tether(words)
 
 
-def test_the_option_is_the_setting(capsys):
+def test_the_option_is_the_setting(capsys: pytest.CaptureFixture[str]) -> None:
     parser = argparse.ArgumentParser()
     add_tether(parser)
     assert tether_setting() is None
@@ -73,7 +75,7 @@ def test_the_option_is_the_setting(capsys):
     assert "wanted an IPv4 address" in capsys.readouterr().err
 
 
-def test_an_interface_that_is_not_ready_says_why(tmp_path):
+def test_an_interface_that_is_not_ready_says_why(tmp_path: Path) -> None:
     with pytest.raises(HindraxError, match="eth7: no such interface"):
         address_of("eth7", tmp_path)
     (tmp_path / "eth7").mkdir()
@@ -87,11 +89,11 @@ def test_an_interface_that_is_not_ready_says_why(tmp_path):
         address_of("eth7", tmp_path)
 
 
-def test_an_interface_with_an_address():
+def test_an_interface_with_an_address() -> None:
     assert address_of("lo") == "127.0.0.1"
 
 
-def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch):
+def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     said = []
     assert available_tether(said.append) is None
     monkeypatch.setenv(SETTING, "nowhere0:192.168.2.1")
@@ -110,7 +112,9 @@ def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeyp
         (["up", "--tether", "eth1"], Tether("eth1")),
     ],
 )
-def test_a_mock_keeps_to_this_machine_unless_asked_by_name(monkeypatch, words, wanted):
+def test_a_mock_keeps_to_this_machine_unless_asked_by_name(
+    monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: Tether | None
+) -> None:
     monkeypatch.setenv(SETTING, "eth0:192.168.2.1")
     found = []
     monkeypatch.setattr(up, "run_up", lambda options: found.append(options.tether) or 0)
@@ -118,10 +122,10 @@ def test_a_mock_keeps_to_this_machine_unless_asked_by_name(monkeypatch, words, w
     assert found == [wanted]
 
 
-def test_waiting_says_each_reason_once_and_ends(monkeypatch):
+def test_waiting_says_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter(["no carrier", "no carrier", "no address", ""])
 
-    def look(_name):
+    def look(_name: Navigation) -> str:
         reason = next(answers)
         if reason:
             raise HindraxError(reason)
@@ -135,13 +139,13 @@ def test_waiting_says_each_reason_once_and_ends(monkeypatch):
     assert wait_for_address(Tether("eth0"), 10.0, lambda: True, said.append) == ""
 
 
-def test_waiting_in_vain_names_what_was_missing(monkeypatch):
+def test_waiting_in_vain_names_what_was_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
     with pytest.raises(HindraxError, match="waited 0 s for the tether; nowhere0: no such interface"):
         wait_for_address(Tether("nowhere0"), 0.0, lambda: False, lambda _sentence: None)
 
 
-def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers():
+def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers() -> None:
     text = tether_profile(Tether("eth0", ("192.168.2.1",)), loopback_profile().read_text())
     profile = ET.fromstring(text)
     allowed = profile.findall(".//d:allowlist/d:interface", NAMES)
@@ -152,12 +156,12 @@ def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers():
     assert profile.find(".//d:useBuiltinTransports", NAMES).text == "false"
 
 
-def test_without_peers_they_are_found_by_multicast():
+def test_without_peers_they_are_found_by_multicast() -> None:
     profile = ET.fromstring(tether_profile(Tether("eth0"), loopback_profile().read_text()))
     assert profile.find(".//d:initialPeersList", NAMES) is None
 
 
-def test_the_environment_reaches_over_the_tether_only_when_it_is_named(monkeypatch):
+def test_the_environment_reaches_over_the_tether_only_when_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(PROFILE, raising=False)
     assert environment(mock=True, domain=3)[PROFILE] == str(loopback_profile())
     made = environment(mock=False, domain=None, tether=Tether("eth0"))
@@ -166,11 +170,11 @@ def test_the_environment_reaches_over_the_tether_only_when_it_is_named(monkeypat
     assert made[PROFILE] == str(profile_file(Tether("eth0")))
 
 
-def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeypatch):
+def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     _require_same(None, "")
     now = iter(["192.168.2.2", HindraxError("eth0: no carrier"), "10.0.0.7"])
 
-    def look(_name):
+    def look(_name: Navigation) -> object:
         found = next(now)
         if isinstance(found, HindraxError):
             raise found
@@ -183,7 +187,7 @@ def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeyp
         _require_same(Tether("eth0"), "192.168.2.2")
 
 
-def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch, tmp_path):
+def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
     turns = iter([False, False, True])
     with pulse() as beating:
@@ -194,7 +198,9 @@ def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch, tmp_
     assert beat["troubles"] == {"tether": "waiting for the tether nowhere0"}
 
 
-def test_health_is_one_sentence_and_an_exit_code(monkeypatch, tmp_path, capsys):
+def test_health_is_one_sentence_and_an_exit_code(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["health"]) == 1
     assert "no stack is up here" in capsys.readouterr().err
     with pulse() as beating:
@@ -207,7 +213,7 @@ def test_health_is_one_sentence_and_an_exit_code(monkeypatch, tmp_path, capsys):
     assert "no stack of this user can be up here" in capsys.readouterr().err
 
 
-def test_an_operator_is_lost_once_and_comes_back():
+def test_an_operator_is_lost_once_and_comes_back() -> None:
     watch = LinkMonitor(patience_s=2.0)
     assert not watch.step(100.0), "nobody is lost who was never there"
     assert watch.status_text(100.0) == "no operator yet"
@@ -223,7 +229,7 @@ def test_an_operator_is_lost_once_and_comes_back():
     assert watch.step(115.1)
 
 
-def test_a_link_that_is_not_steady_yet_is_lost_later():
+def test_a_link_that_is_not_steady_yet_is_lost_later() -> None:
     watch = LinkMonitor(patience_s=2.0, unsteady_patience_s=10.0)
     for at_s in (100.0, 102.6, 105.2, 105.7, 106.2):  # late, late, then regular
         assert not watch.step(at_s)
@@ -236,7 +242,7 @@ def test_a_link_that_is_not_steady_yet_is_lost_later():
     assert watch.step(123.6)
 
 
-def test_the_pulse_is_felt_while_it_beats(tmp_path):
+def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
     assert felt(tmp_path, 0.0) == (False, "no stack is up here; start one with `./hindrax up`")
     with pulse() as beating:
         beating.beat("up", {"pilot": ""})
@@ -251,14 +257,14 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path):
     assert list(path.parent.glob("*.pulse")) == []
 
 
-def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path):
+def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:
     with pulse() as beating:
         (tmp_path / "runtime").rmdir()
         beating.beat("pool-test surge: armed", {})
     assert not (tmp_path / "runtime").exists()
 
 
-def test_every_process_of_every_stack_is_felt(tmp_path):
+def test_every_process_of_every_stack_is_felt(tmp_path: Path) -> None:
     runtime = tmp_path / "runtime"
     with pulse() as beating:
         beating.beat("pool-test surge in mock: armed", {"dvl75": ""})
@@ -281,7 +287,7 @@ def test_every_process_of_every_stack_is_felt(tmp_path):
         assert not (runtime / "4999999.pulse").exists()
 
 
-def test_the_service_manager_is_told(tmp_path):
+def test_the_service_manager_is_told(tmp_path: Path) -> None:
     address = str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(address)

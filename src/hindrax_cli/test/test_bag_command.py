@@ -8,6 +8,7 @@ import shlex
 import stat
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -27,7 +28,7 @@ TEXTS = {"Point": "float64 x\nfloat64[2] y\n", "Word": "string text\n"}
 
 
 @pytest.fixture
-def bag(tmp_path) -> Path:
+def bag(tmp_path: Path) -> Path:
     made = BagWriter(tmp_path / "runs" / "bag", lambda _package, name: TEXTS[name], limits=BagLimits(keep_free_MB=0.0))
     made.open()
     made.attach("vehicle.yaml", "application/yaml", b"name: demo\n", 1)
@@ -41,13 +42,13 @@ def bag(tmp_path) -> Path:
     return tmp_path / "runs" / "bag"
 
 
-def _json(capsys, *words) -> dict:
+def _json(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
     code = command_line.main(["bag", *map(str, words), "--json"])
     assert code == 0
     return json.loads(capsys.readouterr().out)
 
 
-def test_info(bag, capsys):
+def test_info(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = _json(capsys, "info", bag)
     assert document["messages"] == 110
     assert document["seconds"] == pytest.approx(9.9)
@@ -63,7 +64,7 @@ def test_info(bag, capsys):
     assert "/demo/point" in capsys.readouterr().out
 
 
-def test_list_knows_the_unfinished(bag, capsys):
+def test_list_knows_the_unfinished(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cut = bag.parent / "cut"
     cut.mkdir()
     (cut / "cut_0.mcap").write_bytes((bag / "bag_0.mcap").read_bytes()[:1500])
@@ -74,7 +75,7 @@ def test_list_knows_the_unfinished(bag, capsys):
     assert "unfinished" in capsys.readouterr().out
 
 
-def test_recover_says_what_the_contract_says(bag, capsys):
+def test_recover_says_what_the_contract_says(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = bag / "bag_0.mcap"
     file.write_bytes(file.read_bytes()[:2000])
     left = len(list(messages(file)))
@@ -86,7 +87,7 @@ def test_recover_says_what_the_contract_says(bag, capsys):
     assert command_line.main(["bag", "recover", str(bag), "--out", str(bag.parent / "whole")]) == 2
 
 
-def test_extract_makes_tables(bag, tmp_path, capsys):
+def test_extract_makes_tables(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _json(capsys, "extract", bag, "--csv", tmp_path / "csv")
     with (tmp_path / "csv" / "demo_point.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -96,7 +97,7 @@ def test_extract_makes_tables(bag, tmp_path, capsys):
     assert "no message on /none" in capsys.readouterr().err
 
 
-def test_plot(bag, tmp_path, capsys):
+def test_plot(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "x.svg"
     document = _json(capsys, "plot", bag, "/demo/point:x", "/demo/point:y[0]", "--out", out)
     assert document["series"] == {"/demo/point:x": 100, "/demo/point:y[0]": 100}
@@ -106,7 +107,7 @@ def test_plot(bag, tmp_path, capsys):
     assert "there is x, y[0], y[1]" in capsys.readouterr().err
 
 
-def test_export_keeps_topics_and_span(bag, tmp_path, capsys):
+def test_export_keeps_topics_and_span(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "small"
     _json(capsys, "export", bag, "--topics", "/demo/point", "--from", "1", "--to", "2", "--out", out)
     found = list(messages(out))
@@ -116,7 +117,7 @@ def test_export_keeps_topics_and_span(bag, tmp_path, capsys):
     assert command_line.main(["bag", "export", str(bag), "--topics", "/none", "--out", str(tmp_path / "none")]) == 2
 
 
-def _fake_ssh(tmp_path) -> str:
+def _fake_ssh(tmp_path: Path) -> str:
     """A stand-in for ssh: drops the name of the host and runs the line here."""
     script = tmp_path / "ssh"
     script.write_text('#!/bin/sh\nshift\nexec sh -c "$*"\n')
@@ -124,7 +125,7 @@ def _fake_ssh(tmp_path) -> str:
     return str(script)
 
 
-def test_fetch_copies_resumes_and_verifies(bag, tmp_path, capsys):
+def test_fetch_copies_resumes_and_verifies(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, remote = tmp_path / "here", bag.parent
     words = ("fetch", "rov", "--ssh", _fake_ssh(tmp_path), "--remote", remote, "--out", out)
     whole = (bag / "bag_0.mcap").read_bytes()
@@ -137,7 +138,9 @@ def test_fetch_copies_resumes_and_verifies(bag, tmp_path, capsys):
     assert not list(out.rglob("*.part"))
 
 
-def test_fetch_starts_over_when_what_was_there_is_of_another_file(bag, tmp_path, capsys):
+def test_fetch_starts_over_when_what_was_there_is_of_another_file(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "here"
     (out / "bag").mkdir(parents=True)
     (out / "bag" / "bag_0.mcap.part").write_bytes(b"of another day")
@@ -145,7 +148,7 @@ def test_fetch_starts_over_when_what_was_there_is_of_another_file(bag, tmp_path,
     assert (out / "bag" / "bag_0.mcap").read_bytes() == (bag / "bag_0.mcap").read_bytes()
 
 
-def test_fetch_says_what_is_wrong(tmp_path, capsys):
+def test_fetch_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main(["bag", "fetch", f"{tmp_path}/none", "--remote", "", "--out", str(tmp_path / "x")]) == 1
     assert "cannot be read" in capsys.readouterr().err
     assert (
@@ -155,7 +158,7 @@ def test_fetch_says_what_is_wrong(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("word", list(command.WORDS))
-def test_every_word_has_help_with_an_example(word, capsys):
+def test_every_word_has_help_with_an_example(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         command_line.main(["bag", word, "--help"])
     assert ended.value.code == 0
@@ -194,7 +197,9 @@ SAID = [
 
 
 @pytest.mark.parametrize("told", SAID, ids=[line for line, _, _ in SAID])
-def test_good_and_bad_use_is_told_in_a_sentence(bag, tmp_path, capsys, told):
+def test_good_and_bad_use_is_told_in_a_sentence(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], told: tuple[str, int, str]
+) -> None:
     line, code, said = told
     for name in ("empty", "texts", "db3", "moved"):
         (tmp_path / name).mkdir()
@@ -207,7 +212,7 @@ def test_good_and_bad_use_is_told_in_a_sentence(bag, tmp_path, capsys, told):
     assert not (tmp_path / "new").exists() or not any((tmp_path / "new").iterdir())
 
 
-def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path, capsys):
+def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     with Writer(tmp_path / "theirs", version=9, storage_plugin=StoragePlugin.SQLITE3) as theirs:
         connection = theirs.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
@@ -218,7 +223,7 @@ def test_a_bag_in_the_older_format_is_exported_as_ours(tmp_path, capsys):
     assert (tmp_path / "out" / "out_0.mcap").is_file()
 
 
-def test_fetch_shows_a_bar_per_file(bag, tmp_path, capsys):
+def test_fetch_shows_a_bar_per_file(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         command_line.main(["bag", "fetch", f"{bag.parent}/", "--remote", bag.name, "--out", str(tmp_path / "here")])
         == 0
@@ -228,7 +233,9 @@ def test_fetch_shows_a_bar_per_file(bag, tmp_path, capsys):
     assert "kB" in shown or "MB" in shown
 
 
-def test_a_pool_test_checks_the_disk_for_its_whole_length_before_it_starts(tmp_path, capsys, monkeypatch):
+def test_a_pool_test_checks_the_disk_for_its_whole_length_before_it_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(limits, "free_bytes", lambda _folder: 210_000_000)
     words = ["pool-test", "--mock", "--dof", "surge", "--out", str(tmp_path / "run")]
     assert command_line.main(words) == 1

@@ -39,24 +39,24 @@ def completed(*words: str) -> list[str]:
     return done.stdout.split()
 
 
-def test_the_overview_lists_every_command():
+def test_the_overview_lists_every_command() -> None:
     said = asked("--help")
     assert said.returncode == 0, said.stderr
     assert all(f"  {name.replace('_', '-')} " in said.stdout for name in cli.module_names())
 
 
-def test_the_version_is_said():
+def test_the_version_is_said() -> None:
     assert asked("--version").stdout.startswith("hindrax 0.")
 
 
 @pytest.mark.parametrize("name", [name.replace("_", "-") for name in cli.module_names()])
-def test_every_command_has_its_help_on_the_page(name):
+def test_every_command_has_its_help_on_the_page(name: str) -> None:
     text = command_page.help_of(PAGE, [name])
     assert text is not None
     assert text.startswith(f"usage: ./hindrax {name} ")
 
 
-def test_help_of_a_command_and_of_a_word_of_one():
+def test_help_of_a_command_and_of_a_word_of_one() -> None:
     said = asked("pool-test", "--help")
     assert said.returncode == 0, said.stderr
     assert "\n  --mock                    fly the mock vehicle instead of the one on this machine\n" in said.stdout
@@ -64,13 +64,13 @@ def test_help_of_a_command_and_of_a_word_of_one():
     assert "usage: ./hindrax bag info [OPTIONS]\n" in asked("bag", "info", "-h").stdout
 
 
-def test_an_unknown_command_is_wrong_use():
+def test_an_unknown_command_is_wrong_use() -> None:
     said = asked("pol-test", "--help")
     assert said.returncode == 2
     assert "no command 'pol-test' (did you mean pool-test?)" in said.stderr
 
 
-def test_bash_completes_commands_their_words_options_and_choices():
+def test_bash_completes_commands_their_words_options_and_choices() -> None:
     assert completed("po") == ["pool-test"]
     assert {"setup", "completion", "bag"} <= set(completed(""))
     assert completed("bag", "inf") == ["info"]
@@ -80,7 +80,7 @@ def test_bash_completes_commands_their_words_options_and_choices():
 
 
 @pytest.mark.parametrize("shell", command_page.SHELLS)
-def test_every_shell_gets_its_script_before_a_set_up(shell):
+def test_every_shell_gets_its_script_before_a_set_up(shell: str) -> None:
     said = asked("completion", shell)
     assert said.returncode == 0, said.stderr
     assert said.stdout == command_page.completion(PAGE, shell)

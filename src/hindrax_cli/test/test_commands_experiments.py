@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def decay() -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def run_json(capsys: pytest.CaptureFixture[str], *words: str) -> dict:
+def run_json(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     code = command_line.main([*words, "--json"])
     out = capsys.readouterr().out
     assert code == 0

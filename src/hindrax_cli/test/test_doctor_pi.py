@@ -22,7 +22,7 @@ def write(root: Path, name: str, content: str | bytes) -> None:
 
 
 @pytest.fixture
-def fresh(tmp_path) -> Path:
+def fresh(tmp_path: Path) -> Path:
     """A Pi as it comes: I2C off, clocks free."""
     write(tmp_path, pi.MODEL, "Raspberry Pi 4 Model B Rev 1.4\0")
     write(tmp_path, "boot/firmware/config.txt", "[all]\ndtparam=audio=on\n[pi5]\ncore_freq=500\ncore_freq_min=500\n")
@@ -31,7 +31,7 @@ def fresh(tmp_path) -> Path:
 
 
 @pytest.fixture
-def ready(fresh) -> Path:
+def ready(fresh: Path) -> Path:
     """The same after set-up and reboot."""
     subprocess.run([SET_UP, "--root", fresh, "--tether", "eth0:192.168.2.1"], check=True, capture_output=True)
     write(fresh, pi.I2C_SPEED, (400_000).to_bytes(4, "big"))
@@ -44,7 +44,7 @@ def wrong(root: Path) -> dict[str, str]:
     return {one.name: f"{one.found} -> {one.remedy}" for one in pi.board(root) if not one.ok}
 
 
-def test_what_the_set_up_makes_is_right(ready):
+def test_what_the_set_up_makes_is_right(ready: Path) -> None:
     assert wrong(ready) == {}
     found = {one.name: one.found for one in pi.board(ready)}
     assert found["i2c speed"] == "400 kHz"
@@ -52,14 +52,14 @@ def test_what_the_set_up_makes_is_right(ready):
     assert found["device names"] == "/dev/hindrax: dvl"
 
 
-def test_a_fresh_pi_lacks_everything_and_is_told_what_to_do(fresh):
+def test_a_fresh_pi_lacks_everything_and_is_told_what_to_do(fresh: Path) -> None:
     found = wrong(fresh)
     assert set(found) == {"i2c speed", "core clock", "uarts", "device names", "service"}
     assert all("sudo docker/pi/set-up.sh" in remedy for remedy in found.values())
     assert "I2C is switched off" in found["i2c speed"]
 
 
-def test_another_machine_has_nothing_to_check(tmp_path):
+def test_another_machine_has_nothing_to_check(tmp_path: Path) -> None:
     assert pi.board(tmp_path) == []
     write(tmp_path, pi.MODEL, "Raspberry Pi 5 Model B\0")
     assert pi.board(tmp_path) == []
@@ -77,17 +77,17 @@ def test_another_machine_has_nothing_to_check(tmp_path):
         ("sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "16\n", "ttyUSB0", "keeps bytes for 16 ms, wanted 1"),
     ],
 )
-def test_each_thing_that_is_wrong_is_named(ready, file, content, name, words):
+def test_each_thing_that_is_wrong_is_named(ready: Path, file: str, content: bytes | str, name: str, words: str) -> None:
     write(ready, file, content)
     assert words in wrong(ready)[name]
 
 
-def test_a_missing_adapter_although_it_is_asked_for(ready):
+def test_a_missing_adapter_although_it_is_asked_for(ready: Path) -> None:
     (ready / pi.I2C_SPEED).unlink()
     assert "modprobe i2c-dev" in wrong(ready)["i2c speed"]
 
 
-def test_the_tether_is_looked_at_where_one_is_named():
+def test_the_tether_is_looked_at_where_one_is_named() -> None:
     assert machine.tether(None) == []
     (found,) = machine.tether(Tether("nowhere0"))
     assert (found.ok, found.found, found.remedy) == (False, "nowhere0: no such interface", "`ip link` lists them")
@@ -95,7 +95,7 @@ def test_the_tether_is_looked_at_where_one_is_named():
     assert (found.ok, found.found) == (True, "lo is 127.0.0.1; at its other end 192.168.2.1")
 
 
-def test_two_clocks_are_compared_by_the_youngest_stamp():
+def test_two_clocks_are_compared_by_the_youngest_stamp() -> None:
     assert nodes.clocks([0.012, 0.004, 0.3]).found == "the vehicle's stamps arrive 4 to 300 ms old"
     assert nodes.clocks([5.0, 4.5]).found == "the vehicle's clock is 4.50 s behind this one"
     ahead = nodes.clocks([-1.5, -1.2])
@@ -104,7 +104,7 @@ def test_two_clocks_are_compared_by_the_youngest_stamp():
     assert not nodes.clocks([]).ok
 
 
-def test_the_far_end_needs_a_tether(monkeypatch, capsys):
+def test_the_far_end_needs_a_tether(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv(SETTING, "")
     assert main(["doctor", "--topside"]) == 2
     assert "wanted one: --tether eth0:192.168.2.2" in capsys.readouterr().err

@@ -8,6 +8,8 @@ import os
 import socket
 import threading
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -18,7 +20,7 @@ from hindrax_sim.ptys import Pty
 
 
 @pytest.fixture(params=["serial", "network"])
-def dvl(request, tmp_path):
+def dvl(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str, Dvl75]]:
     """Yield a path and the emulator that answers on it."""
     path, device = tmp_path / "dvl", Dvl75(settings=DvlSettings(speed_of_sound_mps=1500.0))
     port, stop = Pty(path), threading.Event()
@@ -53,13 +55,13 @@ def free_ports(count: int) -> list[int]:
         return [one.getsockname()[1] for one in held]
 
 
-def hindrax(capsys, *words: str) -> tuple[int, str, str]:
+def hindrax(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
     code = main(["dvl", *words])
     found = capsys.readouterr()
     return code, found.out, found.err
 
 
-def test_setup_sends_what_differs_and_verifies_it(dvl, capsys):
+def test_setup_sends_what_differs_and_verifies_it(dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]) -> None:
     path, device = dvl
     code, out, _ = hindrax(capsys, "setup", "--port", path, "--json")
     report = json.loads(out)
@@ -71,7 +73,7 @@ def test_setup_sends_what_differs_and_verifies_it(dvl, capsys):
     assert "nothing to change" in out
 
 
-def test_a_dry_run_changes_nothing(dvl, capsys):
+def test_a_dry_run_changes_nothing(dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]) -> None:
     path, device = dvl
     before = device.settings
     _, out, _ = hindrax(capsys, "setup", "--port", path, "--dry-run", "--velocity-adjustment", "1.01")
@@ -79,7 +81,9 @@ def test_a_dry_run_changes_nothing(dvl, capsys):
     assert device.settings == before
 
 
-def test_the_whole_set_up_of_a_pool_day_and_what_cannot_be_verified(dvl, capsys) -> None:
+def test_the_whole_set_up_of_a_pool_day_and_what_cannot_be_verified(
+    dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]
+) -> None:
     path, device = dvl
     words = ("--orientation", "0", "0", "90", "--heading-offset", "-10", "--declination", "2.5", "--pool-mode", "on")
     more = ("--retweet-gps", "on", "--kalman", "on", "--imu-calibration", "grab", "--baud-rate", "57600", "--reboot")
@@ -97,14 +101,14 @@ def test_the_whole_set_up_of_a_pool_day_and_what_cannot_be_verified(dvl, capsys)
     assert device.settings.declination_deg == 0.0
 
 
-def test_show_tells_who_and_what(dvl, capsys):
+def test_show_tells_who_and_what(dvl: tuple[str, Dvl75], capsys: pytest.CaptureFixture[str]) -> None:
     path, _ = dvl
     _, out, _ = hindrax(capsys, "show", "--port", path)
     assert "Cerulean DVL-75, firmware Oct 1 2021" in out
     assert "Speed of sound: 1500.0" in out
 
 
-def test_a_silent_port_is_an_error_with_its_remedy(tmp_path, capsys):
+def test_a_silent_port_is_an_error_with_its_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     port = Pty(tmp_path / "silent")
     code, _, err = hindrax(capsys, "show", "--port", str(tmp_path / "silent"))
     port.close()
@@ -112,7 +116,7 @@ def test_a_silent_port_is_an_error_with_its_remedy(tmp_path, capsys):
     assert "found silence, wanted a DVL at 115200 baud; check power" in err
 
 
-def test_a_port_that_is_not_there(tmp_path, capsys):
+def test_a_port_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = hindrax(capsys, "show", "--port", os.fspath(tmp_path / "none"))
     assert code == 1
     assert "no such port" in err
@@ -128,7 +132,9 @@ def test_a_port_that_is_not_there(tmp_path, capsys):
         (("--orientation", "0", "0", "400"), "wanted -360 to 360"),
     ],
 )
-def test_settings_the_device_cannot_take_are_refused_before_it_is_asked(words, error, capsys):
+def test_settings_the_device_cannot_take_are_refused_before_it_is_asked(
+    words: tuple[str, ...], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, _, err = hindrax(capsys, "setup", "--port", "/nowhere", *words)
     assert code == 2
     assert error in err

@@ -1,21 +1,27 @@
 """`identify` over records of others: CSV, MCAP and sqlite3, topics and frames of any kind; never sure without cause."""
 
+from __future__ import annotations
+
 import functools
 import json
 import math
 import re
 import sqlite3
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
-from synthetic_runs import back_and_forth, fly
+from synthetic_runs import Flight, back_and_forth, fly
 
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
 
 MASS_kg = 20.0
@@ -68,14 +74,24 @@ START_S = 1_700_000_000.0
 
 
 @functools.cache
-def flight(levels, end_s, span_s, k_q):
+def flight(
+    levels: tuple[float, ...] | tuple[float, float, float, float], end_s: float, span_s: float, k_q: float
+) -> Flight:
     theta = np.array([k_q, TRUTH["k_l"], 0.0, MASS_kg + TRUTH["added_mass"]])
     return fly(Model(0, MASS_kg), theta, back_and_forth(levels, span_s, end_s), 0.0)
 
 
 def flown(
-    *, levels=(3.0, 6.0, 10.0, 14.0), noise=0.01, gain=1.0, current=0.0, seed=0, end_s=80.0, span_s=5.0, k_q=66.48
-):
+    *,
+    levels: tuple[float, ...] = (3.0, 6.0, 10.0, 14.0),
+    noise: float = 0.01,
+    gain: float = 1.0,
+    current: float = 0.0,
+    seed: int = 0,
+    end_s: float = 80.0,
+    span_s: float = 5.0,
+    k_q: float = 66.48,
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Times and velocities at 10 Hz, times and forces at 25 Hz, of a vehicle that the model describes."""
     true = flight(levels, end_s, span_s, k_q)
     rng = np.random.default_rng(seed)
@@ -83,7 +99,9 @@ def flown(
     return (t, v + current + noise * rng.standard_normal(len(v))), (true.times_s[::2], gain * true.commands[::2])
 
 
-def as_csv(path, velocities, forces, names=("u", "X")):
+def as_csv(
+    path: Path, velocities: tuple[Array, Array], forces: tuple[Array, Array], names: tuple[str, str] = ("u", "X")
+) -> Path:
     rows = [(t, f"{v:.6f}", "") for t, v in zip(*velocities, strict=True)]
     rows += [(t, "", f"{f:.6f}") for t, f in zip(*forces, strict=True)]
     lines = [f"{t:.4f},{a},{b}" for t, a, b in sorted(rows, key=lambda row: row[0])]
@@ -92,19 +110,19 @@ def as_csv(path, velocities, forces, names=("u", "X")):
 
 
 @pytest.fixture
-def small(tmp_path):
+def small(tmp_path: Path) -> Path:
     """The smallest vehicle file there is."""
     file = tmp_path / "small.yaml"
     file.write_text(f"name: small\nmass_kg: {MASS_kg}\nvolume_m3: 0.0203\nenvelope_m: [0.6, 0.5, 0.4]\n")
     return file
 
 
-def identified(capsys, *words):
+def identified(capsys: pytest.CaptureFixture[str], *words: object) -> Any:
     assert main(["identify", *map(str, words), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 
-def refused(capsys, *words):
+def refused(capsys: pytest.CaptureFixture[str], *words: Path | str | int) -> tuple[int, str]:
     code = main(["identify", *map(str, words)])
     said = capsys.readouterr().err.strip()
     assert said.startswith("hindrax identify: ")
@@ -112,18 +130,20 @@ def refused(capsys, *words):
     return code, said
 
 
-def is_true(surge, sigmas=4.0):
+def is_true(surge: dict[str, Any], sigmas: float = 4.0) -> bool:
     return all(abs(surge[name]["value"] - TRUTH[name]) < sigmas * surge[name]["std"] for name in TRUTH)
 
 
-def force_at(surge, speed):
+def force_at(surge: dict[str, Any], speed: float) -> float:
     return surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
 
 
 # ---- CSV
 
 
-def test_csv_gives_the_truth_with_the_smallest_vehicle_file(tmp_path, small, capsys):
+def test_csv_gives_the_truth_with_the_smallest_vehicle_file(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     document = identified(capsys, as_csv(tmp_path / "a.csv", *flown()), "--vehicle", small)
     surge = document["motions"]["surge"]
     assert surge["identifiable"]
@@ -133,7 +153,9 @@ def test_csv_gives_the_truth_with_the_smallest_vehicle_file(tmp_path, small, cap
     assert set(document["motions"]) == {"surge"}
 
 
-def test_a_report_and_a_file_are_left_where_asked(tmp_path, small, capsys):
+def test_a_report_and_a_file_are_left_where_asked(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     page, file = tmp_path / "a.html", tmp_path / "a.yaml"
     words = [as_csv(tmp_path / "a.csv", *flown()), "--vehicle", small, "--report", page, "--coefficients", file]
     document = identified(capsys, *words)
@@ -142,7 +164,9 @@ def test_a_report_and_a_file_are_left_where_asked(tmp_path, small, capsys):
     assert "small" in file.read_text()
 
 
-def test_the_table_says_what_is_known_and_what_is_not(tmp_path, small, capsys):
+def test_the_table_says_what_is_known_and_what_is_not(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(levels=(0.3, 0.5), noise=0.003))
     assert main(["identify", str(record), "--vehicle", str(small)]) == 0
     said = capsys.readouterr().out
@@ -152,7 +176,7 @@ def test_the_table_says_what_is_known_and_what_is_not(tmp_path, small, capsys):
     assert "COB-2023" not in said
 
 
-def test_a_part_of_a_record_is_taken(tmp_path, small, capsys):
+def test_a_part_of_a_record_is_taken(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = as_csv(tmp_path / "a.csv", *flown())
     whole = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
     part = identified(capsys, record, "--vehicle", small, "--from", 15, "--to", 65)["motions"]["surge"]
@@ -160,7 +184,7 @@ def test_a_part_of_a_record_is_taken(tmp_path, small, capsys):
     assert is_true(part)
 
 
-def test_another_axis_has_its_units(tmp_path, small, capsys):
+def test_another_axis_has_its_units(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(), names=("r", "N"))
     yaw = identified(capsys, record, "--vehicle", small)["motions"]["yaw"]
     assert yaw["k_q"]["unit"] == "N m s^2"
@@ -181,33 +205,41 @@ def test_another_axis_has_its_units(tmp_path, small, capsys):
     ],
     ids=["drowned in noise", "one slow speed", "too short", "wrong sign", "no thrust", "thrust never changes"],
 )
-def test_what_cannot_be_known_is_called_so(tmp_path, small, capsys, record):
+def test_what_cannot_be_known_is_called_so(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], record: dict[str, Any]
+) -> None:
     surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(**record)), "--vehicle", small)["motions"]["surge"]
     assert not surge["identifiable"]
     assert surge["reasons"]
 
 
-def test_the_wrong_sign_is_named(tmp_path, small, capsys):
+def test_the_wrong_sign_is_named(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(gain=-1.0)), "--vehicle", small)["motions"]["surge"]
     assert any("sign" in reason for reason in surge["reasons"])
 
 
 @pytest.mark.parametrize("current", [0.03, 0.1])
-def test_a_current_is_seen_or_its_harm_lies_within_the_band(tmp_path, small, capsys, current):
+def test_a_current_is_seen_or_its_harm_lies_within_the_band(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], current: float
+) -> None:
     surge = identified(capsys, as_csv(tmp_path / "a.csv", *flown(current=current)), "--vehicle", small)["motions"][
         "surge"
     ]
     assert not surge["identifiable"] or is_true(surge)
 
 
-def test_motion_that_has_nothing_to_do_with_the_thrust(tmp_path, small, capsys):
+def test_motion_that_has_nothing_to_do_with_the_thrust(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (t, _), forces = flown()
     wander = np.cumsum(np.random.default_rng(3).standard_normal(len(t))) * 0.02
     surge = identified(capsys, as_csv(tmp_path / "a.csv", (t, wander), forces), "--vehicle", small)["motions"]["surge"]
     assert not surge["identifiable"]
 
 
-def test_a_slow_record_still_tells_the_drag_over_its_speeds(tmp_path, small, capsys):
+def test_a_slow_record_still_tells_the_drag_over_its_speeds(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(levels=(0.3, 0.5), noise=0.003))
     surge = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
     band = surge["drag_force"]
@@ -216,7 +248,7 @@ def test_a_slow_record_still_tells_the_drag_over_its_speeds(tmp_path, small, cap
     assert all(abs(force - true) < 4.0 * std for force, std, true in pairs)
 
 
-def test_pauses_part_the_record(tmp_path, small, capsys):
+def test_pauses_part_the_record(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (t, v), forces = flown()
     keep = (t < 30.0) | (t > 40.0)
     surge = identified(capsys, as_csv(tmp_path / "a.csv", (t[keep], v[keep]), forces), "--vehicle", small)["motions"][
@@ -227,7 +259,9 @@ def test_pauses_part_the_record(tmp_path, small, capsys):
 
 
 @pytest.mark.parametrize(("speed", "force"), [(1000.0, 1.0), (1.0, 0.01), (0.01, 1.0)])
-def test_wrong_units_are_suspected(tmp_path, small, capsys, speed, force):
+def test_wrong_units_are_suspected(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], speed: float, force: float
+) -> None:
     (t, v), (t_w, w) = flown()
     record = as_csv(tmp_path / "a.csv", (t, speed * v), (t_w, force * w))
     surge = identified(capsys, record, "--vehicle", small)["motions"]["surge"]
@@ -236,7 +270,9 @@ def test_wrong_units_are_suspected(tmp_path, small, capsys, speed, force):
 
 
 @pytest.mark.parametrize(("words", "share"), [([], 0.1), (["--gain-sigma", 0.2], 0.2)])
-def test_the_gain_of_a_wrench_is_never_taken_as_exact(tmp_path, small, capsys, words, share):
+def test_the_gain_of_a_wrench_is_never_taken_as_exact(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], words: list[str], share: float
+) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(gain=1.15, end_s=60.0))
     document = identified(capsys, record, "--vehicle", small, *words)
     k_q = document["motions"]["surge"]["k_q"]
@@ -244,7 +280,9 @@ def test_the_gain_of_a_wrench_is_never_taken_as_exact(tmp_path, small, capsys, w
     assert any("--gain-sigma" in one for one in document["assumptions"])
 
 
-def test_stamps_of_others_leave_the_added_mass_in_doubt(tmp_path, small, capsys):
+def test_stamps_of_others_leave_the_added_mass_in_doubt(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (t, v), forces = flown()
     late = identified(capsys, as_csv(tmp_path / "a.csv", (t + 0.1, v), forces), "--vehicle", small)["motions"]["surge"]
     assert abs(late["added_mass"]["value"] - TRUTH["added_mass"]) < 3.0 * late["added_mass"]["std"]
@@ -253,7 +291,9 @@ def test_stamps_of_others_leave_the_added_mass_in_doubt(tmp_path, small, capsys)
 # ---- several records
 
 
-def test_several_records_are_pooled_and_their_spread_is_shown(tmp_path, small, capsys):
+def test_several_records_are_pooled_and_their_spread_is_shown(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     records = [as_csv(tmp_path / f"{seed}.csv", *flown(seed=seed)) for seed in range(3)]
     document = identified(capsys, *records, "--vehicle", small)
     pooled, runs = document["motions"]["surge"], [run["motions"]["surge"] for run in document["runs"]]
@@ -264,7 +304,7 @@ def test_several_records_are_pooled_and_their_spread_is_shown(tmp_path, small, c
     assert document["spread"]["surge"]["k_q"]["runs"] == 3
 
 
-def test_records_that_disagree_widen_the_band(tmp_path, small, capsys):
+def test_records_that_disagree_widen_the_band(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     records = [as_csv(tmp_path / "a.csv", *flown()), as_csv(tmp_path / "b.csv", *flown(k_q=90.0))]
     document = identified(capsys, *records, "--vehicle", small)
     pooled = document["motions"]["surge"]["k_q"]
@@ -276,17 +316,19 @@ def test_records_that_disagree_widen_the_band(tmp_path, small, capsys):
 # ---- bags
 
 
-def stamp_of(t_s):
+def stamp_of(t_s: float) -> dict[str, int]:
     return {"sec": int(t_s), "nanosec": int((t_s % 1.0) * 1e9)}
 
 
-def six(axis, value):
+def six(axis: int, value: float) -> tuple[dict[str, float], dict[str, float]]:
     flat = [value if i == axis else 0.0 for i in range(6)]
     names = ("x", "y", "z")
     return dict(zip(names, flat[:3], strict=True)), dict(zip(names, flat[3:], strict=True))
 
 
-def velocity_message(kind, t_s, axis, value, frame, *, variance=0.0):
+def velocity_message(
+    kind: str, t_s: float, axis: int, value: float, frame: str, *, variance: float = 0.0
+) -> dict[str, Any]:
     linear, angular = six(axis, value)
     twist = {"linear": linear, "angular": angular}
     header = {"stamp": stamp_of(t_s), "frame_id": frame}
@@ -299,7 +341,7 @@ def velocity_message(kind, t_s, axis, value, frame, *, variance=0.0):
     return {"header": header, "twist": {"twist": twist, "covariance": covariance}}
 
 
-def wrench_message(kind, t_s, axis, value, frame):
+def wrench_message(kind: str, t_s: float, axis: int, value: float, frame: str) -> dict[str, Any]:
     force, torque = six(axis, value)
     wrench = {"force": force, "torque": torque}
     return (
@@ -313,7 +355,17 @@ ODOMETRY = ("nav_msgs/msg/Odometry", "/odom", "base_link")
 THRUST = ("geometry_msgs/msg/WrenchStamped", "/thrust", "base_link")
 
 
-def as_bag(path, velocity=ODOMETRY, wrench=THRUST, *, axis=0, signs=(1.0, 1.0), extra=(), variance=0.0, **record):
+def as_bag(
+    path: Path,
+    velocity: tuple[str, str, str] = ODOMETRY,
+    wrench: tuple[str, str, str] = THRUST,
+    *,
+    axis: int = 0,
+    signs: tuple[float, float] = (1.0, 1.0),
+    extra: Sequence[Any] = (),
+    variance: float = 0.0,
+    **record: float,
+) -> Path:
     (t_v, v), (t_w, w) = flown(**record)
     rows = [(t, 0, value) for t, value in zip(t_v, v, strict=True)]
     rows += [(t, 1, value) for t, value in zip(t_w, w, strict=True)]
@@ -343,7 +395,9 @@ def as_bag(path, velocity=ODOMETRY, wrench=THRUST, *, axis=0, signs=(1.0, 1.0), 
     "velocity",
     ["nav_msgs/msg/Odometry", "geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"],
 )
-def test_every_type_of_velocity_serves(tmp_path, small, capsys, velocity):
+def test_every_type_of_velocity_serves(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], velocity: str
+) -> None:
     bag = as_bag(tmp_path / "a.mcap", (velocity, "/a/velocity", "rov/base_link"))
     document = identified(capsys, bag, "--vehicle", small, "--dof", "surge")
     assert document["motions"]["surge"]["identifiable"]
@@ -351,7 +405,9 @@ def test_every_type_of_velocity_serves(tmp_path, small, capsys, velocity):
     assert any("REP-103" in one for one in document["assumptions"])
 
 
-def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(tmp_path, small, capsys):
+def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = as_bag(tmp_path / "a.mcap", wrench=("geometry_msgs/msg/Wrench", "/thrust", ""))
     document = identified(capsys, bag, "--vehicle", small)
     assert is_true(document["motions"]["surge"])
@@ -361,7 +417,7 @@ def test_a_wrench_without_stamps_is_taken_by_its_times_of_receipt(tmp_path, smal
 @pytest.mark.parametrize(
     ("frame", "sign"), [("base_link", -1.0), ("base_link_fsd", 1.0), ("rov_frd", 1.0), ("body_ned", 1.0)]
 )
-def test_frames_are_turned_into_sname(tmp_path, frame, sign):
+def test_frames_are_turned_into_sname(tmp_path: Path, frame: str, sign: float) -> None:
     bag = as_bag(tmp_path / "a.mcap", ("nav_msgs/msg/Odometry", "/odom", frame), axis=1, end_s=10.0)
     found = read_bag(bag, TopicSelection(), topics_of(bag))
     (_, v), (_, w) = flown(end_s=10.0)
@@ -369,14 +425,14 @@ def test_frames_are_turned_into_sname(tmp_path, frame, sign):
     assert found.wrench[:, 1] == pytest.approx(-w)
 
 
-def test_mixed_frames_agree_after_turning(tmp_path, small, capsys):
+def test_mixed_frames_agree_after_turning(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fsd = ("geometry_msgs/msg/WrenchStamped", "/thrust", "base_link_fsd")
     bag = as_bag(tmp_path / "a.mcap", wrench=fsd, axis=1, signs=(-1.0, 1.0))
     sway = identified(capsys, bag, "--vehicle", small)["motions"]["sway"]
     assert is_true(sway)
 
 
-def test_a_frame_can_be_told(tmp_path, capsys, small):
+def test_a_frame_can_be_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], small: Path) -> None:
     world = ("geometry_msgs/msg/TwistStamped", "/velocity", "odom")
     bag = as_bag(tmp_path / "a.mcap", world)
     code, said = refused(capsys, bag, "--vehicle", small)
@@ -386,13 +442,15 @@ def test_a_frame_can_be_told(tmp_path, capsys, small):
 
 
 @pytest.mark.parametrize(("variance", "known"), [(0.01, True), (-1.0, False), (1e6, False)])
-def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path, variance, known):
+def test_a_velocity_that_is_marked_unknown_is_not_used(tmp_path: Path, variance: float, known: bool) -> None:
     kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
     bag = as_bag(tmp_path / "a.mcap", (kind, "/velocity", "base_link"), end_s=5.0, variance=variance)
     assert np.isfinite(read_bag(bag, TopicSelection(), topics_of(bag)).velocity).all() == known
 
 
-def test_several_topics_are_ambiguous_until_one_is_named(tmp_path, capsys, small):
+def test_several_topics_are_ambiguous_until_one_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], small: Path
+) -> None:
     bag = as_bag(tmp_path / "a.mcap", extra=[("geometry_msgs/msg/TwistStamped", "/cmd_vel")])
     code, said = refused(capsys, bag, "--vehicle", small)
     assert code == 2
@@ -406,7 +464,9 @@ def test_several_topics_are_ambiguous_until_one_is_named(tmp_path, capsys, small
     ("words", "wanted"),
     [(["--odometry", "/nothing"], "no such topic"), (["--wrench", "/odom"], "nav_msgs/msg/Odometry")],
 )
-def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(tmp_path, capsys, words, wanted):
+def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], wanted: str
+) -> None:
     bag = as_bag(tmp_path / "a.mcap", end_s=5.0)
     code, said = refused(capsys, bag, *words)
     assert code == 2
@@ -414,7 +474,7 @@ def test_a_topic_that_does_not_serve_is_refused_with_what_is_there(tmp_path, cap
     assert "/thrust" in said
 
 
-def test_a_bag_without_forces_lists_what_it_holds(tmp_path, capsys):
+def test_a_bag_without_forces_lists_what_it_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "a.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
@@ -428,7 +488,7 @@ def test_a_bag_without_forces_lists_what_it_holds(tmp_path, capsys):
     assert "/odom (nav_msgs/msg/Odometry)" in said
 
 
-def test_sqlite_bags_open_too(tmp_path, small, capsys):
+def test_sqlite_bags_open_too(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mcap = as_bag(tmp_path / "a.mcap")
     bag = tmp_path / "a.db3"
     with sqlite3.connect(bag) as base:
@@ -456,7 +516,7 @@ def test_sqlite_bags_open_too(tmp_path, small, capsys):
 # ---- what is not there can be made
 
 
-def bag_of(path, topics):
+def bag_of(path: Path, topics: list[Any]) -> Path:
     """Bag of topics, each (name, type, definition, [(seconds, content)])."""
     with path.open("wb") as stream:
         writer = Writer(stream)
@@ -471,7 +531,7 @@ def bag_of(path, topics):
     return path
 
 
-def thrusts(forces):
+def thrusts(forces: tuple[Array, Array]) -> tuple[str, str, str, list[tuple[Any, Any]]]:
     kind = "geometry_msgs/msg/WrenchStamped"
     told = [(t, wrench_message(kind, START_S + t, 0, float(f), "base_link")) for t, f in zip(*forces, strict=True)]
     return "/thrust", kind, DEFINITIONS[kind], told
@@ -480,7 +540,7 @@ def thrusts(forces):
 RC_OUT = ("/mavros/rc/out", "mavros_msgs/msg/RCOut", f"std_msgs/Header header\nuint16[] channels\n{HEADER}{TIME_PART}")
 
 
-def pulses_bag(path, channels):
+def pulses_bag(path: Path, channels: list[int]) -> Path:
     """Velocities, and pulses in place of forces."""
     velocities, forces = flown(end_s=10.0)
     kind = "nav_msgs/msg/Odometry"
@@ -491,7 +551,7 @@ def pulses_bag(path, channels):
     return bag_of(path, [("/odom", kind, DEFINITIONS[kind], moved), (*RC_OUT, told)])
 
 
-def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path):
+def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path: Path) -> None:
     bag = pulses_bag(tmp_path / "a.mcap", [1700, 1700, 0, 0, 1500, 1500, 1500, 1500])
     vehicle = load_vehicle(default_vehicle())
     found = read_bag(bag, TopicSelection(wrench="/mavros/rc/out"), topics_of(bag), vehicle)
@@ -509,13 +569,15 @@ def test_pulses_become_forces_by_the_curves_of_the_vehicle_file(tmp_path):
         ([1] * 8, ["--wrench", "/mavros/rc/out", "--vehicle", default_vehicle()], "wanted pulses of 500 to 2500 us"),
     ],
 )
-def test_pulses_that_do_not_serve_are_refused_with_the_remedy(tmp_path, capsys, channels, words, wanted):
+def test_pulses_that_do_not_serve_are_refused_with_the_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], channels: list[int], words: list[str], wanted: str
+) -> None:
     code, said = refused(capsys, pulses_bag(tmp_path / "a.mcap", channels), *words)
     assert code == 2
     assert wanted in said
 
 
-def test_poses_alone_give_the_velocity(tmp_path, small, capsys):
+def test_poses_alone_give_the_velocity(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
     _, forces = flown()
     half = math.radians(30.0)
@@ -541,7 +603,7 @@ def test_poses_alone_give_the_velocity(tmp_path, small, capsys):
     assert force_at(surge, 0.4) == pytest.approx(force_at({k: {"value": v} for k, v in TRUTH.items()}, 0.4), rel=0.02)
 
 
-def world_message(t, s, v):
+def world_message(t: float, s: float, v: float) -> dict[str, Any]:
     """Odometry whose velocity is in the axes of the world, while its frames say that it is not."""
     east = {"x": 0.0, "y": float(v), "z": 0.0}
     still = {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -558,7 +620,9 @@ def world_message(t, s, v):
     }
 
 
-def test_velocities_in_the_axes_of_the_world_are_found_out(tmp_path, small, capsys):
+def test_velocities_in_the_axes_of_the_world_are_found_out(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     true = flight((3.0, 6.0, 10.0, 14.0), 80.0, 5.0, 66.48)
     (t, v), forces = flown()
     told = [(one, world_message(one, s, u)) for one, s, u in zip(t.tolist(), true.path.s[::20], v, strict=True)]
@@ -572,25 +636,25 @@ def test_velocities_in_the_axes_of_the_world_are_found_out(tmp_path, small, caps
 # ---- wrong use
 
 
-def test_a_record_that_does_not_exist(tmp_path, capsys):
+def test_a_record_that_does_not_exist(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = refused(capsys, tmp_path / "none.mcap")
     assert code == 2
     assert "does not exist" in said
 
 
-def test_a_span_beyond_the_record(tmp_path, capsys):
+def test_a_span_beyond_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 50)
     assert code == 2
     assert "the record lasts" in said
 
 
-def test_a_span_that_is_none(tmp_path, capsys):
+def test_a_span_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 5, "--to", 2)
     assert code == 2
     assert "--to" in said
 
 
-def test_without_a_vehicle_file_the_assumption_is_said(tmp_path, capsys):
+def test_without_a_vehicle_file_the_assumption_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = identified(capsys, as_csv(tmp_path / "a.csv", *flown()))
     assert any("--vehicle" in one for one in document["assumptions"])
     assert "added_mass" not in document["motions"]["surge"]

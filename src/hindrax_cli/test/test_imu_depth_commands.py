@@ -89,7 +89,9 @@ def vehicle(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_live_turn_finds_iron_and_offset_and_keeps_them(bench: Bench, vehicle: Path, capsys) -> None:
+def test_a_live_turn_finds_iron_and_offset_and_keeps_them(
+    bench: Bench, vehicle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ["--port", bench.port, "--vehicle", str(vehicle), "--seconds", "40", "--write", "--json"]
     assert main(["imu", "calibrate", *words]) == 0
     report = json.loads(capsys.readouterr().out)
@@ -102,7 +104,9 @@ def test_a_live_turn_finds_iron_and_offset_and_keeps_them(bench: Bench, vehicle:
 
 
 @pytest.mark.parametrize("bench", [(lambda _: ImuTruth(), 98_765.0)], indirect=True)
-def test_without_a_turn_it_says_what_is_missing(bench: Bench, vehicle: Path, capsys) -> None:
+def test_without_a_turn_it_says_what_is_missing(
+    bench: Bench, vehicle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     before = vehicle.read_text()
     words = ["--port", bench.port, "--vehicle", str(vehicle), "--seconds", "5", "--write"]
     assert main(["imu", "calibrate", *words]) == 1
@@ -111,7 +115,7 @@ def test_without_a_turn_it_says_what_is_missing(bench: Bench, vehicle: Path, cap
 
 
 @pytest.mark.parametrize("bench", [(lambda _: ImuTruth(), 98_765.0)], indirect=True)
-def test_the_self_test_is_run_and_told(bench: Bench, capsys) -> None:
+def test_the_self_test_is_run_and_told(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["imu", "self-test", "--port", bench.port]) == 0
     assert "self test passed" in capsys.readouterr().out
     bench.imu.hang(True)
@@ -119,7 +123,9 @@ def test_the_self_test_is_run_and_told(bench: Bench, capsys) -> None:
     assert json.loads(capsys.readouterr().out)["passed"] is False
 
 
-def test_the_tare_is_the_air_pressure_and_is_kept(bench: Bench, vehicle: Path, capsys) -> None:
+def test_the_tare_is_the_air_pressure_and_is_kept(
+    bench: Bench, vehicle: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ["--port", bench.port, "--vehicle", str(vehicle)]
     assert main(["depth", "tare", *words]) == 0
     assert "not kept" in capsys.readouterr().out
@@ -132,14 +138,14 @@ def test_the_tare_is_the_air_pressure_and_is_kept(bench: Bench, vehicle: Path, c
 
 
 @pytest.mark.parametrize("bench", [(turning, 150_000.0)], indirect=True)
-def test_a_tare_under_water_is_refused(bench: Bench, capsys) -> None:
+def test_a_tare_under_water_is_refused(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["depth", "tare", "--port", bench.port]) == 1
     said = capsys.readouterr().err
     assert "wanted air pressure" in said
     assert "surface first" in said
 
 
-def test_nobody_there_is_one_sentence(tmp_path: Path, capsys) -> None:
+def test_nobody_there_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["depth", "tare", "--port", f"mock:{tmp_path}/nobody"]) == 1
     assert "no mock hardware answers" in capsys.readouterr().err
 
@@ -150,7 +156,7 @@ IMU = "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 linear_acce
 FIELD = "geometry_msgs/Vector3 magnetic_field\n" + VECTOR
 
 
-def test_a_recorded_turn_does_as_well_as_a_live_one(tmp_path: Path, capsys) -> None:
+def test_a_recorded_turn_does_as_well_as_a_live_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The bag holds only the fields that are used: messages are read by the schema inside it."""
     vector = dict(zip("xyz", (0.0, 0.0, 0.0), strict=True))
     with (tmp_path / "turn.mcap").open("wb") as stream:

@@ -1,5 +1,7 @@
 """Many runs: the table against numbers made by hand, the executors against each other, the command over the mock."""
 
+from __future__ import annotations
+
 import json
 import math
 
@@ -19,13 +21,13 @@ from hindrax_cli.command_line import main
 from hindrax_core.errors import HindraxError
 
 
-def trial(seed, error, std=1.0):
+def trial(seed: int, error: float, std: float = 1.0) -> Trial:
     refined = CoefficientError("surge", "k_q", "output-error", error, std, 0.5, 66.48)
     other = CoefficientError("surge", "k_q", "rls", 2.0 * error, std, 0.5, 66.48)
     return Trial(seed, (refined, other), (DragError("surge", 1.0, 0.01 * error),))
 
 
-def test_cells_are_the_moments_of_the_errors():
+def test_cells_are_the_moments_of_the_errors() -> None:
     cells = {cell.method: cell for cell in tabulate([trial(1, 1.0), trial(2, -2.0), trial(3, 4.0)])}
     cell = cells["output-error"]
     assert cell.bias == pytest.approx(1.0)
@@ -37,12 +39,12 @@ def test_cells_are_the_moments_of_the_errors():
     assert drag_bias([trial(1, 1.0), trial(2, -2.0)])[0]["bias"] == pytest.approx(-0.005)
 
 
-def test_chance_alone_scatters_ratios():
+def test_chance_alone_scatters_ratios() -> None:
     # Quantiles of chi-squared with 40 degrees of freedom, from any table: 24.43 and 59.34.
     assert by_chance(40) == pytest.approx((math.sqrt(24.433 / 40.0), math.sqrt(59.342 / 40.0)), rel=1e-4)
 
 
-def test_summary_has_the_shape_of_the_command_line():
+def test_summary_has_the_shape_of_the_command_line() -> None:
     document = summary([trial(1, 1.0), Trial(2, (), (), "altitude: too low")])
     assert document["runs"] == 2
     assert document["ratio_by_chance"] == list(by_chance(2))
@@ -53,17 +55,17 @@ def test_summary_has_the_shape_of_the_command_line():
 
 
 @pytest.mark.parametrize("executor", [InThisProcess(), LocalProcesses(2)], ids=["here", "processes"])
-def test_results_come_in_the_order_of_the_items(executor):
+def test_results_come_in_the_order_of_the_items(executor: InThisProcess | LocalProcesses) -> None:
     assert list(executor.map(math.factorial, range(7))) == [1, 1, 2, 6, 24, 120, 720]
 
 
 @pytest.mark.parametrize("executor", [InThisProcess(), LocalProcesses(2)], ids=["here", "processes"])
-def test_what_goes_wrong_in_a_worker_is_raised_here(executor):
+def test_what_goes_wrong_in_a_worker_is_raised_here(executor: InThisProcess | LocalProcesses) -> None:
     with pytest.raises(ValueError, match="negative"):
         list(executor.map(math.factorial, [1, -1, 2]))
 
 
-def test_a_dask_cluster_gives_the_same():
+def test_a_dask_cluster_gives_the_same() -> None:
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp", host="127.0.0.1"
@@ -73,18 +75,18 @@ def test_a_dask_cluster_gives_the_same():
         assert list(executor.map(math.factorial, range(5))) == [1, 1, 2, 6, 24]
 
 
-def test_no_cluster_at_the_address_is_said():
+def test_no_cluster_at_the_address_is_said() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(HindraxError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1"):
         DaskCluster("tcp://127.0.0.1:1", timeout_s=1.0)
 
 
-def test_one_worker_needs_no_process():
+def test_one_worker_needs_no_process() -> None:
     assert isinstance(executor_for(workers=1), InThisProcess)
     assert isinstance(executor_for(), LocalProcesses)
 
 
-def test_the_command_flies_and_compares(capsys):
+def test_the_command_flies_and_compares(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["montecarlo", "--runs", "1", "--dof", "yaw", "--workers", "1", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     cells = {cell["coefficient"]: cell for cell in document["cells"]}
@@ -98,6 +100,6 @@ def test_the_command_flies_and_compares(capsys):
     ("words", "sentence"),
     [(["--runs", "0"], "--runs: found 0"), (["--vehicle", "nowhere.yaml"], "nowhere.yaml: cannot be read")],
 )
-def test_wrong_use_is_one_sentence(words, sentence, capsys):
+def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["montecarlo", *words]) == 2
     assert sentence in capsys.readouterr().err

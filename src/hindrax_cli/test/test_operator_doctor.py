@@ -8,9 +8,11 @@ import os
 import shutil
 import subprocess
 import tty
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Message
+from typing import Any
 
 import pytest
 
@@ -28,11 +30,11 @@ NOW_s = 1_767_225_600.0  # 2026-01-01
 
 
 @pytest.fixture(autouse=True)
-def runtime(tmp_path, monkeypatch):
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
 
 
-def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path, capsys):
+def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "vehicle.yaml"
     text = default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/dev/")
     file.write_text(text, encoding="utf-8")
@@ -46,7 +48,7 @@ def test_with_nothing_attached_every_problem_has_a_remedy(tmp_path, capsys):
         assert not by_name[name]["ok"], name
 
 
-def test_people_get_the_same_as_lines(tmp_path, capsys):
+def test_people_get_the_same_as_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "vehicle.yaml"
     file.write_text(default_vehicle().read_text(encoding="utf-8").replace("/dev/", f"{tmp_path}/"), encoding="utf-8")
     assert main(["doctor", "--vehicle", str(file)]) == 1
@@ -55,7 +57,7 @@ def test_people_get_the_same_as_lines(tmp_path, capsys):
     assert "checks found a problem" in said
 
 
-def test_the_clock():
+def test_the_clock() -> None:
     good = machine.clock(KernelTime(True, 0.02), NOW_s)
     assert (good.ok, good.found) == (True, "2026-01-01 00:00 UTC, synchronized, error at most 20 ms")
     assert "was never set" in machine.clock(KernelTime(True, 0.0), 3600.0).found
@@ -63,23 +65,23 @@ def test_the_clock():
     assert "wait for NTP" in machine.clock(KernelTime(True, 3.0), NOW_s).remedy
 
 
-def test_the_kernel_can_be_asked():
+def test_the_kernel_can_be_asked() -> None:
     assert machine.kernel_time().error_s >= 0.0
 
 
-def test_room_for_bags(monkeypatch, tmp_path):
+def test_room_for_bags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert machine.disk(tmp_path).ok
     monkeypatch.setattr(machine.shutil, "disk_usage", lambda _path: Message(free=10_000_000))
     assert "wanted 0.5 GB" in machine.disk(tmp_path).remedy
 
 
-def test_another_ros_is_named():
+def test_another_ros_is_named() -> None:
     found = machine.ros({"ROS_DISTRO": "humble"})
     assert not found.ok
     assert found.found == "ROS 2 humble" or found.found.startswith("no ")
 
 
-def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not():
+def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not() -> None:
     node = "python -m hindrax_drivers.nodes.thrusters --ros-args"
     init, tool = Running(1, 0, 0, "/sbin/init"), Running(50, 20, 7, "python -m hindrax_cli.command_line up")
     cared, lost, foreign = Running(51, 50, 7, node), Running(60, 1, 7, node), Running(61, 1, 8, node)
@@ -90,12 +92,12 @@ def test_nodes_without_a_parent_are_left_behind_and_those_with_one_are_not():
     assert machine.leftovers([init, lost], 7, "/run/another").ok
 
 
-def test_in_a_container_our_own_tool_may_be_the_first_process():
+def test_in_a_container_our_own_tool_may_be_the_first_process() -> None:
     first = Running(1, 0, 7, "python -m hindrax_cli.command_line up")
     assert machine.leftovers([first, Running(9, 1, 7, "python -m hindrax_sim.nodes.mock")], 7).ok
 
 
-def test_processes_are_read_as_the_kernel_tells_them():
+def test_processes_are_read_as_the_kernel_tells_them() -> None:
     mine = next(one for one in machine.running() if one.pid == os.getpid())
     assert (mine.parent, mine.owner) == (os.getppid(), os.getuid())
     assert "py" in mine.words
@@ -105,7 +107,7 @@ def test_processes_are_read_as_the_kernel_tells_them():
     assert places[child.pid] == "/run/there"
 
 
-def test_ports(tmp_path, monkeypatch):
+def test_ports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert wires.port("/dev/null").ok
     assert "raspi-config" in wires.port("/dev/i2c-77").remedy
     assert "./hindrax mock" in wires.port("mock:/nowhere/i2c").remedy
@@ -119,20 +121,20 @@ def test_ports(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="root may open everything")
-def test_a_port_of_another_group_names_it(tmp_path):
+def test_a_port_of_another_group_names_it(tmp_path: Path) -> None:
     path = tmp_path / "port"
     path.write_text("")
     path.chmod(0)
     assert "usermod" in wires.port(str(path)).remedy
 
 
-def test_every_port_is_looked_at_once():
+def test_every_port_is_looked_at_once() -> None:
     vehicle = load_vehicle(default_vehicle())
     names = [one.name for one in wires.ports(vehicle, {"thrusters": "mock:/x/i2c"})]
     assert names == ["/dev/hindrax/dvl", "/dev/hindrax/ping", "/dev/i2c-1", "mock:/x/i2c"]
 
 
-def test_an_address_of_the_network_is_asked_and_not_looked_for(monkeypatch):
+def test_an_address_of_the_network_is_asked_and_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wires, "ANSWER_S", 0.2)
     network = {"dvl75": "udp://127.0.0.1:9999"}
     vehicle = load_vehicle(default_vehicle())
@@ -147,7 +149,7 @@ def status(level: bytes, message: str, **values: str) -> Message:
     return Message(level=level, message=message, values=pairs)
 
 
-def test_a_stack_that_is_up_is_asked_instead_of_its_wires():
+def test_a_stack_that_is_up_is_asked_instead_of_its_wires() -> None:
     diagnostics = {
         "hindrax: dvl75": status(b"\x00", "measuring", identity="DVL-75", last_trouble="slow once"),
         "hindrax: ping1d": status(b"\x02", "no reading for 3.0 s", last_trouble="Errno 5"),
@@ -160,12 +162,12 @@ def test_a_stack_that_is_up_is_asked_instead_of_its_wires():
     assert pilot.found == "its node says nothing"
 
 
-def test_a_stack_of_which_nobody_reports_is_a_problem():
+def test_a_stack_of_which_nobody_reports_is_a_problem() -> None:
     (only,) = nodes.judged({}, ("dvl75",), "vehicle")
     assert not only.ok
 
 
-def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports):
+def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports: dict[str, Any]) -> None:
     vehicle = load_vehicle(default_vehicle())
     found = wires.ports(vehicle, mock_ports) + wires.devices(vehicle, mock_ports, mock_ports["clock"])
     assert [one.name for one in found if not one.ok] == []
@@ -175,7 +177,7 @@ def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports):
     assert "Ping" in by_name["ping1d"]
 
 
-def test_a_silent_device_is_a_problem_with_its_line(mock_ports):
+def test_a_silent_device_is_a_problem_with_its_line(mock_ports: dict[str, Any]) -> None:
     vehicle = load_vehicle(default_vehicle())
     only = replace(vehicle, sensors={"dvl75": vehicle.sensors["dvl75"]})
     silent, end = os.openpty()
@@ -191,7 +193,7 @@ def test_a_silent_device_is_a_problem_with_its_line(mock_ports):
 
 
 @pytest.fixture
-def mock_ports(tmp_path):
+def mock_ports(tmp_path: Path) -> Iterator[dict[str, Any]]:
     """Ports of a mock vehicle in a process of its own, without ROS."""
     if importlib.util.find_spec("rclpy") is None:
         pytest.skip("the mock's process imports rclpy")

@@ -34,12 +34,12 @@ OPERATOR = (
 
 
 @pytest.fixture(autouse=True)
-def runtime(tmp_path, monkeypatch):
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
 
 
 @pytest.mark.parametrize("name", OPERATOR)
-def test_every_command_has_help_with_an_example(name, capsys):
+def test_every_command_has_help_with_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main([name, "--help"])
     assert ended.value.code == 0
@@ -49,14 +49,16 @@ def test_every_command_has_help_with_an_example(name, capsys):
 # ---- lights
 
 
-def test_one_brightness_goes_for_every_lamp():
+def test_one_brightness_goes_for_every_lamp() -> None:
     assert lights.parse(["0.5"], 2) == [0.5, 0.5]
     assert lights.parse(["1", "0"], 2) == [1.0, 0.0]
     assert lights.parse(["off"], 2) == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("words", [["2"], ["-0.1"], ["nan"], ["bright"], ["1", "1", "1"]])
-def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(words, capsys):
+def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["lights", *words]) == 2
     assert "wanted one or 2 numbers from 0 to 1, or `off`" in capsys.readouterr().err
 
@@ -64,18 +66,18 @@ def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(words, cap
 # ---- hold
 
 
-def test_angles_are_given_in_degrees_and_distances_in_meters():
+def test_angles_are_given_in_degrees_and_distances_in_meters() -> None:
     assert hold.parse("heading", "90") == (("heading",), pytest.approx(math.pi / 2), True)
     assert hold.parse("depth", "0.8") == (("depth",), 0.8, True)
 
 
-def test_without_a_value_the_vehicle_holds_where_it_is():
+def test_without_a_value_the_vehicle_holds_where_it_is() -> None:
     axes, value, engaged = hold.parse("altitude", None)
     assert (axes, engaged) == (("altitude",), True)
     assert math.isnan(value)
 
 
-def test_off_lets_go_of_one_or_all():
+def test_off_lets_go_of_one_or_all() -> None:
     assert hold.parse("roll", "off")[::2] == (("roll",), False)
     assert hold.parse("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude"), False)
 
@@ -83,12 +85,14 @@ def test_off_lets_go_of_one_or_all():
 @pytest.mark.parametrize(
     ("axis", "text"), [("all", "3"), ("all", None), ("depth", "deep"), ("depth", "nan"), ("roll", "inf")]
 )
-def test_what_cannot_be_held_is_refused_with_what_was_wanted(axis, text, capsys):
+def test_what_cannot_be_held_is_refused_with_what_was_wanted(
+    axis: str, text: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["hold", axis, *([text] if text else [])]) == 2
     assert f"hold {axis}: " in capsys.readouterr().err
 
 
-def test_headings_are_shown_from_0_to_360():
+def test_headings_are_shown_from_0_to_360() -> None:
     assert hold.shown("heading", math.radians(-90.0)) == "270.0 deg"
     assert hold.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
     assert hold.shown("depth", 0.8) == "0.80 m"
@@ -106,7 +110,9 @@ def test_headings_are_shown_from_0_to_360():
         ("dead_man:=99", "--set.dead_man: found 99, wanted 0 to 63"),
     ],
 )
-def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(word, reason, capsys):
+def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(
+    word: str, reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["joystick", "--set", word]) == 2
     assert reason in capsys.readouterr().err
 
@@ -114,7 +120,7 @@ def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(word,
 # ---- wrench
 
 
-def test_a_wrench_is_six_finite_numbers(capsys):
+def test_a_wrench_is_six_finite_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     assert wrench.checked([1, 2, 3, 4, 5, 6]) == (1, 2, 3, 4, 5, 6)
     assert main(["wrench", "1", "0", "nan", "0", "0", "0"]) == 2
     assert "wrench Z: found nan, wanted a finite number" in capsys.readouterr().err
@@ -122,14 +128,14 @@ def test_a_wrench_is_six_finite_numbers(capsys):
         main(["wrench", "1", "0"])
 
 
-def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused():
+def test_a_wrench_beyond_the_limits_of_the_vehicle_is_refused() -> None:
     limits = load_vehicle(default_vehicle()).limits.wrench
     wrench.require_within(limits, limits)
     with pytest.raises(UsageError, match=r"wrench N: found -500, wanted -\d+ to \d+ "):
         wrench.require_within((0.0, 0.0, 0.0, 0.0, 0.0, -500.0), limits)
 
 
-def test_what_came_of_a_wrench_names_what_lacks():
+def test_what_came_of_a_wrench_names_what_lacks() -> None:
     plan = Message(achieved=[9.0, 0, 0, 0, 0, 0.5], shortfall=[1.0, 0, 0, 0, 0, 0], refused=["Y: found nan"])
     said = wrench.outcome_text(plan)
     assert said == "done; with the holds it was X +9.0 N, N +0.5 Nm; lacking X +1.0 N; refused: Y: found nan"
@@ -143,7 +149,7 @@ VEHICLE = load_vehicle(default_vehicle())
 
 
 @pytest.mark.parametrize("name", ["3", "T3"])
-def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name):
+def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name: str) -> None:
     index, pulses = pulses_of(VEHICLE, name, -4.0)
     assert index == 2
     assert 1100.0 < pulses[2] < 1475.0
@@ -162,22 +168,24 @@ def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name):
         ("1", 0.05, "less than it can give"),
     ],
 )
-def test_a_thruster_that_cannot_do_it_says_what_it_can(name, force, words):
+def test_a_thruster_that_cannot_do_it_says_what_it_can(name: str, force: float, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         pulses_of(VEHICLE, name, force)
 
 
-def test_no_force_is_rest():
+def test_no_force_is_rest() -> None:
     assert pulses_of(VEHICLE, "1", 0.0)[1] == [1500.0] * 8
 
 
 @pytest.mark.parametrize("words", [["3"], ["fit"], ["disable"], ["3", "T4", "--force", "1"], ["fly", "--force", "1"]])
-def test_words_about_thrusters_that_make_no_sense_are_refused(words, capsys):
+def test_words_about_thrusters_that_make_no_sense_are_refused(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["thruster", *words]) == 2
     assert "hindrax thruster: thruster " in capsys.readouterr().err
 
 
-def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path, capsys):
+def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, sweep = tmp_path / "vehicle.yaml", tmp_path / "sweep.csv"
     file.write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
     pulses = np.r_[np.linspace(1100, 1470, 12), np.linspace(1530, 1900, 12)]
@@ -210,7 +218,9 @@ def test_a_sweep_becomes_the_curve_of_the_vehicle_file(tmp_path, capsys):
         (0.0, 15200.0, "curves.main.supply_V: found 15200, wanted 5 to 60 .*; look for another unit"),
     ],
 )
-def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(tmp_path, capsys, offset_N, volts, reason):
+def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], offset_N: float, volts: float, reason: str
+) -> None:
     sweep = tmp_path / "sweep.csv"
     pulses = np.r_[np.linspace(1100, 1470, 12), np.linspace(1530, 1900, 12)]
     loads = 2e-7 * (pulses - 1500) ** 3 + 0.07 * (pulses - 1500) + offset_N
@@ -223,7 +233,7 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(tmp_path, c
 # ---- pool-test
 
 
-def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path, capsys):
+def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nothing = Message(results=Message(motions={}))
     finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}))
     assert capsys.readouterr().err == ""
@@ -235,12 +245,12 @@ def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("option", [["--rate", "2"], ["--seed", "2"], ["--fault", "absent:dvl75@1+2"]])
-def test_options_of_the_mock_need_the_mock(option, capsys):
+def test_options_of_the_mock_need_the_mock(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["up", *option]) == 2
     assert "for --mock only" in capsys.readouterr().err
 
 
-def test_up_says_how_to_reach_it(tmp_path):
+def test_up_says_how_to_reach_it(tmp_path: Path) -> None:
     presence = StackLock(5, True, "v", "f", {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "jazzy"})
     said = startup_text(presence, RunFolder(tmp_path), record=True)
     assert "export ROS_DOMAIN_ID=7\n" in said
@@ -248,7 +258,7 @@ def test_up_says_how_to_reach_it(tmp_path):
     assert "bag" not in startup_text(presence, RunFolder(Path("x")), record=False)
 
 
-def test_only_what_changes_is_news():
+def test_only_what_changes_is_news() -> None:
     assert health_changes({}, {"dvl75": "no answer for 1.2 s", "pilot": ""}) == [
         "dvl75: no answer for 1.2 s",
         "pilot: well",
@@ -258,7 +268,7 @@ def test_only_what_changes_is_news():
     assert health_changes({"dvl75": ""}, {"dvl75": ""}) == []
 
 
-def test_a_signal_is_noted_and_interrupts_nothing():
+def test_a_signal_is_noted_and_interrupts_nothing() -> None:
     with asked_to_end() as over:
         assert not over()
         signal.raise_signal(signal.SIGINT)
@@ -266,11 +276,13 @@ def test_a_signal_is_noted_and_interrupts_nothing():
         assert over()
 
 
-def test_the_devices_alone_lie_at_stable_paths_and_only_once(tmp_path, capsys):
+def test_the_devices_alone_lie_at_stable_paths_and_only_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     told, asked = {}, threading.Event()
     folder = tmp_path / "runtime" / "mock"
 
-    def tell(found) -> None:
+    def tell(found: dict[str, str]) -> None:
         told.update(found)
         assert main(["mock"]) == 1
         asked.set()
@@ -283,14 +295,14 @@ def test_the_devices_alone_lie_at_stable_paths_and_only_once(tmp_path, capsys):
     assert not (folder / "dvl75").exists()
 
 
-def test_ports_are_told_to_people_scripts_and_programs():
+def test_ports_are_told_to_people_scripts_and_programs() -> None:
     found = {"dvl75": "/run/dvl75", "clock": "mock:/run/i2c"}
     assert mock_devices.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
     assert json.loads(mock_devices.document(found)) == {"ports": found}
     assert "  dvl75  /run/dvl75" in mock_devices.table(found)
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path, capsys):
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     assert main(["mock", "--folder", str(tmp_path / "file" / "mock")]) == 2
     assert "choose another with --folder" in capsys.readouterr().err
@@ -306,7 +318,9 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path, capsys):
         (["--seed", str(1 << 32)], "--seed: found 4294967296"),
     ],
 )
-def test_neither_a_pace_nor_a_seed_is_refused_before_anything_starts(command, words, reason, capsys):
+def test_neither_a_pace_nor_a_seed_is_refused_before_anything_starts(
+    command: str, words: list[str], reason: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as ended:
         main([command, *([] if command == "mock" else ["--mock"]), *words])
     assert ended.value.code == 2

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -14,7 +16,7 @@ from hindrax_sim.ptys import Pty
 
 
 @pytest.fixture
-def sonar(tmp_path):
+def sonar(tmp_path: Path) -> Iterator[str]:
     """Yield a path on which a sonar hears the bottom at 1.8 m."""
     path, device = tmp_path / "ping", Ping1d(noise=0.0)
     port, stop = Pty(path), threading.Event()
@@ -35,7 +37,7 @@ def sonar(tmp_path):
     port.close()
 
 
-def test_a_profile_is_asked_for_and_told(sonar, capsys):
+def test_a_profile_is_asked_for_and_told(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ping", "profile", "--port", sonar, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["distance_m"] == pytest.approx(1.8, abs=0.002)
@@ -47,7 +49,7 @@ def test_a_profile_is_asked_for_and_told(sonar, capsys):
     assert start + (end - start) * loudest / len(found["strength"]) == pytest.approx(1.8, abs=0.05)
 
 
-def test_a_profile_is_drawn(sonar, capsys):
+def test_a_profile_is_drawn(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["ping", "profile", "--port", sonar]) == 0
     head, found, *rows = capsys.readouterr().out.splitlines()
     assert "answered in" in head
@@ -56,19 +58,11 @@ def test_a_profile_is_drawn(sonar, capsys):
     assert float(longest.split()[0]) == pytest.approx(1.8, abs=0.2)
 
 
-def test_the_device_itself_is_shown_and_gets_a_number(sonar, capsys) -> None:
-    assert main(["ping", "show", "--port", sonar, "--device-id", "7", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert (found["device_id"], found["supply_V"], found["processor_C"], found["board_C"]) == (7, 5.0, 30.0, 25.0)
-    assert main(["ping", "show", "--port", sonar]) == 0
-    assert "device_id: 7" in capsys.readouterr().out
-    assert main(["ping", "show", "--port", sonar, "--device-id", "255"]) == 2
-    assert "found 255, wanted 0 to 254" in capsys.readouterr().err
-
-
-def test_silence_is_told_with_its_remedy(tmp_path, capsys, monkeypatch):
+def test_silence_is_told_with_its_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("hindrax_cli.commands.machine.ping.PATIENCE_S", 0.3)
     port = Pty(tmp_path / "ping")
     assert main(["ping", "profile", "--port", str(port.path)]) == 1
-    assert "no answer in 0.3 s (silence); check power, cable and speed" in capsys.readouterr().err
+    assert "no profile in 0.3 s (silence); check power, cable and speed" in capsys.readouterr().err
     port.close()

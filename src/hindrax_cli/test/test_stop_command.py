@@ -1,7 +1,10 @@
 """What `hindrax stop` says of the pulses of a stack that did not obey: what the heartbeat of the dead man tells."""
 
+from __future__ import annotations
+
 import math
 import time
+from pathlib import Path
 
 import pytest
 
@@ -19,7 +22,9 @@ STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
         (math.inf, "its dead man does not beat, so its thrusters may go on with their last pulses; cut the power"),
     ],
 )
-def test_the_heartbeat_of_the_dead_man_tells(tmp_path, monkeypatch, age_s, said):
+def test_the_heartbeat_of_the_dead_man_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, age_s: float, said: str
+) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     heartbeat = tmp_path / f"{STACK.pid}-abc.beats" / "thrusters"
     heartbeat.parent.mkdir()
@@ -28,7 +33,7 @@ def test_the_heartbeat_of_the_dead_man_tells(tmp_path, monkeypatch, age_s, said)
     assert "cut the power" in on_the_wire(STACK)
 
 
-def test_without_a_heartbeat_nothing_is_promised(tmp_path, monkeypatch):
+def test_without_a_heartbeat_nothing_is_promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     for stack in (None, STACK):
         assert on_the_wire(stack) == "nothing here tells whether its thrusters turn; if they do, cut the power"

@@ -1,5 +1,7 @@
 """Wrong use costs one sentence that names the word, with the one that was perhaps meant, and exit code 2."""
 
+from __future__ import annotations
+
 import contextlib
 import os
 import subprocess
@@ -19,7 +21,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import load_vehicle
 
 
-def refused(capsys, *words: str) -> str:
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     try:
         code = command_line.main(words)
     except SystemExit as end:
@@ -48,11 +50,13 @@ def refused(capsys, *words: str) -> str:
         (["hold", "depht"], "invalid choice: 'depht'"),
     ],
 )
-def test_one_sentence(capsys, words, sentence):
+def test_one_sentence(capsys: pytest.CaptureFixture[str], words: list[str], sentence: str) -> None:
     assert sentence in refused(capsys, *words)
 
 
-def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(capsys, tmp_path):
+def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     lines = default_vehicle().read_text(encoding="utf-8").splitlines(keepends=True)
     six, out = tmp_path / "six.yaml", tmp_path / "run"
     six.write_text("".join(line for line in lines if "name: T7" not in line and "name: T8" not in line))
@@ -63,14 +67,14 @@ def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_start
     assert not out.exists()
 
 
-def test_no_word_at_all_shows_every_command(capsys):
+def test_no_word_at_all_shows_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line.main([]) == 2
     said = capsys.readouterr().out
     assert all(f"  {name.replace('_', '-')} " in said for name in command_line.module_names())
 
 
 @pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])
-def test_options_of_pytest_reach_pytest(monkeypatch, words):
+def test_options_of_pytest_reach_pytest(monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
     called = []
     child = SimpleNamespace(wait=lambda: 0)
     monkeypatch.setattr(test_command.subprocess, "Popen", lambda command, **_: called.append(command) or child)
@@ -79,7 +83,7 @@ def test_options_of_pytest_reach_pytest(monkeypatch, words):
 
 
 @pytest.mark.parametrize("buffered", [{}, {"PYTHONUNBUFFERED": "1"}])
-def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered):
+def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered: dict[str, str]) -> None:
     tool = [sys.executable, "-m", "hindrax_cli.command_line", "--help"]
     here, there = os.pipe()
     os.close(here)
@@ -91,8 +95,10 @@ def test_a_reader_that_has_seen_enough_costs_no_traceback(buffered):
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_control_c_while_a_command_is_loaded_is_one_sentence(monkeypatch, capsys):
-    def interrupted(_name):
+def test_control_c_while_a_command_is_loaded_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_name: str) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(command_line, "load", interrupted)
@@ -101,7 +107,7 @@ def test_control_c_while_a_command_is_loaded_is_one_sentence(monkeypatch, capsys
 
 
 @pytest.fixture
-def at_a_desk(tmp_path):
+def at_a_desk(tmp_path: Path) -> Path:
     """A vehicle file with one port that exists (a bus) and four that do not."""
     vehicle = yaml.safe_load(Path(default_vehicle()).read_text(encoding="utf-8"))
     (tmp_path / "i2c").touch()
@@ -113,7 +119,9 @@ def at_a_desk(tmp_path):
     return file
 
 
-def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(capsys, monkeypatch, at_a_desk):
+def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, at_a_desk: Path
+) -> None:
     monkeypatch.setattr(pool_test, "run_pool_test", lambda options: pytest.fail(f"flown: {options}"))
     assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 1
     said = capsys.readouterr().err
@@ -125,7 +133,7 @@ def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(capsys, m
     assert said.strip().endswith("or fly without a vehicle: --mock")
 
 
-def test_ports_that_are_there_but_silent_get_their_time(monkeypatch, at_a_desk):
+def test_ports_that_are_there_but_silent_get_their_time(monkeypatch: pytest.MonkeyPatch, at_a_desk: Path) -> None:
     flown = []
     monkeypatch.setattr(pool_test, "run_pool_test", lambda options: flown.append(options) or 0)
     for mount in load_vehicle(at_a_desk).sensors.values():
@@ -134,12 +142,14 @@ def test_ports_that_are_there_but_silent_get_their_time(monkeypatch, at_a_desk):
     assert len(flown) == 1
 
 
-def test_arm_warns_only_of_thrusters_that_can_be_armed(capsys, monkeypatch):
+def test_arm_warns_only_of_thrusters_that_can_be_armed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     class NoStack:
-        def wait_for_thrusters(self):
+        def wait_for_thrusters(self) -> None:
             raise HindraxError("waited 5 s for the thrusters node")
 
-        def arm(self, **_):
+        def arm(self, **_: object) -> None:
             self.wait_for_thrusters()
 
     monkeypatch.setattr(arm, "operator_of", lambda _: contextlib.nullcontext(NoStack()))

@@ -1,20 +1,22 @@
 """What the tests of control share."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest
 from ideal_vehicle import IdealVehicle
 
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 
 
 @pytest.fixture(scope="session")
-def ideal_vehicle():
+def ideal_vehicle() -> type[IdealVehicle]:
     """The class of ideal vehicles."""
     return IdealVehicle
 
 
 @pytest.fixture(scope="session")
-def hindrax():
+def hindrax() -> Vehicle:
     """The Hindrax itself."""
     return load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")

@@ -1,8 +1,11 @@
 """Allocation against its laws; `test_bounded_allocation.py` judges its order."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +15,9 @@ from hypothesis import strategies as st
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator, finite_axes
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import AXES, load_vehicle
+from hindrax_ident.arrays import Array
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 NAMES = tuple(thruster.name for thruster in HINDRAX.thrusters)
@@ -27,12 +32,12 @@ usual = st.tuples(*[st.floats(-40.0, 40.0)] * 3, *[st.floats(-10.0, 10.0)] * 3)
 masks = st.frozensets(st.sampled_from(NAMES))
 
 
-def applied_wrench(allocation):
+def applied_wrench(allocation: Allocation) -> Array:
     return B @ np.array(allocation.forces_N)
 
 
 @given(wrenches, masks)
-def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench, mask):
+def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench: tuple[float, ...], mask: frozenset[str]) -> None:
     allocation = ALLOCATOR.allocate(wrench, mask)
     assert all(-TOP - 1e-4 <= force <= TOP + 1e-4 for force in allocation.forces_N)
     assert all(1100 <= pulse <= 1900 for pulse in allocation.pulses_us)
@@ -43,25 +48,25 @@ def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench, mask):
 
 
 @given(st.lists(st.floats(-TOP, TOP), min_size=8, max_size=8), st.sampled_from([(), *((name,) for name in NAMES)]))
-def test_wrench_that_can_be_had_is_had(forces, mask):
+def test_wrench_that_can_be_had_is_had(forces: list[float], mask: tuple[str, ...]) -> None:
     wanted = B @ np.array([0.0 if name in mask else force for name, force in zip(NAMES, forces, strict=True)])
     given_forces = ALLOCATOR.forces(tuple(wanted), frozenset(mask))
     assert np.allclose(B @ np.array(given_forces), wanted, atol=1e-7)
 
 
 @given(usual)
-def test_pulses_miss_a_reachable_wrench_by_rounding_only(wrench):
+def test_pulses_miss_a_reachable_wrench_by_rounding_only(wrench: tuple[float, ...]) -> None:
     """The pattern without wrench keeps every thruster out of its dead band, wherever there is room for it."""
     wrench = tuple(0.4 * value for value in wrench)
     shortfall = np.abs(ALLOCATOR.allocate(wrench).shortfall)
     assert np.all(shortfall <= np.abs(B) @ np.full(8, ROUNDING_N) + 1e-9)
 
 
-def test_zero_wrench_stops_every_thruster():
+def test_zero_wrench_stops_every_thruster() -> None:
     assert ALLOCATOR.allocate((0.0,) * 6, previous_us=(1600,) * 8).pulses_us == (1500,) * 8
 
 
-def test_idle_thrusters_hold_against_each_other():
+def test_idle_thrusters_hold_against_each_other() -> None:
     allocation = ALLOCATOR.allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
     assert np.abs(allocation.forces_N) == pytest.approx([2.0] * 8, abs=ROUNDING_N + 1e-3)
     quiet = Allocator(HINDRAX, AllocationKnobs(idle_bias_N=0.0)).allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
@@ -69,7 +74,7 @@ def test_idle_thrusters_hold_against_each_other():
 
 
 @given(usual.filter(lambda wrench: any(0.4 * value for value in wrench)))
-def test_pattern_moves_no_more_than_it_must(first):
+def test_pattern_moves_no_more_than_it_must(first: tuple[float, ...]) -> None:
     """With the pulses sent before, a wrench that hardly changes hardly changes the forces."""
     before = ALLOCATOR.allocate(tuple(0.4 * value for value in first))
     nudged = tuple(0.4 * value + 1e-3 for value in first)
@@ -78,7 +83,7 @@ def test_pattern_moves_no_more_than_it_must(first):
 
 
 @given(usual, st.floats(3.0, 100.0))
-def test_out_of_reach_the_first_priority_keeps_its_direction(wrench, excess):
+def test_out_of_reach_the_first_priority_keeps_its_direction(wrench: tuple[float, ...], excess: float) -> None:
     wanted = np.array(wrench) * excess
     given_wrench = B @ np.array(ALLOCATOR.forces(tuple(wanted)))
     for axes in ([2, 3, 4, 5], [0, 1]):
@@ -89,7 +94,7 @@ def test_out_of_reach_the_first_priority_keeps_its_direction(wrench, excess):
             assert given_wrench[axes] == pytest.approx(part * wanted[axes] / length, abs=5e-3)
 
 
-def test_heave_and_attitude_go_before_surge_and_sway():
+def test_heave_and_attitude_go_before_surge_and_sway() -> None:
     # Of the 23.3 Nm in yaw nearly all: served first, they leave little thrust for surge and sway.
     wanted = (100.0, 50.0, 20.0, 2.0, 1.0, 20.0)
     given_wrench = B @ np.array(ALLOCATOR.forces(wanted))
@@ -98,7 +103,7 @@ def test_heave_and_attitude_go_before_surge_and_sway():
     assert 4.0 < given_wrench[0] < 6.0
 
 
-def test_reach_of_each_axis():
+def test_reach_of_each_axis() -> None:
     # All four vectored thrusters at the ends of the curve, and all four vertical ones.
     c, s = math.cos(math.radians(55.0)), math.sin(math.radians(55.0))
     for sign in (-1.0, 1.0):
@@ -109,7 +114,7 @@ def test_reach_of_each_axis():
     assert ALLOCATOR.reach("surge", 1.0, frozenset({"T3"})) == pytest.approx(2 * c * TOP, rel=1e-3)
 
 
-def test_failed_thrusters_name_the_axes_that_are_lost():
+def test_failed_thrusters_name_the_axes_that_are_lost() -> None:
     assert ALLOCATOR.allocate((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), frozenset({"T3"})).lost_axes == ()
     lost = ALLOCATOR.allocate((5.0, 2.0, 0.0, 0.0, 0.0, 1.0), frozenset({"T3", "T4"}))
     assert lost.lost_axes == ("sway",)
@@ -121,7 +126,7 @@ def test_failed_thrusters_name_the_axes_that_are_lost():
     assert everything.pulses_us == (1500,) * 8
 
 
-def test_axis_that_is_not_finite_is_refused_and_the_others_are_served():
+def test_axis_that_is_not_finite_is_refused_and_the_others_are_served() -> None:
     allocation = ALLOCATOR.allocate((5.0, math.nan, 3.0, 0.0, math.inf, 0.5))
     assert allocation.refused == ("Y: found nan, wanted a finite number", "M: found inf, wanted a finite number")
     assert allocation.wanted == (5.0, 0.0, 3.0, 0.0, 0.0, 0.5)
@@ -129,24 +134,24 @@ def test_axis_that_is_not_finite_is_refused_and_the_others_are_served():
 
 
 @given(st.tuples(*[st.floats()] * 6))
-def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench):
+def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: tuple[float, ...]) -> None:
     accepted, refused = finite_axes(wrench)
     assert len(refused) == sum(not math.isfinite(value) for value in wrench)
     assert all(map(math.isfinite, accepted))
     assert all(map(math.isfinite, ALLOCATOR.allocate(wrench).achieved))
 
 
-def test_unknown_thruster_is_named():
+def test_unknown_thruster_is_named() -> None:
     assert ALLOCATOR.allocate((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), frozenset({"T9"})).refused == ("T9: no such thruster",)
 
 
-def test_saturation_is_shown():
+def test_saturation_is_shown() -> None:
     allocation = ALLOCATOR.allocate((0.0, 0.0, -500.0, 0.0, 0.0, 0.0))
     assert allocation.saturated == (False,) * 4 + (True,) * 4
     assert allocation.shortfall[2] == pytest.approx(-500.0 + 4 * TOP, abs=0.1)
 
 
-def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it():
+def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it() -> None:
     full = ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=14.8)
     low = ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=12.0)
     assert low.pulses_us[4] > full.pulses_us[4]
@@ -155,14 +160,14 @@ def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it():
         ALLOCATOR.allocate((1.0,) * 6, supply_V=math.nan)
 
 
-def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force():
+def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force() -> None:
     turned = replace(HINDRAX, thrusters=(replace(HINDRAX.thrusters[0], reversed=True), *HINDRAX.thrusters[1:]))
     straight, mirrored = (Allocator(one).allocate((12.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for one in (HINDRAX, turned))
     assert mirrored.pulses_us[0] == 3000 - straight.pulses_us[0]
     assert mirrored.forces_N[0] == pytest.approx(straight.forces_N[0])
 
 
-def test_limits_that_leave_nothing_are_told():
+def test_limits_that_leave_nothing_are_told() -> None:
     """A fault of ours or of the curves: no force is above the lower and below this upper limit."""
     broken = Allocator(HINDRAX)
     broken._latest = replace(broken._latest, spreads=(), unchecked=((0, TOP, -TOP),))
@@ -176,14 +181,14 @@ def test_limits_that_leave_nothing_are_told():
     assert ALLOCATOR.allocate((100.0, 0.0, 10.0, 0.0, 0.0, 0.0)).exact
 
 
-def test_symmetric_demand_out_of_reach_leaves_heave_alone():
+def test_symmetric_demand_out_of_reach_leaves_heave_alone() -> None:
     given_wrench = B @ np.array(ALLOCATOR.forces((500.0, 0.0, 10.0, 0.0, 0.0, 0.0)))
     assert given_wrench == pytest.approx([4 * math.cos(math.radians(55.0)) * TOP, 0.0, 10.0, 0.0, 0.0, 0.0], abs=1e-4)
 
 
 @settings(max_examples=15)
 @given(st.permutations(range(8)), usual)
-def test_order_of_thrusters_does_not_matter(order, wrench):
+def test_order_of_thrusters_does_not_matter(order: list[Any], wrench: tuple[float, ...]) -> None:
     shuffled = Allocator(replace(HINDRAX, thrusters=tuple(HINDRAX.thrusters[index] for index in order)))
     given_wrench = shuffled.B @ np.array(shuffled.forces(wrench))
     assert given_wrench == pytest.approx(B @ np.array(ALLOCATOR.forces(wrench)), abs=0.02)

@@ -4,10 +4,13 @@ The allocator works on facets and two parts; the reference knows neither. It han
 the priorities as two programs, one after the other.
 """
 
+from __future__ import annotations
+
 import os
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +22,9 @@ from hindrax_control.allocation.bounded_allocation import AttainableSet
 from hindrax_control.allocation.effectiveness import effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.allocation.thruster_layout import thruster_layout
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.readings import Vec3
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.arrays import Array
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 TOP = 15.5283
@@ -30,7 +35,7 @@ AT_ONCE = 60  # demands in one program: HiGHS takes longer than in proportion fo
 ORDERS = ((2, 2, 1, 1, 1, 1), (2, 2, 1, 1, 1, 1), (1, 1, 1, 1, 1, 1), (1, 2, 2, 1, 1, 2), (1, 1, 2, 2, 2, 2))
 
 
-def vehicle_of(poses):
+def vehicle_of(poses: list[tuple[Vec3, float, float]]) -> Vehicle:
     """A vehicle with thrusters at these positions, azimuths and elevations."""
     thrusters = [
         replace(HINDRAX.thrusters[index], position_m=position, azimuth_deg=azimuth, elevation_deg=elevation)
@@ -47,14 +52,14 @@ SIX += [((0.0, 0.1, 0.0), 0.0, -90.0), ((0.0, -0.1, 0.0), 0.0, -90.0)]
 VEHICLES = {"hindrax": HINDRAX, "cube": vehicle_of(CUBE), "six": vehicle_of(SIX)}
 
 
-def split(wrenches, priority, served):
+def split(wrenches: Array, priority: tuple[int, int, int, int, int, int], served: tuple[int, ...]) -> Array:
     """Both priorities of each wrench (2, n, 6), as the levels of the served axes say; lost axes are in none."""
     levels = sorted({priority[axis] for axis in served})
     mine = [[axis in served and priority[axis] == level for axis in range(6)] for level in (*levels, None)[:2]]
     return np.array([np.where(group, wrenches, 0.0) for group in mine])
 
 
-def largest(B_used, limits, parts, floor_N=None):
+def largest(B_used: Array, limits: Array, parts: Array, floor_N: float | None = None) -> Array:
     """Largest size [N, Nm] of the first part (n,), or of the second where the first has at least its floor."""
     n, m = parts.shape[1], B_used.shape[1]
     lengths = np.linalg.norm(parts, axis=2)
@@ -80,7 +85,9 @@ def largest(B_used, limits, parts, floor_N=None):
     return found.x.reshape(n, m + 2)[:, wanted]
 
 
-def inexact(B_used, limits, priority, wrenches, forces):
+def inexact(
+    B_used: Array, limits: Array, priority: tuple[int, int, int, int, int, int], wrenches: Array, forces: Array
+) -> Array:
     """Which allocations (n, m) of wrenches (n, 6) leave their limits, bend a direction, or could have more."""
     served = served_axes(B_used)
     mine = np.where(np.isin(np.arange(6), served)[:, None], B_used, 0.0)
@@ -98,7 +105,7 @@ def inexact(B_used, limits, priority, wrenches, forces):
     return np.max([bent, outside, too_much, missing], axis=0) > EXACT_N
 
 
-def structured(rng, B_used, limits, count):
+def structured(rng: np.random.Generator, B_used: Array, limits: Array, count: int) -> Array:
     """Demands with axes zero, equal, on the limits of an axis, on faces and corners, tiny, and far too large."""
     reach = np.abs(B_used) @ np.max(np.abs(limits), axis=1)
     sizes = rng.uniform(0.1, 3.0, (count, 1))
@@ -113,14 +120,14 @@ def structured(rng, B_used, limits, count):
     return np.where(rng.random((count, 1)) < 0.6, axes, corners @ B_used.T * near)
 
 
-def some_out(rng, thrusters):
+def some_out(rng: np.random.Generator, thrusters: int) -> list[Any]:
     """Indices of those in use: usually all, sometimes with up to five out."""
     out = rng.choice([0, 0, 1, 2, 3, 5])
     return sorted(rng.permutation(thrusters)[: max(1, thrusters - out)].tolist())
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_every_demand_gets_the_largest_part_in_order(name):
+def test_every_demand_gets_the_largest_part_in_order(name: str) -> None:
     rng = np.random.default_rng(sum(map(ord, name)))
     vehicle = VEHICLES[name]
     B_all, names = effectiveness(vehicle), [thruster.name for thruster in vehicle.thrusters]
@@ -140,7 +147,7 @@ def test_every_demand_gets_the_largest_part_in_order(name):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_limits_may_differ_and_be_zero(name):
+def test_limits_may_differ_and_be_zero(name: str) -> None:
     rng = np.random.default_rng(len(name))
     B_all = effectiveness(VEHICLES[name])
     wrong = []

@@ -1,5 +1,7 @@
 """The effectiveness matrix of the Hindrax against the paper's equation 9 and its account of who drives what."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -23,12 +25,12 @@ PAPER_SIGNS = {"surge": "++--", "sway": "+-+-"}
 """COB-2023-1394: surge is driven by T1 and T2, sway by T1 and T3, the others steer; T1 to T4 in this order."""
 
 
-def test_first_thruster_as_the_paper_writes_it():
+def test_first_thruster_as_the_paper_writes_it() -> None:
     # COB-2023-1394 eq. 9: F_1x = cos(55 deg) F_1, F_1y = sin(55 deg) F_1, F_1z = 0.
     assert B[:3, 0] == pytest.approx([math.cos(math.radians(55)), math.sin(math.radians(55)), 0.0])
 
 
-def test_layout_has_full_rank_and_the_signs_of_the_paper():
+def test_layout_has_full_rank_and_the_signs_of_the_paper() -> None:
     assert quality(B).rank == 6
     assert quality(B).condition < 10.0
     for axis, pattern in PAPER_SIGNS.items():
@@ -37,25 +39,25 @@ def test_layout_has_full_rank_and_the_signs_of_the_paper():
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2)])
-def test_surge_and_sway_pairs_do_not_turn_the_vehicle(pair):
+def test_surge_and_sway_pairs_do_not_turn_the_vehicle(pair: tuple[int, int]) -> None:
     forces = np.zeros(8)
     forces[list(pair)] = 1.0
     assert B[5] @ forces == pytest.approx(0.0, abs=1e-12)
 
 
-def test_yaw_arm_of_the_vectored_thrusters():
+def test_yaw_arm_of_the_vectored_thrusters() -> None:
     # 0.295 sin 55 + 0.235 cos 55, at the corners of the envelope.
     assert np.abs(B[5, :4]) == pytest.approx([0.3764] * 4, abs=5e-5)
 
 
-def test_moments_are_about_the_center_of_mass():
+def test_moments_are_about_the_center_of_mass() -> None:
     shifted = replace(HINDRAX, center_of_mass_m=(0.1, 0.0, 0.0))
     # A vertical thruster 0.1 m nearer to the center of mass pitches less by 0.1 m per newton.
     assert effectiveness(shifted)[4, 4] - B[4, 4] == pytest.approx(-0.1)
 
 
-def test_lost_axes_are_those_that_are_needed_least():
-    def without(*columns):
+def test_lost_axes_are_those_that_are_needed_least() -> None:
+    def without(*columns: int) -> tuple[int, ...]:
         left = B.copy()
         left[:, list(columns)] = 0.0
         return served_axes(left)
@@ -67,13 +69,13 @@ def test_lost_axes_are_those_that_are_needed_least():
     assert served_axes(B[:, :2], (1, 5)) == (1,)
 
 
-def test_vehicle_without_thrusters_or_with_useless_ones_is_refused():
+def test_vehicle_without_thrusters_or_with_useless_ones_is_refused() -> None:
     with pytest.raises(UsageError, match="found none"):
         checked_effectiveness(replace(HINDRAX, thrusters=()))
     assert quality(np.zeros((6, 3))).lost_axes == ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
-def test_two_nearly_parallel_thrusters_are_refused():
+def test_two_nearly_parallel_thrusters_are_refused() -> None:
     twins = (
         HINDRAX.thrusters[0],
         replace(HINDRAX.thrusters[0], name="T1b", azimuth_deg=55.4),

@@ -1,5 +1,7 @@
 """Every way in which a state can be wrong is named, with its limit and a remedy, and is not forgotten in flight."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -24,17 +26,17 @@ WELL = Navigation(
 )
 
 
-def wrong(**changes) -> Navigation:
+def wrong(**changes: float | Stamp) -> Navigation:
     return replace(WELL, consistency=replace(WELL.consistency, **changes))
 
 
 class Watch:
     """Steps a monitor fifty times a second."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.health, self.time_s = EstimatorHealth(VEHICLE), 10.0
 
-    def see(self, state, seconds, *, armed=True) -> tuple[str, ...]:
+    def see(self, state: Navigation, seconds: float, *, armed: bool = True) -> tuple[str, ...]:
         found: tuple[str, ...] = ()
         for _ in range(round(seconds * 50)):
             self.time_s += 0.02
@@ -55,7 +57,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_is_wrong_is_named_with_limit_and_remedy(name):
+def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
     (said,) = Watch().see(WRONG[name], 0.2)
     assert said.startswith(f"{name}: ")
     assert "wanted" in said
@@ -63,37 +65,37 @@ def test_what_is_wrong_is_named_with_limit_and_remedy(name):
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_one_bad_state_alone_is_no_reason(name):
+def test_one_bad_state_alone_is_no_reason(name: str) -> None:
     watch = Watch()
     assert not watch.see(WRONG[name], 0.02)
     assert not watch.see(WELL, 1.0)
 
 
-def test_all_is_well_in_any_state_of_a_flight_and_before_velocity_and_depth_are_known():
+def test_all_is_well_in_any_state_of_a_flight_and_before_velocity_and_depth_are_known() -> None:
     unknown = replace(WELL, velocity_mps=(math.nan,) * 3, depth_m=math.nan, altitude_m=math.nan)
     assert not Watch().see(WELL, 1.0)
     assert not Watch().see(unknown, 1.0)
 
 
-def test_not_a_number_in_the_attitude_is_found():
+def test_not_a_number_in_the_attitude_is_found() -> None:
     assert Watch().see(replace(WELL, attitude_rad=(math.nan, 0.0, 0.0)), 0.2)
 
 
-def test_what_failed_in_flight_holds_until_it_is_disarmed():
+def test_what_failed_in_flight_holds_until_it_is_disarmed() -> None:
     watch = Watch()
     assert watch.see(WRONG["gravity"], 0.2)
     assert watch.see(WELL, 10.0), "still armed"
     assert not watch.see(WELL, 0.1, armed=False), "all was well for long"
 
 
-def test_nobody_arms_before_all_has_been_well_for_a_while():
+def test_nobody_arms_before_all_has_been_well_for_a_while() -> None:
     watch = Watch()
     assert watch.see(WRONG["attitude"], 5.0, armed=False)
     assert watch.see(WELL, 0.5, armed=False)
     assert not watch.see(WELL, 2.0 * EstimatorHealthKnobs().recovery_s, armed=False)
 
 
-def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_the_ground_is():
+def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_the_ground_is() -> None:
     anew = wrong(began=Stamp(WELL.consistency.began + 1))
     watch = Watch()
     assert not watch.see(WELL, 1.0)

@@ -1,5 +1,7 @@
 """Excitation: bounded, seeded, rich, and kept in its room."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -18,12 +20,12 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @given(kinds, seeds, st.floats(-10.0, 100.0))
-def test_signals_are_bounded(kind, seed, t):
+def test_signals_are_bounded(kind: str, seed: int, t: float) -> None:
     assert -1.0 <= signal(kind, seed, 60.0, 0.05)(t) <= 1.0
 
 
 @given(kinds, seeds)
-def test_same_seed_same_signal_other_seed_other_signal(kind, seed):
+def test_same_seed_same_signal_other_seed_other_signal(kind: str, seed: int) -> None:
     times = np.linspace(0.0, 59.9, 300)
     one, again, other = (signal(kind, value, 60.0, 0.05) for value in (seed, seed, seed + 1))
     values = [one(t) for t in times]
@@ -32,7 +34,7 @@ def test_same_seed_same_signal_other_seed_other_signal(kind, seed):
 
 
 @pytest.mark.parametrize("kind", EXCITATIONS)
-def test_signals_push_both_ways_and_hold_several_frequencies(kind):
+def test_signals_push_both_ways_and_hold_several_frequencies(kind: str) -> None:
     wave = signal(kind, 3, 60.0, 0.05)
     values = np.array([wave(t) for t in np.arange(0.0, 60.0, 0.05)])
     assert values.max() > 0.5
@@ -43,7 +45,7 @@ def test_signals_push_both_ways_and_hold_several_frequencies(kind):
     assert np.sum(power > 0.01 * power.sum()) >= 5
 
 
-def test_frequencies_of_a_chirp_rise():
+def test_frequencies_of_a_chirp_rise() -> None:
     wave = signal("chirp", 1, 60.0, 0.05)
     crossings = [t for t in np.arange(0.0, 60.0, 0.01) if wave(t) * wave(t + 0.01) < 0.0]
     assert np.diff(crossings)[:3].mean() > 3.0 * np.diff(crossings)[-3:].mean()
@@ -52,7 +54,7 @@ def test_frequencies_of_a_chirp_rise():
 @pytest.mark.parametrize("kind", EXCITATIONS)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("drift", [0.0, 0.15])
-def test_vehicle_stays_in_its_room(kind, seed, drift):
+def test_vehicle_stays_in_its_room(kind: str, seed: int, drift: float) -> None:
     """Surge of the Hindrax, with a current that carries it away."""
     driver = Excite(signal(kind, seed, 60.0, BOUNDS.slowest_Hz), BOUNDS, 60.0)
     x, u, thrust, dt = 5.0, 0.0, 0.0, 0.02

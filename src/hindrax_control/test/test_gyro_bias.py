@@ -1,7 +1,11 @@
 """The gyroscope's offset: what a window shows of it, never surer than it is right, at rest and in motion."""
 
+from __future__ import annotations
+
 import math
 import random
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,7 +18,7 @@ SPAN_S = 0.2
 OFFSETS = st.tuples(*[st.floats(-0.08, 0.08)] * 3)
 
 
-def shown(rate, roll, *, noise=0.0, seed=0) -> Offset:
+def shown(rate: Callable[[Any], float], roll: Callable[[Any], float], *, noise: float = 0.0, seed: int = 0) -> Offset:
     """What a window shows of a vehicle with this roll rate [rad/s] at this roll [rad], both told of time."""
     draw, window = random.Random(seed), RestWindow()
     for number in range(SPANS):
@@ -30,7 +34,7 @@ def shown(rate, roll, *, noise=0.0, seed=0) -> Offset:
 
 
 @given(OFFSETS, st.integers(0, 1000))
-def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset, seed):
+def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset: tuple[float, ...], seed: int) -> None:
     draw, window = random.Random(seed), RestWindow()
     for _ in range(SPANS):
         window.add(tuple(one + draw.gauss(0.0, 3.5e-4) for one in offset), (0.0, 0.0, -GRAVITY_mps2))
@@ -40,7 +44,9 @@ def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset, seed):
 
 
 @given(st.floats(0.005, 0.3), st.floats(1.5, 8.0), st.floats(0.0, math.tau))
-def test_a_swing_is_never_taken_for_an_offset_with_confidence(amplitude_rad, period_s, phase):
+def test_a_swing_is_never_taken_for_an_offset_with_confidence(
+    amplitude_rad: float, period_s: float, phase: float
+) -> None:
     turn = math.tau / period_s
     found = shown(
         lambda t: amplitude_rad * turn * math.cos(turn * t + phase),
@@ -49,7 +55,7 @@ def test_a_swing_is_never_taken_for_an_offset_with_confidence(amplitude_rad, per
     assert abs(found.rate_radps[0]) < 2.0 * found.sigma_radps
 
 
-def test_turning_to_and_fro_about_the_vertical_shows_nothing():
+def test_turning_to_and_fro_about_the_vertical_shows_nothing() -> None:
     window = RestWindow()
     for number in range(SPANS):
         window.add((0.0, 0.0, 0.1 * (-1) ** number), (0.0, 0.0, -GRAVITY_mps2))
@@ -57,12 +63,12 @@ def test_turning_to_and_fro_about_the_vertical_shows_nothing():
 
 
 @given(OFFSETS, st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))
-def test_two_sources_together_are_surer_than_each(rate, one, other):
+def test_two_sources_together_are_surer_than_each(rate: tuple[float, ...], one: float, other: float) -> None:
     found = Offset(rate, one).combined(Offset(rate, other))
     assert found.rate_radps == pytest.approx(rate)
     assert found.sigma_radps == pytest.approx(1.0 / math.hypot(1.0 / one, 1.0 / other))
 
 
-def test_an_offset_that_cannot_be_true_adds_nothing():
+def test_an_offset_that_cannot_be_true_adds_nothing() -> None:
     unknown = Offset((0.0, 0.0, 0.0), math.radians(5.0))
     assert unknown.combined(Offset((0.0, 0.0, 0.5), 1e-3)) == unknown

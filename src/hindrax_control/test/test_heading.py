@@ -1,11 +1,16 @@
 """The compass filter alone: what it learns, and what it refuses to learn."""
 
+from __future__ import annotations
+
 import math
 import random
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
+from hindrax_core.readings import Vec3
 
 KNOBS = HeadingKnobs(compass_sigma_deg=1.0)
 STRENGTH_T = 18e-6
@@ -14,7 +19,7 @@ MOTORS = ((0.010, -0.004), (-0.006, 0.008), (0.003, 0.005))
 FIXED = (0.02, -0.03)
 
 
-def field(heading, forces, noise=0.0, draw=None):
+def field(heading: float, forces: Vec3, noise: float = 0.0, draw: random.Random | None = None) -> tuple[Any, Any]:
     x = math.cos(heading) + FIXED[0] + sum(k[0] * abs(f) ** 1.5 for k, f in zip(MOTORS, forces, strict=True))
     y = -math.sin(heading) + FIXED[1] + sum(k[1] * abs(f) ** 1.5 for k, f in zip(MOTORS, forces, strict=True))
     rough = draw or random.Random(0)
@@ -24,11 +29,19 @@ def field(heading, forces, noise=0.0, draw=None):
 class Flight:
     """A caller that keeps heading and bias, as the navigator does."""
 
-    def __init__(self, thrusters=3):
+    def __init__(self, thrusters: int = 3) -> None:
         self.filter, self.heading, self.bias = HeadingFilter(KNOBS, thrusters), 0.0, 0.0
         self.random = random.Random(2)
 
-    def fly(self, seconds, true_heading, forces, *, gyro_bias=0.0, told=True):
+    def fly(
+        self,
+        seconds: float,
+        true_heading: Callable[[Any], float],
+        forces: Callable[[Any], Vec3],
+        *,
+        gyro_bias: float = 0.0,
+        told: bool = True,
+    ) -> None:
         """True heading and forces are functions of time; the gyroscope turns by the true rate and its bias."""
         for number in range(round(seconds * 25)):
             t = number / 25.0
@@ -43,12 +56,12 @@ class Flight:
                 self.bias += found[1]
 
 
-def steps(t):
+def steps(t: float) -> Vec3:
     turn = int(t / 1.5)
     return (4.0 * (turn % 2), 6.0 * (turn // 2 % 2), 8.0 * (turn // 4 % 2))
 
 
-def test_it_learns_the_field_of_every_thruster():
+def test_it_learns_the_field_of_every_thruster() -> None:
     flight = Flight()
     flight.fly(3.0, lambda _: 0.0, lambda _: (0.0, 0.0, 0.0))
     flight.fly(60.0, lambda _: 0.0, steps)
@@ -58,7 +71,7 @@ def test_it_learns_the_field_of_every_thruster():
         assert found == pytest.approx((truth[0] * unit, truth[1] * unit), abs=0.05)
 
 
-def test_a_turn_tells_what_is_fixed_in_the_vehicle_from_the_heading():
+def test_a_turn_tells_what_is_fixed_in_the_vehicle_from_the_heading() -> None:
     flight = Flight()
     flight.fly(4.0, lambda _: 0.0, lambda _: (0.0, 0.0, 0.0))
     before = abs(math.degrees(flight.heading))
@@ -68,13 +81,13 @@ def test_a_turn_tells_what_is_fixed_in_the_vehicle_from_the_heading():
     assert after < 0.5
 
 
-def test_it_finds_the_bias_of_the_gyroscope():
+def test_it_finds_the_bias_of_the_gyroscope() -> None:
     flight = Flight()
     flight.fly(40.0, lambda _: 0.4, lambda _: (0.0, 0.0, 0.0), gyro_bias=0.002)
     assert flight.bias == pytest.approx(0.002, abs=3e-4)
 
 
-def test_its_uncertainty_shrinks_by_measuring_and_grows_by_waiting():
+def test_its_uncertainty_shrinks_by_measuring_and_grows_by_waiting() -> None:
     flight = Flight()
     flight.fly(5.0, lambda _: 0.0, lambda _: (0.0, 0.0, 0.0))
     known = flight.filter.sigma_rad
@@ -83,14 +96,14 @@ def test_its_uncertainty_shrinks_by_measuring_and_grows_by_waiting():
     assert flight.filter.sigma_rad > 1.5 * known
 
 
-def test_the_first_heading_of_any_kind_is_taken_as_it_is():
+def test_the_first_heading_of_any_kind_is_taken_as_it_is() -> None:
     assert HeadingFilter(KNOBS, 3).heading(0.7, 5.0) == (0.7, 0.0)
     x, y = field(1.2, (0.0, 0.0, 0.0))
     turn, _ = HeadingFilter(KNOBS, 3).magnetic(x, y, 0.0, ())
     assert turn == pytest.approx(math.atan2(-y, x), abs=1e-9)
 
 
-def test_an_outlier_is_refused_until_it_is_the_rule():
+def test_an_outlier_is_refused_until_it_is_the_rule() -> None:
     flight = Flight(0)
     for _ in range(50):
         flight.filter.magnetic(STRENGTH_T, 0.0, 0.0, ())

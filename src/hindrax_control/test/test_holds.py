@@ -1,18 +1,23 @@
 """The holds on an ideal vehicle: uncoupled degrees of freedom without sensors in between."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.hold.holds import HoldKnobs, Holds, Setpoint, wrapped
+from hindrax_control.hold.holds import HoldKnobs, Holds, HoldsOutput, HoldState, Setpoint, wrapped
 from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Navigation
-from hindrax_core.vehicle import Drag, load_vehicle
+from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 DT = 0.02
@@ -22,7 +27,7 @@ FLOOR_M = 1.8
 class IdealVehicle:
     """Heave, roll, pitch and yaw, each on its own, with the truth of the vehicle file and a thruster lag."""
 
-    def __init__(self, vehicle=HINDRAX, depth_m=0.9, limit=1e9):
+    def __init__(self, vehicle: Vehicle = HINDRAX, depth_m: float = 0.9, limit: float = 1e9) -> None:
         self.freedoms = {axis: prior_dynamics(vehicle)[axis] for axis in ("heave", "roll", "pitch", "yaw")}
         self.value = {"heave": depth_m, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
         self.rate = dict.fromkeys(self.value, 0.0)
@@ -30,10 +35,10 @@ class IdealVehicle:
         self.time_s, self.limit, self.sonar_age_s, self.push = 0.0, limit, 0.0, 0.0
 
     @property
-    def stamp(self):
+    def stamp(self) -> Stamp:
         return stamp_from_s(self.time_s)
 
-    def navigation(self):
+    def navigation(self) -> Navigation:
         value, rate = self.value, self.rate
         silent = self.sonar_age_s > 5.0
         return Navigation(
@@ -47,7 +52,7 @@ class IdealVehicle:
             ages_s={"ping1d": self.sonar_age_s},
         )
 
-    def step(self, wrench):
+    def step(self, wrench: Vec6) -> tuple[float, ...]:
         """Apply a wrench for one period; returns what was missing of it."""
         shortfall = [0.0] * 6
         self.time_s += DT
@@ -64,7 +69,13 @@ class IdealVehicle:
         return tuple(shortfall)
 
 
-def fly(holds, vehicle, seconds, each=lambda _vehicle, _output: None, shortfall=ZERO6):
+def fly(
+    holds: Holds,
+    vehicle: IdealVehicle,
+    seconds: float,
+    each: Callable[[Any, Any], None] = lambda _vehicle, _output: None,
+    shortfall: Vec6 = ZERO6,
+) -> HoldsOutput:
     for _ in range(round(seconds / DT)):
         output = holds.step(vehicle.navigation(), vehicle.stamp, shortfall)
         shortfall = vehicle.step(output.wrench)
@@ -72,11 +83,11 @@ def fly(holds, vehicle, seconds, each=lambda _vehicle, _output: None, shortfall=
     return output
 
 
-def state(output, axis):
+def state(output: HoldsOutput, axis: str) -> HoldState:
     return next(one for one in output.states if one.axis == axis)
 
 
-def test_holds_own_only_their_axis():
+def test_holds_own_only_their_axis() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("heading", value=1.0))
     wrench = fly(holds, vehicle, 0.5).wrench
@@ -94,7 +105,9 @@ def test_holds_own_only_their_axis():
         ("altitude", "heave", 1.1, FLOOR_M - 1.1),
     ],
 )
-def test_setpoint_is_reached_without_overshoot_and_held(axis, coordinate, value, expected):
+def test_setpoint_is_reached_without_overshoot_and_held(
+    axis: str, coordinate: str, value: float, expected: float
+) -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     start = vehicle.value[coordinate]
     assert holds.set(Setpoint(axis, value=value)) == ""
@@ -106,7 +119,7 @@ def test_setpoint_is_reached_without_overshoot_and_held(axis, coordinate, value,
     assert state(output, axis).error == pytest.approx(0.0, abs=0.01)
 
 
-def test_heading_takes_the_short_way_round():
+def test_heading_takes_the_short_way_round() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     vehicle.value["yaw"] = 3.0
     holds.set(Setpoint("heading", value=-3.0))
@@ -114,14 +127,14 @@ def test_heading_takes_the_short_way_round():
     assert vehicle.value["yaw"] == pytest.approx(math.tau - 3.0, abs=0.02)
 
 
-def test_engaging_far_from_the_setpoint_does_not_jump():
+def test_engaging_far_from_the_setpoint_does_not_jump() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("depth", value=1.5))
     first = holds.step(vehicle.navigation(), vehicle.stamp).wrench[2]
     assert first == pytest.approx(HINDRAX.net_buoyancy_N, abs=1e-9)
 
 
-def test_changing_between_depth_and_altitude_keeps_the_effort():
+def test_changing_between_depth_and_altitude_keeps_the_effort() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     vehicle.push = -6.0  # something the feed-forward does not know
     holds.set(Setpoint("depth", value=0.9))
@@ -134,7 +147,7 @@ def test_changing_between_depth_and_altitude_keeps_the_effort():
     assert vehicle.value["heave"] == pytest.approx(0.9, abs=0.01)
 
 
-def test_lost_sonar_falls_back_to_depth_and_comes_back():
+def test_lost_sonar_falls_back_to_depth_and_comes_back() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("altitude", value=0.7))
     fly(holds, vehicle, 12.0)
@@ -152,7 +165,7 @@ def test_lost_sonar_falls_back_to_depth_and_comes_back():
     assert vehicle.value["heave"] == pytest.approx(FLOOR_M - 1.0, abs=0.01)
 
 
-def test_integral_does_not_wind_up_while_the_thrusters_fall_short():
+def test_integral_does_not_wind_up_while_the_thrusters_fall_short() -> None:
     """Pushed away with more than the thrusters have, then let go: back without a long overshoot the other way."""
     holds, vehicle = Holds(HINDRAX), IdealVehicle(limit=10.0)
     holds.set(Setpoint("depth", value=0.9))
@@ -166,7 +179,7 @@ def test_integral_does_not_wind_up_while_the_thrusters_fall_short():
     assert reached[-1] == pytest.approx(0.9, abs=0.02)
 
 
-def test_disarming_releases_and_arming_again_does_not_dive():
+def test_disarming_releases_and_arming_again_does_not_dive() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("altitude", value=0.6))
     fly(holds, vehicle, 2.0)
@@ -177,7 +190,7 @@ def test_disarming_releases_and_arming_again_does_not_dive():
     assert not any(one.engaged for one in output.states)
 
 
-def test_released_hold_leaves_the_others_alone():
+def test_released_hold_leaves_the_others_alone() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("depth", value=1.0))
     holds.set(Setpoint("heading", value=0.5))
@@ -189,7 +202,7 @@ def test_released_hold_leaves_the_others_alone():
     assert vehicle.value["heave"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_setpoint_of_nan_is_where_the_vehicle_is():
+def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle(depth_m=0.77)
     holds.set(Setpoint("altitude"))
     holds.set(Setpoint("heading"))
@@ -207,13 +220,13 @@ def test_setpoint_of_nan_is_where_the_vehicle_is():
         (Setpoint("roll", value=2.0), "found 114.592 deg, wanted -55 to 55 deg"),
     ],
 )
-def test_setpoints_out_of_reach_are_refused(setpoint, reason):
+def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
     holds = Holds(HINDRAX)
     assert reason in holds.set(setpoint)
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
 
 
-def test_unmeasured_axis_gets_no_effort_and_says_so():
+def test_unmeasured_axis_gets_no_effort_and_says_so() -> None:
     holds, vehicle = Holds(HINDRAX), IdealVehicle()
     holds.set(Setpoint("depth", value=1.0))
     holds.set(Setpoint("heading", value=1.0))
@@ -226,7 +239,7 @@ def test_unmeasured_axis_gets_no_effort_and_says_so():
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(5.0, 200.0), st.floats(0.5, 2.0))
-def test_other_vehicles_need_no_tuning(mass_kg, size):
+def test_other_vehicles_need_no_tuning(mass_kg: float, size: float) -> None:
     other = replace(
         HINDRAX,
         mass_kg=mass_kg,
@@ -243,12 +256,12 @@ def test_other_vehicles_need_no_tuning(mass_kg, size):
 
 
 @given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))
-def test_steady_rate_undoes_drag(rate, drag):
+def test_steady_rate_undoes_drag(rate: float, drag: float) -> None:
     freedom = PriorDynamics(20.0, drag)
     assert freedom.rate_at(freedom.drag_force(rate)) == pytest.approx(rate, abs=1e-9)
 
 
-def test_prior_of_a_vehicle_without_hydrodynamics_is_of_the_right_size():
+def test_prior_of_a_vehicle_without_hydrodynamics_is_of_the_right_size() -> None:
     ours, crude = HINDRAX.hydrodynamics, guessed(HINDRAX)
     for axis in ("surge", "sway", "heave"):
         assert 0.4 < crude.drag(axis).k_q / ours.drag(axis).k_q < 2.5

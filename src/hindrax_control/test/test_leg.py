@@ -1,5 +1,7 @@
 """One leg on a vehicle whose thrust lags: it brakes to rest, however strong and light the vehicle is."""
 
+from __future__ import annotations
+
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ MASS_kg, ADDED_kg, DRAG = 11.5, 5.5, 141.0
 RATE_mps = 0.45
 
 
-def leg(braking_mps2, sign=1.0):
+def leg(braking_mps2: float, sign: float = 1.0) -> Leg:
     """Leg of 6 m along the pool; boost and brake take off `braking_mps2`, drag apart."""
     inertia = MASS_kg + ADDED_kg
     level = DRAG * RATE_mps * RATE_mps
@@ -46,7 +48,7 @@ class End:
     furthest_m: float
 
 
-def flown(one):
+def flown(one: Leg) -> End:
     """Fly a leg with thrust that comes a lag after it was asked for; no thrust is asked for after its end."""
     driver, coming = LegController(one), deque([0.0] * round(LAG_s / STEP_s))
     x_m, v_mps, time_s, told_mps, furthest_m = one.start, 0.0, 0.0, math.nan, -math.inf
@@ -67,7 +69,7 @@ def flown(one):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("braking_mps2", [1.8, 2.1, 3.0, 5.0])
-def test_a_strong_light_vehicle_brakes_to_rest_before_the_end(braking_mps2, sign):
+def test_a_strong_light_vehicle_brakes_to_rest_before_the_end(braking_mps2: float, sign: float) -> None:
     end = flown(leg(braking_mps2, sign))
     # Two steps of braking are as exact as it gets; drag, which is left out, brakes on.
     assert abs(end.rest_mps) <= max(0.5 * RATE_mps, 2.0 * STEP_s * braking_mps2)
@@ -75,7 +77,7 @@ def test_a_strong_light_vehicle_brakes_to_rest_before_the_end(braking_mps2, sign
     assert end.furthest_m <= 3.0
 
 
-def test_a_vehicle_that_hardly_brakes_ends_in_time_to_come_to_rest():
+def test_a_vehicle_that_hardly_brakes_ends_in_time_to_come_to_rest() -> None:
     weak = leg(0.5)
     end = flown(weak)
     assert end.told_mps < 0.5 * RATE_mps

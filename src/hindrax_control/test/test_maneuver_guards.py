@@ -1,13 +1,19 @@
 """Every guard: silent when all is well, and a sentence of its own when not."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuards, Situation
 from hindrax_control.pool_bounds import PoolBounds
+from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import Vehicle
 
 WELL = Navigation(
     (0.0, 0.0, 0.0),
@@ -22,17 +28,17 @@ WELL = Navigation(
 
 
 @pytest.fixture
-def look(hindrax):
+def look(hindrax: Vehicle) -> Callable[..., tuple[str, ...]]:
     safety, box = ManeuverGuards(hindrax), PoolBounds(hindrax, 0.0)
 
-    def at(navigation, time_s=0.0, **situation):
+    def at(navigation: Navigation, time_s: float = 0.0, **situation: Any) -> tuple[str, ...]:
         place = box.place(navigation)
         return safety.step(Situation(navigation, place, box.walls_m(place), time_s, **situation))
 
     return at
 
 
-def test_nothing_is_wrong_when_all_is_well(look):
+def test_nothing_is_wrong_when_all_is_well(look: Callable[..., tuple[str, ...]]) -> None:
     assert look(WELL) == ()
     assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
 
@@ -48,13 +54,17 @@ def test_nothing_is_wrong_when_all_is_well(look):
         ({"altitude_m": 0.3}, "altitude_band: 0.10 m of water under the hull, wanted 0.15 m"),
     ],
 )
-def test_guards_that_act_at_once(look, change, sentence):
+def test_guards_that_act_at_once(
+    look: Callable[..., tuple[str, ...]],
+    change: dict[str, tuple[float, float] | tuple[float, ...] | float],
+    sentence: str,
+) -> None:
     found = look(replace(WELL, **change))
     assert len(found) == 1
     assert found[0].startswith(sentence)
 
 
-def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look):
+def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tuple[str, ...]]) -> None:
     at = replace(WELL, position_m=(3.8, 0.0))
     assert look(replace(at, velocity_mps=(0.2, 0.0, 0.0))) == ()
     assert look(replace(at, velocity_mps=(0.6, 0.0, 0.0)))[0].startswith("pool_box")
@@ -72,7 +82,9 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look):
         ({"depth_m": math.nan}, "sensor_age: depth unknown"),
     ],
 )
-def test_guards_that_wait_until_it_lasts(look, change, sentence):
+def test_guards_that_wait_until_it_lasts(
+    look: Callable[..., tuple[str, ...]], change: dict[str, Vec3 | dict[str, float] | float], sentence: str
+) -> None:
     wrong = replace(WELL, **change)
     assert look(wrong, 10.0) == ()
     assert look(WELL, 10.2) == ()  # a flicker is forgotten
@@ -80,20 +92,20 @@ def test_guards_that_wait_until_it_lasts(look, change, sentence):
     assert look(wrong, 10.7)[0].startswith(sentence)
 
 
-def test_lost_lock_is_survived_for_a_while(look):
+def test_lost_lock_is_survived_for_a_while(look: Callable[..., tuple[str, ...]]) -> None:
     blind = replace(WELL, dvl_locked=False)
     assert [look(blind, 10.0 + t) for t in (0.0, 1.0, 3.0, 4.9)] == [(), (), (), ()]
     (found,) = look(blind, 15.0)
     assert found.startswith("dvl_lock: no bottom lock for 5.0 s, wanted at most 5.0 s; give the DVL more water")
 
 
-def test_battery_time_and_thrusters(look):
+def test_battery_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -> None:
     assert look(WELL, battery_V=12.4) == ("battery: 12.4 V, wanted at least 13.0 V; charge the battery",)
     assert look(WELL, 110.0, deadline_s=100.0)[0].startswith("time_out: 10 s later than it should long be over; look")
     assert look(WELL, lost_axes=("sway",), needed_axes=("surge", "heave")) == ()
     assert look(WELL, lost_axes=("sway",), needed_axes=("sway",))[0].startswith("thrusters: sway cannot be served")
 
 
-def test_vehicle_without_those_sensors_is_not_asked_for_them(hindrax):
+def test_vehicle_without_those_sensors_is_not_asked_for_them(hindrax: Vehicle) -> None:
     bare = ManeuverGuards(replace(hindrax, sensors={}))
     assert bare.step(Situation(replace(WELL, ages_s={}, dvl_locked=False), None, {}, 0.0)) == ()

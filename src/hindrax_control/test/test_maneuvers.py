@@ -1,19 +1,25 @@
 """Maneuvers and the pilot on an ideal vehicle: to the end, and through cancels, currents and lost sensors."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
+from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import Setpoint
-from hindrax_control.maneuver.maneuver import Goal, check_goal
+from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput, check_goal
 from hindrax_control.maneuver.plan import PlanKnobs
-from hindrax_control.pilot import Pilot, PilotKnobs
+from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
-from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation
+from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation, Phase
+from hindrax_core.vehicle import Vehicle
 
 SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0))
 
@@ -21,13 +27,13 @@ SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, 
 class Rig:
     """Ideal vehicle and pilot; exact allocation within the reach of the thrusters."""
 
-    def __init__(self, hindrax, ideal_vehicle, knobs=SHORT):
+    def __init__(self, hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], knobs: PilotKnobs = SHORT) -> None:
         self.ideal, self.pilot = ideal_vehicle(hindrax, step_s=0.05), Pilot(hindrax, knobs)
         self.box, self.limits = PoolBounds(hindrax, 0.0), hindrax.limits.wrench
         self.nearest_m, self.armed, self.unarmed, self.flight = math.inf, False, "", None
         self.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 
-    def step(self):
+    def step(self) -> PilotOutput:
         ideal = self.ideal
         self.flight = self.pilot.step(
             ideal.navigation(), ideal.stamp, self.became, armed=self.armed, unarmed=self.unarmed
@@ -36,12 +42,14 @@ class Rig:
         self.nearest_m = min(self.nearest_m, *self.box.walls_m(self.box.place(ideal.navigation())).values())
         return self.flight
 
-    def arm(self):
+    def arm(self) -> None:
         self.step()
         self.armed = True
         self.step()
 
-    def fly(self, goal, each=lambda _rig: None, most_s=600.0):
+    def fly(
+        self, goal: Goal, each: Callable[[Any], None] = lambda _rig: None, most_s: float = 600.0
+    ) -> tuple[ManeuverOutput | None, list[Phase | Any]]:
         """Fly a goal to its end; returns the last output and every phase that was flown."""
         self.arm()
         self.pilot.fly(goal)
@@ -57,7 +65,7 @@ class Rig:
 
 
 @pytest.fixture
-def rig(hindrax, ideal_vehicle):
+def rig(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> Rig:
     return Rig(hindrax, ideal_vehicle)
 
 
@@ -72,10 +80,10 @@ def rig(hindrax, ideal_vehicle):
         ("yaw", {"yaw"}),
     ],
 )
-def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig, motion, names):
+def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig: Rig, motion: str, names: set[str]) -> None:
     rates = []
 
-    def note(rig):
+    def note(rig: Rig) -> None:
         output = rig.flight.maneuver
         if output.phase.phase == "plateau":
             rates.append(output.velocity)
@@ -90,10 +98,10 @@ def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig, motion, names):
     assert rig.nearest_m > 0.6
 
 
-def test_heave_begins_with_hovering_as_long_as_planned(rig):
+def test_heave_begins_with_hovering_as_long_as_planned(rig: Rig) -> None:
     hovered = []
 
-    def note(rig):
+    def note(rig: Rig) -> None:
         output = rig.flight.maneuver
         if output.phase.phase == "hover":
             hovered.append((rig.ideal.time_s, output.phase.motion, rig.ideal.rate["heave"]))
@@ -106,10 +114,10 @@ def test_heave_begins_with_hovering_as_long_as_planned(rig):
     assert max(abs(rate) for *_, rate in hovered) < 0.02
 
 
-def test_plateau_speed_is_that_of_the_plan(rig):
+def test_plateau_speed_is_that_of_the_plan(rig: Rig) -> None:
     seen = {}
 
-    def note(rig):
+    def note(rig: Rig) -> None:
         output = rig.flight.maneuver
         if output.phase.phase == "plateau":
             seen.setdefault(round(output.force, 3), []).append(output.velocity)
@@ -119,10 +127,10 @@ def test_plateau_speed_is_that_of_the_plan(rig):
     assert means == pytest.approx([-0.45, -0.1, 0.1, 0.45], abs=0.01)
 
 
-def test_altitude_and_heading_are_held_while_surging(rig):
+def test_altitude_and_heading_are_held_while_surging(rig: Rig) -> None:
     worst = [0.0, 0.0]
 
-    def note(rig):
+    def note(rig: Rig) -> None:
         if rig.flight.maneuver.phase.phase == "plateau":
             worst[0] = max(worst[0], abs(rig.ideal.navigation().altitude_m - 0.9))
             worst[1] = max(worst[1], abs(rig.ideal.heading))
@@ -132,7 +140,7 @@ def test_altitude_and_heading_are_held_while_surging(rig):
     assert worst[1] < math.radians(2.0)
 
 
-def test_feedback_counts_down(rig):
+def test_feedback_counts_down(rig: Rig) -> None:
     shown = []
     rig.fly(Goal(("surge", "yaw")), lambda one: shown.append(one.flight.maneuver))
     progress = [one.progress for one in shown]
@@ -143,8 +151,10 @@ def test_feedback_counts_down(rig):
 
 @pytest.mark.parametrize("current", [(0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.1, -0.1)])
 @pytest.mark.parametrize("motion", ["surge", "heave"])
-def test_current_neither_stops_it_nor_drives_it_into_a_wall(rig, motion, current):
-    def switch_on(rig):
+def test_current_neither_stops_it_nor_drives_it_into_a_wall(
+    rig: Rig, motion: str, current: tuple[float, float]
+) -> None:
+    def switch_on(rig: Rig) -> None:
         rig.ideal.current = current if rig.ideal.time_s > 15.0 else (0.0, 0.0)
 
     output, _ = rig.fly(Goal((motion,)), switch_on)
@@ -152,10 +162,10 @@ def test_current_neither_stops_it_nor_drives_it_into_a_wall(rig, motion, current
     assert output.aborted == ""
 
 
-def test_lock_lost_for_three_seconds_is_no_plateau_and_no_abort(rig):
+def test_lock_lost_for_three_seconds_is_no_plateau_and_no_abort(rig: Rig) -> None:
     blind_phases = set()
 
-    def blind(rig):
+    def blind(rig: Rig) -> None:
         rig.ideal.locked = not 20.0 <= rig.ideal.time_s < 23.0
         if 20.1 <= rig.ideal.time_s < 23.0:
             blind_phases.add(rig.flight.maneuver.phase.phase)
@@ -166,10 +176,10 @@ def test_lock_lost_for_three_seconds_is_no_plateau_and_no_abort(rig):
 
 
 @pytest.mark.parametrize("silent_from_s", [0.0, 4.0, 15.0])
-def test_silent_sonar_is_replaced_by_depth(rig, silent_from_s):
+def test_silent_sonar_is_replaced_by_depth(rig: Rig, silent_from_s: float) -> None:
     depths = []
 
-    def silence(rig):
+    def silence(rig: Rig) -> None:
         age_s = max(0.05, rig.ideal.time_s - silent_from_s)
         rig.ideal.ages_s = {**rig.ideal.ages_s, "ping1d": age_s}
         if rig.flight.maneuver.phase.phase == "plateau":
@@ -182,11 +192,11 @@ def test_silent_sonar_is_replaced_by_depth(rig, silent_from_s):
     assert depths == pytest.approx([0.9] * len(depths), abs=0.05)
 
 
-def test_plateau_counts_only_while_heading_and_altitude_are_held(rig):
+def test_plateau_counts_only_while_heading_and_altitude_are_held(rig: Rig) -> None:
     """Someone turns the vehicle in mid-plateau: no plateau until it is back."""
     shown = []
 
-    def push(rig):
+    def push(rig: Rig) -> None:
         if 20.0 <= rig.ideal.time_s < 20.1:
             rig.ideal.heading += math.radians(6.0)
         heading_deg = abs(math.degrees(rig.ideal.heading))
@@ -198,8 +208,8 @@ def test_plateau_counts_only_while_heading_and_altitude_are_held(rig):
     assert any(phase == "plateau" for time_s, _, phase in shown if time_s > 25.0)
 
 
-def test_lock_lost_for_good_aborts_by_name_and_stops(rig):
-    def blind(rig):
+def test_lock_lost_for_good_aborts_by_name_and_stops(rig: Rig) -> None:
+    def blind(rig: Rig) -> None:
         rig.ideal.locked = rig.ideal.time_s < 20.0
 
     output, _ = rig.fly(Goal(("surge",)), blind)
@@ -208,10 +218,10 @@ def test_lock_lost_for_good_aborts_by_name_and_stops(rig):
     assert math.hypot(*rig.ideal.ground_velocity()) < 0.06
 
 
-def test_lying_dead_reckoning_is_caught_before_the_wall(rig):
+def test_lying_dead_reckoning_is_caught_before_the_wall(rig: Rig) -> None:
     """Someone set the current so high that the vehicle cannot hold against it."""
 
-    def torrent(rig):
+    def torrent(rig: Rig) -> None:
         rig.ideal.current = (0.0, 0.95) if rig.ideal.time_s > 20.0 else (0.0, 0.0)
 
     output, _ = rig.fly(Goal(("surge",)), torrent)
@@ -222,8 +232,8 @@ def test_lying_dead_reckoning_is_caught_before_the_wall(rig):
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
 @pytest.mark.parametrize("at_s", [3.0, 17.0, 31.0])
 @pytest.mark.parametrize("motion", ["surge", "heave", "yaw"])
-def test_cancel_at_any_moment_ends_as_asked(rig, motion, ending, at_s):
-    def cancel(rig):
+def test_cancel_at_any_moment_ends_as_asked(rig: Rig, motion: str, ending: str, at_s: float) -> None:
+    def cancel(rig: Rig) -> None:
         if rig.ideal.time_s >= at_s:
             rig.pilot.cancel()
 
@@ -254,7 +264,9 @@ def test_cancel_at_any_moment_ends_as_asked(rig, motion, ending, at_s):
     ],
 )
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
-def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(rig, end, reason, ending):
+def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(
+    rig: Rig, end: Callable[[Any], Any], reason: str, ending: str
+) -> None:
     rig.arm()
     maneuver = rig.pilot.fly(Goal(("surge",), on_cancel=ending))
     assert (maneuver.last, maneuver.done) == (None, False)
@@ -270,7 +282,7 @@ def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(rig, end, 
     assert told[-1].neutral is (ending == "neutral" or not rig.armed)
 
 
-def test_disarming_in_flight_aborts_and_asks_for_nothing(rig):
+def test_disarming_in_flight_aborts_and_asks_for_nothing(rig: Rig) -> None:
     rig.arm()
     rig.pilot.fly(Goal(("surge",)))
     for _ in range(100):
@@ -285,7 +297,7 @@ def test_disarming_in_flight_aborts_and_asks_for_nothing(rig):
     assert rig.step().wrench == ZERO6
 
 
-def test_nothing_flies_before_it_is_armed_or_while_a_guard_objects(rig):
+def test_nothing_flies_before_it_is_armed_or_while_a_guard_objects(rig: Rig) -> None:
     rig.step()
     with pytest.raises(HindraxError, match="not armed"):
         rig.pilot.fly(Goal(("surge",)))
@@ -296,7 +308,7 @@ def test_nothing_flies_before_it_is_armed_or_while_a_guard_objects(rig):
         rig.pilot.fly(Goal(("surge",)))
 
 
-def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig):
+def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig: Rig) -> None:
     rig.arm()
     rig.pilot.fly(Goal(("surge",)))
     rig.step()
@@ -310,7 +322,7 @@ def test_one_maneuver_at_a_time_and_no_hand_meanwhile(rig):
     )
 
 
-def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig):
+def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig: Rig) -> None:
     rig.arm()
     assert rig.pilot.set(Setpoint("depth", value=0.9)) == ""
     stamp = rig.ideal.stamp
@@ -325,8 +337,8 @@ def test_wrench_by_hand_is_added_to_the_holds_until_it_is_stale(rig):
     assert "found frame 'map'" in refused[0]
 
 
-def test_failed_thrusters_that_cost_the_axis_abort_by_name(rig):
-    def fail(rig):
+def test_failed_thrusters_that_cost_the_axis_abort_by_name(rig: Rig) -> None:
+    def fail(rig: Rig) -> None:
         lost = ("surge",) if rig.ideal.time_s > 15.0 else ()
         rig.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), (), lost_axes=lost)
 
@@ -334,7 +346,7 @@ def test_failed_thrusters_that_cost_the_axis_abort_by_name(rig):
     assert output.aborted.startswith("thrusters: surge cannot be served")
 
 
-def test_unknown_navigation_aborts_instead_of_guessing(hindrax, ideal_vehicle):
+def test_unknown_navigation_aborts_instead_of_guessing(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle)
     rig.arm()
     maneuver = rig.pilot.fly(Goal(("surge",)))
@@ -351,7 +363,7 @@ def test_unknown_navigation_aborts_instead_of_guessing(hindrax, ideal_vehicle):
 
 @pytest.mark.parametrize("excitation", ["steps", "doublets", "chirp", "multisine"])
 @pytest.mark.parametrize("motion", ["surge", "roll"])
-def test_excitations_stay_clear_of_walls_and_limits(rig, motion, excitation):
+def test_excitations_stay_clear_of_walls_and_limits(rig: Rig, motion: str, excitation: str) -> None:
     tilts = []
     output, phases = rig.fly(Goal((motion,), excitation, seed=5), lambda one: tilts.append(abs(one.ideal.roll)))
     assert output.aborted == ""
@@ -360,11 +372,11 @@ def test_excitations_stay_clear_of_walls_and_limits(rig, motion, excitation):
     assert max(tilts) < math.radians(45.0)
 
 
-def test_an_excitation_of_heave_says_which_way_it_goes(rig):
+def test_an_excitation_of_heave_says_which_way_it_goes(rig: Rig) -> None:
     """Down and up are identified as two motions; nobody learns of one that is called otherwise."""
     named = set()
 
-    def note(one):
+    def note(one: Rig) -> None:
         told, down_mps = one.flight.maneuver.phase, one.ideal.navigation().velocity_mps[2]
         if told.phase == "excite" and abs(down_mps) > 0.02:
             named.add((told.motion, down_mps > 0.0))
@@ -383,12 +395,12 @@ def test_an_excitation_of_heave_says_which_way_it_goes(rig):
         (Goal(("surge",), on_cancel="drift"), "ending 'drift' unknown"),
     ],
 )
-def test_goals_that_nobody_can_fly_are_refused(goal, reason):
+def test_goals_that_nobody_can_fly_are_refused(goal: Goal, reason: str) -> None:
     with pytest.raises(UsageError, match=reason):
         check_goal(goal)
 
 
-def test_plans_are_for_the_thrusters_that_work(hindrax, ideal_vehicle):
+def test_plans_are_for_the_thrusters_that_work(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle)
     rig.pilot.disable(frozenset({"T3", "T4"}))
     rig.pilot.check(Goal(("surge", "yaw")))

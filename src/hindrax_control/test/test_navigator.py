@@ -1,11 +1,14 @@
 """The navigator against motions that are known in closed form."""
 
+from __future__ import annotations
+
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -13,7 +16,17 @@ from hypothesis import strategies as st
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import (
+    BottomTrack,
+    BottomVelocity,
+    DeviceText,
+    Echo,
+    Inertial,
+    Magnetic,
+    Pressure,
+    Reading,
+    Vec3,
+)
 from hindrax_core.rotation import cross, matrix, rotate, rotate_back
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
@@ -43,26 +56,26 @@ class Ride:
     sonar_until_s: float = 1e9
     motors_T: Callable = STILL
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.navigator = Navigator(self.vehicle, self.knobs)
         self.out: list[Stamped[Navigation]] = []
         self.random = random.Random(1)
 
-    def rates(self, t, h=1e-4):
+    def rates(self, t: float, h: float = 1e-4) -> Vec3:
         """Body rates by the rotation between two close attitudes."""
         before, after = matrix(self.attitude(t - h)), matrix(self.attitude(t + h))
         columns = [rotate_back(before, rotate(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
         return (columns[1][2] / (2 * h), columns[2][0] / (2 * h), columns[0][1] / (2 * h))
 
-    def point(self, t, lever):
+    def point(self, t: float, lever: Vec3) -> tuple[float, ...]:
         turned = rotate(matrix(self.attitude(t)), lever)
         return tuple(a + b for a, b in zip(self.position(t), turned, strict=True))
 
-    def velocity(self, t, lever=(0.0, 0.0, 0.0), h=1e-4):
+    def velocity(self, t: float, lever: Vec3 = (0.0, 0.0, 0.0), h: float = 1e-4) -> Vec3:
         low, high = self.point(t - h, lever), self.point(t + h, lever)
         return rotate_back(matrix(self.attitude(t)), tuple((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
 
-    def inertial(self, t, mount, h=1e-3):
+    def inertial(self, t: float, mount: Mount, h: float = 1e-3) -> Inertial:
         low, mid, high = (self.point(t + dt, mount.position_m) for dt in (-h, 0.0, h))
         a, b, c = ((x - 2 * y + z) / h**2 for x, y, z in zip(low, mid, high, strict=True))
         force = rotate_back(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
@@ -73,12 +86,12 @@ class Ride:
             20.0,
         )
 
-    def tell(self, t, reading, source):
+    def tell(self, t: float, reading: Reading, source: str) -> None:
         found = self.navigator.step(Stamped(stamp_from_s(t), reading), source)
         if found is not None:
             self.out.append(found)
 
-    def slow_sensors(self, t, number):
+    def slow_sensors(self, t: float, number: int) -> None:
         """What has arrived since the last IMU sample."""
         sensors, gauss = self.vehicle.sensors, lambda sigma: self.random.gauss(0.0, sigma * self.noise)
         if number % 5 == 0:
@@ -91,7 +104,7 @@ class Ride:
         if number % 10 == 0:
             self.acoustics(t, sensors, gauss)
 
-    def acoustics(self, t, sensors, gauss):
+    def acoustics(self, t: float, sensors: Mapping[str, Mount], gauss: Callable[[Any], float]) -> None:
         if t < self.sonar_until_s:
             at = sensors["ping1d"].position_m
             slant = math.cos(max(0.0, math.acos(matrix(self.attitude(t))[2][2]) - math.radians(12.5)))
@@ -105,7 +118,7 @@ class Ride:
         known = self.dvl_from_s <= t < self.dvl_until_s
         self.tell(end - 0.025, BottomVelocity(mean if known else None, 0.01, 1.0, 0.05, 0), "dvl75")
 
-    def run(self, seconds):
+    def run(self, seconds: float) -> Ride:
         for number in range(1, round(seconds * 200)):
             t = number * 0.005
             self.tell(t, self.inertial(t, self.vehicle.sensors["icm20948"]), "icm20948")
@@ -113,25 +126,30 @@ class Ride:
                 self.slow_sensors(t, number)
         return self
 
-    def errors(self, value, truth, after_s=5.0):
+    def errors(
+        self,
+        value: Callable[[Navigation], float],
+        truth: Callable[[float], float],
+        after_s: float = 5.0,
+    ) -> list[Any]:
         return [value(one.reading) - truth(one.stamp * 1e-9) for one in self.out if one.stamp * 1e-9 > after_s]
 
 
-def rms(values):
+def rms(values: list[float]) -> float:
     assert values
     return math.sqrt(sum(one * one for one in values) / len(values))
 
 
-def surging(t):
+def surging(t: float) -> Vec3:
     """Half a meter to and fro, once in eight seconds, after two seconds of rest."""
     return (0.25 * (1 - math.cos(0.8 * max(0.0, t - 2.0))), 0.0, 0.9)
 
 
-def heaving(t):
+def heaving(t: float) -> Vec3:
     return (0.0, 0.0, 0.9 + 0.15 * math.sin(1.2 * max(0.0, t - 2.0)) * min(1.0, max(0.0, (t - 2.0) / 2.0)))
 
 
-def test_at_rest_everything_is_known_and_still():
+def test_at_rest_everything_is_known_and_still() -> None:
     ride = Ride().run(6.0)
     state = ride.out[-1].reading
     assert state.attitude_rad == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
@@ -145,7 +163,7 @@ def test_at_rest_everything_is_known_and_still():
     assert state.ages_s["dvl75"] == pytest.approx(0.045, abs=0.06)
 
 
-def test_it_speaks_fifty_times_a_second_of_imu_time():
+def test_it_speaks_fifty_times_a_second_of_imu_time() -> None:
     ride = Ride().run(6.0)
     stamps = [one.stamp for one in ride.out]
     assert len(stamps) == pytest.approx(5.0 * 50, abs=2)
@@ -154,7 +172,7 @@ def test_it_speaks_fifty_times_a_second_of_imu_time():
     assert min(gaps) >= 15_000_000
 
 
-def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks():
+def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks() -> None:
     navigator, count = Navigator(CENTERED), 0
     for number in range(225 * 11):
         stamp = Stamp(number * 4_444_444)
@@ -162,7 +180,7 @@ def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks():
     assert count == pytest.approx(500, abs=2)
 
 
-def test_tilt_and_gyroscope_bias_are_found_while_it_rests():
+def test_tilt_and_gyroscope_bias_are_found_while_it_rests() -> None:
     tilt = (0.1, -0.05, 0.4)
     ride = Ride(attitude=lambda _: tilt, gyro_bias=(0.01, -0.02, 0.005)).run(9.0)
     state = ride.out[-1].reading
@@ -170,7 +188,7 @@ def test_tilt_and_gyroscope_bias_are_found_while_it_rests():
     assert state.rate_radps == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
 
 
-def test_surge_is_followed_between_dvl_samples_without_lag():
+def test_surge_is_followed_between_dvl_samples_without_lag() -> None:
     ride = Ride(position=surging, noise=1.0).run(25.0)
     assert rms(ride.errors(lambda n: n.velocity_mps[0], lambda t: ride.velocity(t)[0])) < 0.006
     assert rms(ride.errors(lambda n: n.position_m[0], lambda t: surging(t)[0])) < 0.03
@@ -179,13 +197,13 @@ def test_surge_is_followed_between_dvl_samples_without_lag():
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.1, 0.3])
-def test_a_late_dvl_sample_is_fused_at_its_own_time(delay_s):
+def test_a_late_dvl_sample_is_fused_at_its_own_time(delay_s: float) -> None:
     # 0.2 m/s^2 at most: a delay of 0.3 s that is not respected would be wrong by up to 0.05 m/s.
     ride = Ride(position=surging, dvl_delay_s=delay_s).run(20.0)
     assert rms(ride.errors(lambda n: n.velocity_mps[0], lambda t: ride.velocity(t)[0])) < 0.007
 
 
-def test_without_lock_it_goes_on_by_the_accelerometer_and_says_how_sure_it_is():
+def test_without_lock_it_goes_on_by_the_accelerometer_and_says_how_sure_it_is() -> None:
     ride = Ride(position=surging, force_bias=(0.02, 0.0, 0.0), dvl_until_s=15.0).run(18.0)
     locked, lost = ride.out[700].reading, ride.out[-1].reading
     assert locked.dvl_locked
@@ -197,7 +215,7 @@ def test_without_lock_it_goes_on_by_the_accelerometer_and_says_how_sure_it_is():
     assert lost.ages_s["dvl75"] == pytest.approx(3.0, abs=0.15)
 
 
-def test_velocity_is_unknown_before_the_first_lock():
+def test_velocity_is_unknown_before_the_first_lock() -> None:
     ride = Ride(dvl_from_s=3.0).run(5.0)
     before, after = ride.out[50].reading, ride.out[-1].reading
     assert math.isnan(before.velocity_mps[0])
@@ -207,7 +225,7 @@ def test_velocity_is_unknown_before_the_first_lock():
     assert after.dvl_locked
 
 
-def test_heave_velocity_is_far_better_than_a_differentiated_altitude():
+def test_heave_velocity_is_far_better_than_a_differentiated_altitude() -> None:
     ride = Ride(position=heaving, noise=1.0, force_bias=(0.0, 0.0, 0.03)).run(30.0)
     off = rms(ride.errors(lambda n: n.velocity_mps[2], lambda t: ride.velocity(t)[2]))
     differentiated = 0.005 * math.sqrt(2) / 0.05
@@ -218,7 +236,7 @@ def test_heave_velocity_is_far_better_than_a_differentiated_altitude():
     assert rms(ride.errors(lambda n: n.altitude_m, lambda t: FLOOR_m - heaving(t)[2])) < 0.004
 
 
-def test_without_sonar_the_altitude_goes_on_from_depth_and_grows_old():
+def test_without_sonar_the_altitude_goes_on_from_depth_and_grows_old() -> None:
     ride = Ride(position=heaving, sonar_until_s=10.0).run(16.0)
     assert rms(ride.errors(lambda n: n.altitude_m, lambda t: FLOOR_m - heaving(t)[2], 12.0)) < 0.01
     assert ride.out[-1].reading.ages_s["ping1d"] == pytest.approx(6.0, abs=0.1)
@@ -235,12 +253,12 @@ MOUNTED = replace(
 )
 
 
-def rocking(t):
+def rocking(t: float) -> Vec3:
     ease = min(1.0, max(0.0, (t - 2.0) / 3.0))
     return (0.2 * ease * math.sin(1.7 * t), 0.15 * ease * math.sin(1.3 * t), 0.5 * ease * math.sin(0.9 * t))
 
 
-def test_levers_and_turned_mounts_are_taken_off():
+def test_levers_and_turned_mounts_are_taken_off() -> None:
     ride = Ride(vehicle=MOUNTED, attitude=rocking, knobs=NavigatorKnobs(heading_from="none")).run(20.0)
     for axis in range(3):
         assert rms(ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda t, k=axis: ride.velocity(t)[k])) < 0.012
@@ -249,11 +267,11 @@ def test_levers_and_turned_mounts_are_taken_off():
     assert rms(ride.errors(lambda n: n.depth_m, lambda _: 0.9)) < 0.003
 
 
-def turning(t):
+def turning(t: float) -> Vec3:
     return (0.0, 0.0, 0.3 * max(0.0, t - 3.0))
 
 
-def test_heading_goes_round_with_the_gyroscope():
+def test_heading_goes_round_with_the_gyroscope() -> None:
     ride = Ride(attitude=turning).run(25.0)
     error = [math.remainder(e, math.tau) for e in ride.errors(lambda n: n.attitude_rad[2], lambda t: turning(t)[2])]
     assert max(map(abs, error)) < 0.01
@@ -263,7 +281,7 @@ THRUSTERS_T = ((2e-7, -1e-7), (-1e-7, 2.5e-7), (1.5e-7, 1e-7), (-2e-7, -1e-7)) *
 """Field of each thruster at the compass per N^1.5, along x and y."""
 
 
-def pattern(t):
+def pattern(t: float) -> tuple[float, ...]:
     """Forces that change every two seconds, after ten seconds of rest, and never repeat soon."""
     if t < 10.0:
         return (0.0,) * 8
@@ -271,13 +289,13 @@ def pattern(t):
     return tuple(float((turn * (3 * k + 1)) % 7 - 2) * 1.5 for k in range(8))
 
 
-def motors(t):
+def motors(t: float) -> Vec3:
     x, y = (sum(abs(f) ** 1.5 * k[axis] for f, k in zip(pattern(t), THRUSTERS_T, strict=True)) for axis in (0, 1))
     return (x, y, 0.0)
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_the_compass_learns_what_the_thrusters_do_to_it(told):
+def test_the_compass_learns_what_the_thrusters_do_to_it(told: bool) -> None:
     ride = Ride(motors_T=motors, gyro_bias=(0.0, 0.0, 0.002)).run(10.0)
     worst = 0.0
     for number in range(1000, 6000):
@@ -291,17 +309,17 @@ def test_the_compass_learns_what_the_thrusters_do_to_it(told):
     assert (worst < math.radians(1.0)) is told
 
 
-def test_a_compass_that_jumps_is_not_followed_at_once():
+def test_a_compass_that_jumps_is_not_followed_at_once() -> None:
     ride = Ride(motors_T=lambda t: (0.0, 9e-6, 0.0) if t > 5.0 else (0.0, 0.0, 0.0)).run(12.0)
     assert max(map(abs, ride.errors(lambda n: n.attitude_rad[2], lambda _: 0.0, 2.0))) < math.radians(1.0)
 
 
-def track(heading_rad, calibration="3333", altitude_m=None):
+def track(heading_rad: float, calibration: str = "3333", altitude_m: float | None = None) -> BottomTrack:
     return BottomTrack(altitude_m is not None, 0.0, 0.0, heading_rad, altitude_m, (0.0, 0.0), (), calibration, 0)
 
 
 @pytest.mark.parametrize(("calibration", "wanted"), [("3333", 1.0), ("", 1.0), ("3331", 0.0)])
-def test_the_heading_may_come_from_a_calibrated_dvl(calibration, wanted):
+def test_the_heading_may_come_from_a_calibrated_dvl(calibration: str, wanted: float) -> None:
     ride = Ride(knobs=NavigatorKnobs(heading_from="dvl"))
     for number in range(400):
         ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
@@ -309,7 +327,7 @@ def test_the_heading_may_come_from_a_calibrated_dvl(calibration, wanted):
     assert ride.out[-1].reading.attitude_rad[2] == pytest.approx(wanted, abs=0.01)
 
 
-def test_the_dvl_tells_the_altitude_while_the_sonar_is_silent():
+def test_the_dvl_tells_the_altitude_while_the_sonar_is_silent() -> None:
     ride = Ride()
     for number in range(600):
         ride.tell(number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
@@ -329,7 +347,7 @@ def test_the_dvl_tells_the_altitude_while_the_sonar_is_silent():
     Inertial((math.inf, 0.0, 0.0), (0.0, 0.0, 0.0), 20.0),
     Inertial((0.0, 0.0, -9.81), (math.nan, 0.0, 0.0), 20.0),
 ])  # fmt: skip
-def test_what_cannot_be_is_refused_and_changes_nothing(bad):
+def test_what_cannot_be_is_refused_and_changes_nothing(bad: BottomVelocity | Pressure | Echo | Inertial) -> None:
     ride = Ride().run(4.0)
     before = ride.navigator.refused
     for number in range(3):
@@ -343,7 +361,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(bad):
     assert (state.depth_m, state.altitude_m) == pytest.approx((0.9, 0.9), abs=1e-5)
 
 
-def test_what_was_measured_after_the_newest_imu_sample_waits():
+def test_what_was_measured_after_the_newest_imu_sample_waits() -> None:
     # IMU samples come in batches, so a pressure may be younger than they: fused too early, depth would run ahead.
     ride = Ride(position=lambda t: (0.0, 0.0, 0.3 + 0.2 * t)).run(4.0)
     ride.tell(4.5, Pressure(101325.0 + 1000.0 * GRAVITY_mps2 * 1.2, 20.0), "ms5837")
@@ -351,7 +369,7 @@ def test_what_was_measured_after_the_newest_imu_sample_waits():
     assert ride.out[-1].reading.depth_m == pytest.approx(0.3 + 0.2 * 4.02, abs=1e-3)
 
 
-def test_a_weak_echo_and_an_unknown_reading_are_passed_over():
+def test_a_weak_echo_and_an_unknown_reading_are_passed_over() -> None:
     ride = Ride().run(4.0)
     ride.tell(4.0, Echo(0.3, 0.1), "ping1d")
     ride.tell(4.0, DeviceText("hello"), "dvl75")
@@ -359,7 +377,7 @@ def test_a_weak_echo_and_an_unknown_reading_are_passed_over():
     assert ride.out[-1].reading.altitude_m == pytest.approx(0.9, abs=1e-5)
 
 
-def test_a_floor_that_really_changes_is_believed_in_the_end():
+def test_a_floor_that_really_changes_is_believed_in_the_end() -> None:
     ride = Ride().run(4.0)
     for number in range(800, 1400):
         t = number * 0.005
@@ -369,7 +387,7 @@ def test_a_floor_that_really_changes_is_believed_in_the_end():
     assert ride.out[-1].reading.altitude_m == pytest.approx(2.4, abs=0.02)
 
 
-def test_after_a_gap_in_the_imu_it_starts_anew():
+def test_after_a_gap_in_the_imu_it_starts_anew() -> None:
     ride = Ride(position=surging).run(6.0)
     ride.tell(8.0, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
     count = len(ride.out)
@@ -381,7 +399,7 @@ def test_after_a_gap_in_the_imu_it_starts_anew():
     assert math.isnan(state.depth_m)
 
 
-def test_time_that_runs_back_is_refused():
+def test_time_that_runs_back_is_refused() -> None:
     ride = Ride().run(3.0)
     before = ride.navigator.refused
     ride.tell(2.0, Inertial((0, 0, -9.81), (0, 0, 0), 20.0), "icm20948")
@@ -390,19 +408,19 @@ def test_time_that_runs_back_is_refused():
 
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-3.0, 3.0)))
-def test_any_attitude_at_rest_is_found(attitude):
+def test_any_attitude_at_rest_is_found(attitude: Vec3) -> None:
     ride = Ride(attitude=lambda _: attitude).run(1.6)
     found = ride.out[-1].reading.attitude_rad
     assert found[:2] == pytest.approx(attitude[:2], abs=1e-3)
     assert matrix(found)[0] == pytest.approx(matrix((*found[:2], attitude[2]))[0], abs=0.02)
 
 
-def test_the_same_readings_give_the_same_navigation():
+def test_the_same_readings_give_the_same_navigation() -> None:
     first, second = (Ride(position=surging, noise=1.0).run(4.0).out for _ in range(2))
     assert first == second
 
 
-def test_rates_of_the_test_itself_are_those_of_a_turning_body():
+def test_rates_of_the_test_itself_are_those_of_a_turning_body() -> None:
     ride = Ride(attitude=turning)
     assert ride.rates(5.0) == pytest.approx((0.0, 0.0, 0.3), abs=1e-6)
     lever = (0.2, 0.0, 0.0)

@@ -1,41 +1,46 @@
 """What the pilot tells of what it was told: a setpoint that is refused is seen in the state of its hold."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import pytest
+from ideal_vehicle import IdealVehicle
 
 from hindrax_control.hold.holds import Setpoint
-from hindrax_control.pilot import REFUSAL_S, Pilot
+from hindrax_control.pilot import REFUSAL_S, Pilot, PilotOutput
+from hindrax_core.vehicle import Vehicle
 
 
 class Hovering:
     """A vehicle that hangs still; `notes` are those of the holds after a step."""
 
-    def __init__(self, vehicle, ideal):
+    def __init__(self, vehicle: Vehicle, ideal: IdealVehicle) -> None:
         self.pilot, self.ideal = Pilot(vehicle), ideal
 
-    def fly(self, *, armed=True, seconds=0.02):
+    def fly(self, *, armed: bool = True, seconds: float = 0.02) -> PilotOutput:
         self.ideal.time_s += seconds
         return self.pilot.step(self.ideal.navigation(), self.ideal.stamp, armed=armed)
 
-    def step(self, *, armed=True, seconds=0.02):
+    def step(self, *, armed: bool = True, seconds: float = 0.02) -> dict[str, Any]:
         flight = self.fly(armed=armed, seconds=seconds)
         return {state.axis: state.note for state in flight.holds if state.note}
 
 
 @pytest.fixture
-def hovering(hindrax, ideal_vehicle):
+def hovering(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> Hovering:
     return Hovering(hindrax, ideal_vehicle(hindrax))
 
 
-def test_a_refused_setpoint_is_shown_for_a_while(hovering):
+def test_a_refused_setpoint_is_shown_for_a_while(hovering: Hovering) -> None:
     hovering.step()
     assert hovering.pilot.set(Setpoint("roll", value=1.5))
     assert hovering.step() == {"roll": "refused: hold roll: found 85.9437 deg, wanted -55 to 55 deg"}
     assert hovering.step(seconds=REFUSAL_S) == {}
 
 
-def test_it_is_shown_disarmed_too(hovering):
+def test_it_is_shown_disarmed_too(hovering: Hovering) -> None:
     hovering.step(armed=False)
     hovering.pilot.set(Setpoint("depth", value=0.5))
     assert hovering.step(armed=False) == {
@@ -43,13 +48,13 @@ def test_it_is_shown_disarmed_too(hovering):
     }
 
 
-def test_letting_go_disarmed_is_no_news(hovering):
+def test_letting_go_disarmed_is_no_news(hovering: Hovering) -> None:
     hovering.step(armed=False)
     assert hovering.pilot.set(Setpoint("depth", engaged=False)) == ""
     assert hovering.step(armed=False) == {}
 
 
-def test_a_good_setpoint_takes_its_place(hovering):
+def test_a_good_setpoint_takes_its_place(hovering: Hovering) -> None:
     hovering.step()
     hovering.pilot.set(Setpoint("depth", value=-1.0))
     assert "depth" in hovering.step()
@@ -57,13 +62,13 @@ def test_a_good_setpoint_takes_its_place(hovering):
     assert hovering.step() == {}
 
 
-def test_what_others_refuse_is_shown_too(hovering):
+def test_what_others_refuse_is_shown_too(hovering: Hovering) -> None:
     hovering.step()
     hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
     assert hovering.step() == {"heading": "refused: hold heading: 3.0 s old"}
 
 
-def test_a_wrench_by_hand_that_is_refused_is_shown_for_a_while(hovering):
+def test_a_wrench_by_hand_that_is_refused_is_shown_for_a_while(hovering: Hovering) -> None:
     hovering.step()
     stamp = hovering.ideal.stamp
     assert hovering.fly().refused == ""

@@ -1,5 +1,7 @@
 """Where the vehicle is in the pool: the start, the axes, the walls."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 
@@ -8,17 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
+from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
 
 
-def navigation(position_m=(0.0, 0.0), heading_rad=0.0, velocity_mps=(0.0, 0.0, 0.0)):
+def navigation(
+    position_m: tuple[float, float] = (0.0, 0.0), heading_rad: float = 0.0, velocity_mps: Vec3 = (0.0, 0.0, 0.0)
+) -> Navigation:
     return Navigation((0.0, 0.0, heading_rad), (0.0, 0.0, 0.0), velocity_mps, 0.9, 0.9, position_m, dvl_locked=True)
 
 
-def test_dead_reckoning_begins_in_the_middle_of_the_pool():
+def test_dead_reckoning_begins_in_the_middle_of_the_pool() -> None:
     box = PoolBounds(HINDRAX, 0.0)
     place = box.place(navigation())
     assert (place.x_m, place.y_m, place.heading_rad) == (5.0, 3.0, 0.0)
@@ -27,7 +32,7 @@ def test_dead_reckoning_begins_in_the_middle_of_the_pool():
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
-def test_pool_axes_turn_with_the_heading_at_the_start(heading_rad, ahead_m, aside_m):
+def test_pool_axes_turn_with_the_heading_at_the_start(heading_rad: float, ahead_m: float, aside_m: float) -> None:
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     north_east = (cos * ahead_m - sin * aside_m, sin * ahead_m + cos * aside_m)
     place = PoolBounds(HINDRAX, heading_rad).place(navigation(north_east, heading_rad, (0.3, 0.1, 0.0)))
@@ -36,14 +41,14 @@ def test_pool_axes_turn_with_the_heading_at_the_start(heading_rad, ahead_m, asid
     assert place.heading_rad == pytest.approx(0.0, abs=1e-9)
 
 
-def test_vehicle_that_lies_across_the_pool_at_the_start():
+def test_vehicle_that_lies_across_the_pool_at_the_start() -> None:
     box = PoolBounds(HINDRAX, 1.0, PoolBoundsKnobs(start_along=0.1, start_across=0.5, start_turned_deg=90.0))
     place = box.place(navigation((math.cos(1.0), math.sin(1.0)), 1.0))  # one meter ahead
     assert (place.x_m, place.y_m, place.heading_rad) == pytest.approx((1.0, 4.0, math.pi / 2.0))
     assert box.walls_m(place)["south"] == pytest.approx(1.0 - 0.235)
 
 
-def test_wall_ahead_is_the_one_the_vehicle_moves_towards():
+def test_wall_ahead_is_the_one_the_vehicle_moves_towards() -> None:
     box = PoolBounds(HINDRAX, 0.0)
     for velocity, expected in (
         ((0.3, 0.0, 0.0), 2.705),

@@ -1,12 +1,14 @@
 """Readings that no sensor says are told from those that are merely odd."""
 
+from __future__ import annotations
+
 import math
 
 import pytest
 
 from hindrax_control.navigation.reading_limits import unfit
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 
 REST = (0.0, 0.0, -9.81)
 ZERO = (0.0, 0.0, 0.0)
@@ -30,7 +32,7 @@ ZERO = (0.0, 0.0, 0.0)
         ),
     ],
 )
-def test_what_cannot_be_measured_is_named(reading, why):
+def test_what_cannot_be_measured_is_named(reading: Reading, why: str) -> None:
     assert unfit(Stamped(stamp_from_s(5.0), reading)) == why
 
 
@@ -45,9 +47,9 @@ def test_what_cannot_be_measured_is_named(reading, why):
         BottomTrack(False, math.nan, math.nan, math.nan, None, (math.nan, math.nan), (), "", 0),
     ],
 )
-def test_what_is_merely_unknown_or_poor_is_left_to_the_filters(reading):
+def test_what_is_merely_unknown_or_poor_is_left_to_the_filters(reading: Reading) -> None:
     assert unfit(Stamped(stamp_from_s(5.0), reading)) == ""
 
 
-def test_a_stamp_outside_of_time_is_named():
+def test_a_stamp_outside_of_time_is_named() -> None:
     assert unfit(Stamped(Stamp(-1_000_000_000), Magnetic(ZERO))) == "stamped -1 s, wanted 0 to 2.14748e+09 s"

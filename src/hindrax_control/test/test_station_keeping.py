@@ -1,16 +1,22 @@
 """Keeping station on an ideal vehicle: transits, currents, headings."""
 
+from __future__ import annotations
+
 import math
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ideal_vehicle import IdealVehicle
 
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
+from hindrax_core.vehicle import Vehicle
 
 
-def keep(station, ideal, box, seconds, **options):
+def keep(
+    station: StationKeeping, ideal: IdealVehicle, box: PoolBounds, seconds: float, **options: float
+) -> PoolPosition:
     for _ in range(round(seconds / ideal.step_s)):
         X, Y = station.step(box.place(ideal.navigation()), ideal.step_s, **options)
         ideal.step((X, Y, ideal.freedoms["heave"].bias, 0.0, 0.0, 0.0))
@@ -19,7 +25,9 @@ def keep(station, ideal, box, seconds, **options):
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-3.0, 3.0), st.floats(2.0, 8.0), st.floats(1.5, 4.5))
-def test_goal_is_reached_at_any_heading(hindrax, ideal_vehicle, heading_rad, x_m, y_m):
+def test_goal_is_reached_at_any_heading(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], heading_rad: float, x_m: float, y_m: float
+) -> None:
     ideal, box, station = (
         ideal_vehicle(hindrax, heading_rad=heading_rad),
         PoolBounds(hindrax, 0.0),
@@ -31,7 +39,7 @@ def test_goal_is_reached_at_any_heading(hindrax, ideal_vehicle, heading_rad, x_m
     assert (place.x_m, place.y_m) == pytest.approx((x_m, y_m), abs=0.05)
 
 
-def test_current_is_held_off_and_learned_for_every_heading(hindrax, ideal_vehicle):
+def test_current_is_held_off_and_learned_for_every_heading(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(hindrax)
     ideal.current = (0.1, -0.1)
     place = keep(station, ideal, box, 60.0)
@@ -41,7 +49,7 @@ def test_current_is_held_off_and_learned_for_every_heading(hindrax, ideal_vehicl
     assert math.hypot(turned.x_m - place.x_m, turned.y_m - place.y_m) < 0.2
 
 
-def test_axis_left_free_is_left_alone(hindrax, ideal_vehicle):
+def test_axis_left_free_is_left_alone(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(hindrax)
     ideal.rate["surge"] = 0.3
     for _ in range(100):
@@ -51,13 +59,13 @@ def test_axis_left_free_is_left_alone(hindrax, ideal_vehicle):
     assert station.goal_m[1] == pytest.approx(3.0)
 
 
-def test_unknown_place_asks_for_nothing(hindrax):
+def test_unknown_place_asks_for_nothing(hindrax: Vehicle) -> None:
     station = StationKeeping(hindrax)
     assert station.step(PoolPosition(math.nan, 0.0, 0.0, 0.0, 0.0), 0.02) == (0.0, 0.0)
     assert station.goal_m is None
 
 
-def test_integral_stands_still_while_held_back(hindrax, ideal_vehicle):
+def test_integral_stands_still_while_held_back(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(hindrax)
     station.start(box.place(ideal.navigation()))
     station.goal_m = (8.0, 3.0)

@@ -1,45 +1,54 @@
 """The test for steadiness: neither fooled by noise nor by a slow approach."""
 
+from __future__ import annotations
+
 import math
 import random
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from hindrax_control.maneuver.steady_state import SteadyStateTest, line
 
 
-def pushed(rate_of, seconds=4.0, noise=0.0, seed=1):
+def pushed(
+    rate_of: Callable[[Any], float],
+    seconds: float = 4.0,
+    noise: float = 0.0,
+    seed: int = 1,
+) -> list[Any]:
     """Whether the rate passes for steady, at every sample."""
     rng, steadiness = random.Random(seed), SteadyStateTest(2.0, 0.001)
     times = [0.02 * index for index in range(round(seconds / 0.02))]
     return [(t, steadiness.push(t, rate_of(t) + rng.gauss(0.0, noise))) for t in times]
 
 
-def test_constant_rate_is_steady_once_the_window_is_full():
+def test_constant_rate_is_steady_once_the_window_is_full() -> None:
     judged = pushed(lambda _t: 0.3)
     assert not any(steady for t, steady in judged if t < 1.8)
     assert all(steady for t, steady in judged if t > 2.1)
 
 
-def test_noise_alone_does_not_spoil_a_plateau():
+def test_noise_alone_does_not_spoil_a_plateau() -> None:
     for seed in range(20):
         judged = pushed(lambda _t: 0.3, seconds=10.0, noise=0.005, seed=seed)
         assert sum(steady for t, steady in judged if t > 3.0) > 0.95 * sum(t > 3.0 for t, _ in judged)
 
 
-def test_approach_to_the_plateau_is_not_steady():
+def test_approach_to_the_plateau_is_not_steady() -> None:
     # Time constant of the Hindrax at 0.2 m/s is about a second.
     judged = pushed(lambda t: 0.2 * (1.0 - math.exp(-t)), seconds=12.0, noise=0.002)
     assert not any(steady for t, steady in judged if t < 3.0)
     assert all(steady for t, steady in judged if t > 8.0)
 
 
-def test_plateau_that_ends_is_noticed():
+def test_plateau_that_ends_is_noticed() -> None:
     judged = pushed(lambda t: 0.3 if t < 4.0 else 0.3 - 0.1 * (t - 4.0), seconds=8.0, noise=0.002)
     assert not any(steady for t, steady in judged if t > 5.5)
 
 
-def test_change_of_force_starts_the_window_anew():
+def test_change_of_force_starts_the_window_anew() -> None:
     steadiness = SteadyStateTest(1.0, 0.001)
     for index in range(100):
         steadiness.push(0.02 * index, 0.3)
@@ -48,7 +57,7 @@ def test_change_of_force_starts_the_window_anew():
     assert not steadiness.push(2.0, 0.3)
 
 
-def test_slope_and_its_scatter_are_those_of_least_squares():
+def test_slope_and_its_scatter_are_those_of_least_squares() -> None:
     slope, sigma = line([(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)])
     assert (slope, sigma) == pytest.approx((1.0, 0.0))
     # By hand: residuals 0.25, -0.75, 0.75, -0.25 about 1.2 t + 0.45 ... variance 1.25 / 2 / 5.

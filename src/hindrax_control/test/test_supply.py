@@ -1,29 +1,31 @@
 """A voltage counts while it is measured; a sensor that falls silent is named, and the constant takes its place."""
 
+from __future__ import annotations
+
 import math
 
 import pytest
 
 from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
-from hindrax_core.events import stamp_from_s
+from hindrax_core.events import Stamp, stamp_from_s
 
 
-def at(seconds):
+def at(seconds: float) -> Stamp:
     return stamp_from_s(seconds)
 
 
 @pytest.fixture
-def supply():
+def supply() -> SupplyVoltage:
     return SupplyVoltage(14.8, SupplyKnobs(silent_s=10.0))
 
 
-def test_without_a_sensor_the_constant_is_said_to_be_assumed(supply):
+def test_without_a_sensor_the_constant_is_said_to_be_assumed(supply: SupplyVoltage) -> None:
     assert supply.measured_V(at(100.0)) is None
     assert supply.status_text(at(100.0)) == "14.8 (assumed, no battery sensor)"
     assert supply.silence_warning(at(100.0)) == ""
 
 
-def test_a_measurement_counts_until_it_is_stale(supply):
+def test_a_measurement_counts_until_it_is_stale(supply: SupplyVoltage) -> None:
     supply.update(13.26, at(5.0))
     assert supply.measured_V(at(15.0)) == 13.3
     assert supply.status_text(at(15.0)) == "13.3 (measured)"
@@ -32,7 +34,7 @@ def test_a_measurement_counts_until_it_is_stale(supply):
     assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
 
 
-def test_a_sensor_that_speaks_again_is_believed_again(supply):
+def test_a_sensor_that_speaks_again_is_believed_again(supply: SupplyVoltage) -> None:
     supply.update(13.0, at(0.0))
     assert supply.measured_V(at(60.0)) is None
     supply.update(12.5, at(60.0))
@@ -41,7 +43,7 @@ def test_a_sensor_that_speaks_again_is_believed_again(supply):
 
 
 @pytest.mark.parametrize("voltage", [math.nan, math.inf, 0.0, -1.0])
-def test_what_is_no_voltage_says_nothing(supply, voltage):
+def test_what_is_no_voltage_says_nothing(supply: SupplyVoltage, voltage: float) -> None:
     supply.update(voltage, at(0.0))
     assert supply.measured_V(at(1.0)) is None
     supply.update(13.0, at(2.0))

@@ -1,5 +1,7 @@
 """The thrust curve against the paper's table and its own law: pulse and force are inverse to each other."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 
@@ -19,18 +21,18 @@ CURVE = Curve(negative=NEGATIVE)
 MAIN = ThrustCurve(CURVE)
 
 
-def test_forces_of_the_printed_negative_row():
+def test_forces_of_the_printed_negative_row() -> None:
     assert MAIN.force(1100.0) == pytest.approx(-15.53, abs=0.005)
     assert MAIN.force(1300.0) == pytest.approx(-8.154, abs=0.0005)
     assert MAIN.force(1475.0) == pytest.approx(-1.2017, abs=0.0005)
 
 
-def test_printed_positive_row_is_refused_with_the_reason():
+def test_printed_positive_row_is_refused_with_the_reason() -> None:
     with pytest.raises(UsageError, match=r"thrust curve main: positive branch does not rise.*-1124 N at 1525 us"):
         ThrustCurve(replace(CURVE, positive=PRINTED_POSITIVE), name="main")
 
 
-def test_negative_row_up_to_the_stop_is_not_monotone():
+def test_negative_row_up_to_the_stop_is_not_monotone() -> None:
     reasons = problems_of(replace(CURVE, negative=replace(NEGATIVE, to_us=1500.0), dead_band_us=0.0))
     assert any("turns at 1495.8 us" in reason for reason in reasons)
     reasons = problems_of(replace(CURVE, negative=replace(NEGATIVE, from_us=1000.0)))
@@ -46,17 +48,17 @@ def test_negative_row_up_to_the_stop_is_not_monotone():
         (replace(CURVE, dead_band_us=400.0), "wanted a rising range"),
     ],
 )
-def test_what_cannot_be_a_thrust_curve_is_refused(curve, reason):
+def test_what_cannot_be_a_thrust_curve_is_refused(curve: Curve, reason: str) -> None:
     with pytest.raises(UsageError, match=reason):
         ThrustCurve(curve)
 
 
-def test_supply_that_is_not_a_voltage_is_refused():
+def test_supply_that_is_not_a_voltage_is_refused() -> None:
     with pytest.raises(UsageError, match="found a supply of nan V"):
         ThrustCurve(CURVE, math.nan)
 
 
-def test_missing_positive_branch_is_the_mirror_image():
+def test_missing_positive_branch_is_the_mirror_image() -> None:
     assert MAIN.assumed_mirror
     assert MAIN.range_N == pytest.approx((-15.5283, 15.5283))
     for pulse in (1525.0, 1600.0, 1777.0, 1900.0):
@@ -64,42 +66,42 @@ def test_missing_positive_branch_is_the_mirror_image():
 
 
 @given(st.floats(1100.0, 1475.0) | st.floats(1525.0, 1900.0))
-def test_pulse_undoes_force(pulse):
+def test_pulse_undoes_force(pulse: float) -> None:
     # Near 1100 us the curve is almost flat: a femtonewton there is a nanosecond.
     assert MAIN.pulse(MAIN.force(pulse)) == pytest.approx(pulse, abs=1e-6)
 
 
 @given(st.floats(-15.5, -1.21) | st.floats(1.21, 15.5), st.floats(9.0, 17.0))
-def test_force_undoes_pulse_at_any_supply(force, supply):
+def test_force_undoes_pulse_at_any_supply(force: float, supply: float) -> None:
     curve = ThrustCurve(CURVE, supply)
     reachable = max(curve.range_N[0], min(curve.range_N[1], force * (supply / 14.8) ** 1.2))
     assert curve.force(curve.pulse(reachable)) == pytest.approx(reachable, abs=1e-9)
 
 
 @pytest.mark.parametrize("pulse", [1100.0, 1475.0, 1525.0, 1900.0])
-def test_ends_are_exact(pulse):
+def test_ends_are_exact(pulse: float) -> None:
     assert MAIN.pulse(MAIN.force(pulse)) == pytest.approx(pulse, abs=1e-9)
 
 
-def test_beyond_the_ends_is_the_end():
+def test_beyond_the_ends_is_the_end() -> None:
     assert MAIN.pulse(-99.0) == 1100.0
     assert MAIN.pulse(math.inf) == 1900.0
     assert MAIN.force(900.0) == MAIN.force(1100.0)
     assert MAIN.force(2100.0) == MAIN.force(1900.0)
 
 
-def test_not_a_number_stands_still():
+def test_not_a_number_stands_still() -> None:
     assert MAIN.pulse(math.nan) == 1500.0
     assert MAIN.pulse(math.nan, 1600.0) == 1500.0
 
 
-def test_dead_band_gives_nothing():
+def test_dead_band_gives_nothing() -> None:
     assert [MAIN.force(pulse) for pulse in (1476.0, 1500.0, 1524.0)] == [0.0, 0.0, 0.0]
     assert MAIN.slope(1500.0) == 0.0
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_force_gap_takes_the_nearer_side_with_hysteresis(sign):
+def test_force_gap_takes_the_nearer_side_with_hysteresis(sign: float) -> None:
     edge = sign * 1.2017
     stop, run = 1500.0, 1500.0 + sign * 25.0
     assert MAIN.pulse(0.49 * edge) == stop
@@ -112,7 +114,7 @@ def test_force_gap_takes_the_nearer_side_with_hysteresis(sign):
     assert MAIN.pulse(0.55 * edge, previous_us=1500.0 - sign * 50.0) == stop
 
 
-def test_mirrored_thruster_turns_the_other_way():
+def test_mirrored_thruster_turns_the_other_way() -> None:
     turned = ThrustCurve(CURVE, mirrored=True)
     assert turned.force(1600.0) == pytest.approx(MAIN.force(1400.0))
     assert turned.pulse(5.0) == pytest.approx(3000.0 - MAIN.pulse(5.0))
@@ -121,19 +123,19 @@ def test_mirrored_thruster_turns_the_other_way():
 
 
 @given(st.floats(1110.0, 1470.0))
-def test_slope_is_the_difference_quotient(pulse):
+def test_slope_is_the_difference_quotient(pulse: float) -> None:
     quotient = (MAIN.force(pulse + 0.5) - MAIN.force(pulse - 0.5)) / 1.0
     assert MAIN.slope(pulse) == pytest.approx(quotient, abs=1e-6)
 
 
-def test_thrust_falls_with_the_supply():
+def test_thrust_falls_with_the_supply() -> None:
     half = ThrustCurve(CURVE, 7.4)
     assert half.force(1200.0) == pytest.approx(MAIN.force(1200.0) * 0.5**1.2)
     assert half.range_N[1] == pytest.approx(15.5283 * 0.5**1.2)
 
 
 @given(st.floats(-20.0, 20.0))
-def test_curves_that_are_no_cubics_are_inverted_too(force):
+def test_curves_that_are_no_cubics_are_inverted_too(force: float) -> None:
     """A parabola back and a line forth."""
     curve = ThrustCurve(
         Curve(
@@ -149,17 +151,17 @@ def test_curves_that_are_no_cubics_are_inverted_too(force):
         assert curve.force(pulse) == pytest.approx(max(low, min(high, force)), abs=1e-9)
 
 
-def test_uncertainty_of_a_force_is_that_of_the_gain():
+def test_uncertainty_of_a_force_is_that_of_the_gain() -> None:
     assert MAIN.sigma_N(-10.0) == pytest.approx(0.2)
 
 
-def test_reflected_twice_is_the_branch():
+def test_reflected_twice_is_the_branch() -> None:
     twice = reflected(reflected(NEGATIVE, 1500.0), 1500.0)
     assert twice.c == pytest.approx(NEGATIVE.c, rel=1e-9)
     assert (twice.from_us, twice.to_us) == (1100.0, 1475.0)
 
 
-def _cubic(c, x):
+def _cubic(c: tuple[float, float, float, float], x: float) -> float:
     return ((c[3] * x + c[2]) * x + c[1]) * x + c[0]
 
 
@@ -171,7 +173,9 @@ def _cubic(c, x):
     st.floats(0.3, 3.0),
     st.floats(0.02, 0.98),
 )
-def test_inverse_of_any_monotone_piece(c, low, width, part):
+def test_inverse_of_any_monotone_piece(
+    c: tuple[float, float, float, float], low: float, width: float, part: float
+) -> None:
     # Every kind of cubic, quadratic and line: between, left of and right of the stationary points, or without any.
     high = low + width
     turns = stationary_points(c)
@@ -181,7 +185,7 @@ def test_inverse_of_any_monotone_piece(c, low, width, part):
     assert inverse(c, low, high)(_cubic(c, x)) == pytest.approx(x, abs=1e-6)
 
 
-def test_stationary_points_are_those_of_the_derivative():
+def test_stationary_points_are_those_of_the_derivative() -> None:
     assert stationary_points((0.0, -3.0, 0.0, 1.0)) == pytest.approx((-1.0, 1.0))
     assert stationary_points((0.0, 0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0))
     assert stationary_points((0.0, 2.0, 1.0, 0.0)) == pytest.approx((-1.0,))

@@ -1,25 +1,37 @@
 """The thruster watch on an ideal vehicle whose thrusters can die, and whose prior can be wrong."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_control.allocation.thruster_fault_detector import ThrusterFaultDetector
-from hindrax_core.vehicle import Drag
+from hindrax_control.allocation.thruster_fault_detector import SuspectedFault, ThrusterFaultDetector
+from hindrax_core.vehicle import Drag, Vehicle
 
 
 class Rig:
     """Forces on all thrusters, some of which do nothing; the watch believes `believed`."""
 
-    def __init__(self, hindrax, ideal_vehicle, believed=None, start_s=5.0):
+    def __init__(
+        self, hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], believed: Vehicle | None = None, start_s: float = 5.0
+    ) -> None:
         self.ideal, self.watch = ideal_vehicle(hindrax, depth_m=0.9), ThrusterFaultDetector(believed or hindrax)
         self.B, self.start_s = effectiveness(hindrax), start_s
         self.names = [thruster.name for thruster in hindrax.thrusters]
 
-    def fly(self, forces_of, seconds, dead=()):
+    def fly(
+        self,
+        forces_of: Callable[[Any], tuple[float, ...]],
+        seconds: float,
+        dead: tuple[str, ...] = (),
+    ) -> tuple[SuspectedFault | None, float]:
         """Fly with forces as a function of time; the dead ones die at `start_s`. Returns who is suspected, and when."""
         alive = np.array([name not in dead for name in self.names], dtype=float)
         while self.ideal.time_s < seconds:
@@ -32,7 +44,7 @@ class Rig:
         return None, self.ideal.time_s
 
 
-def wiggle(t):
+def wiggle(t: float) -> tuple[float, ...]:
     """Surge with a slow wave in every vertical thruster, idle forces that cancel, and a level trim."""
     wave = 1.5 * math.sin(0.8 * t)
     surge = 3.0 * math.copysign(1.0, math.sin(0.5 * t))
@@ -40,7 +52,7 @@ def wiggle(t):
 
 
 @pytest.mark.parametrize("dead", ["T1", "T3", "T5", "T8"])
-def test_dead_thruster_is_named(hindrax, ideal_vehicle, dead):
+def test_dead_thruster_is_named(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], dead: str) -> None:
     found, at_s = Rig(hindrax, ideal_vehicle).fly(wiggle, 25.0, dead=(dead,))
     assert found is not None
     assert found.name == dead
@@ -49,12 +61,14 @@ def test_dead_thruster_is_named(hindrax, ideal_vehicle, dead):
     assert at_s < 5.0 + 15.0
 
 
-def test_nobody_is_suspected_while_all_push(hindrax, ideal_vehicle):
+def test_nobody_is_suspected_while_all_push(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     assert Rig(hindrax, ideal_vehicle).fly(wiggle, 60.0)[0] is None
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.5])
-def test_wrong_prior_is_not_taken_for_a_dead_thruster(hindrax, ideal_vehicle, factor):
+def test_wrong_prior_is_not_taken_for_a_dead_thruster(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], factor: float
+) -> None:
     known = hindrax.hydrodynamics
     drags = {
         axis: Drag(getattr(known, axis).k_q * factor, getattr(known, axis).k_l) for axis in ("surge", "sway", "yaw")
@@ -63,13 +77,13 @@ def test_wrong_prior_is_not_taken_for_a_dead_thruster(hindrax, ideal_vehicle, fa
     assert Rig(hindrax, ideal_vehicle, believed).fly(wiggle, 60.0)[0] is None
 
 
-def test_current_is_not_taken_for_a_dead_thruster(hindrax, ideal_vehicle):
+def test_current_is_not_taken_for_a_dead_thruster(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle)
     rig.ideal.current = (0.1, 0.1)
     assert rig.fly(wiggle, 60.0)[0] is None
 
 
-def test_without_lock_or_motion_nothing_is_judged(hindrax, ideal_vehicle):
+def test_without_lock_or_motion_nothing_is_judged(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle)
     rig.ideal.locked = False
     assert rig.fly(wiggle, 20.0, dead=("T3",))[0] is None

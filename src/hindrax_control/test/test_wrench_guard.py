@@ -1,5 +1,7 @@
 """The command guard: what is refused whole, what axis by axis, and what it says about it."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
 
@@ -7,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.wrench_guard import FLU, FSD, WrenchGuard, half_turn
+from hindrax_control.allocation.wrench_guard import FLU, FSD, Accepted, WrenchGuard, half_turn
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import load_vehicle
 
 HINDRAX = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml")
@@ -16,16 +19,16 @@ NOW = stamp_from_s(100.0)
 WRENCH = (5.0, -4.0, 3.0, -2.0, 1.0, -0.5)
 
 
-def judge(wrench=WRENCH, frame=FSD, age_s=0.0):
+def judge(wrench: Vec6 = WRENCH, frame: str = FSD, age_s: float = 0.0) -> Accepted:
     return WrenchGuard(HINDRAX).step(wrench, frame, Stamp(NOW - stamp_from_s(age_s)), NOW)
 
 
-def test_fresh_wrench_passes_as_it_is():
+def test_fresh_wrench_passes_as_it_is() -> None:
     assert judge().wrench == WRENCH
     assert judge().refused == ()
 
 
-def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x():
+def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x() -> None:
     assert judge(frame=FLU).wrench == (5.0, 4.0, -3.0, -2.0, -1.0, 0.5)
     assert half_turn(half_turn(WRENCH)) == WRENCH
 
@@ -39,13 +42,13 @@ def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x():
         ({"frame": ""}, "found frame ''"),
     ],
 )
-def test_what_is_refused_whole_says_why(arguments, reason):
+def test_what_is_refused_whole_says_why(arguments: dict[str, float | str], reason: str) -> None:
     judged = judge(**arguments)
     assert judged.wrench is None
     assert reason in judged.refused[0]
 
 
-def test_wrench_out_of_order_is_refused():
+def test_wrench_out_of_order_is_refused() -> None:
     guard = WrenchGuard(HINDRAX)
     guard.step(WRENCH, FSD, NOW, NOW)
     judged = guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.1)), NOW)
@@ -53,19 +56,19 @@ def test_wrench_out_of_order_is_refused():
     assert "0.10 s older than the one before it" in judged.refused[0]
 
 
-def test_refused_wrench_does_not_block_the_next():
+def test_refused_wrench_does_not_block_the_next() -> None:
     guard = WrenchGuard(HINDRAX)
     guard.step(WRENCH, "map", NOW, NOW)
     assert guard.step(WRENCH, FSD, Stamp(NOW - stamp_from_s(0.1)), NOW).wrench == WRENCH
 
 
-def test_axes_that_are_not_finite_are_refused_alone():
+def test_axes_that_are_not_finite_are_refused_alone() -> None:
     judged = judge((math.nan, -4.0, math.inf, 0.0, 1.0, 0.0))
     assert judged.wrench == (0.0, -4.0, 0.0, 0.0, 1.0, 0.0)
     assert judged.refused == ("X: found nan, wanted a finite number", "Z: found inf, wanted a finite number")
 
 
-def test_limits_of_the_vehicle_file_keep_the_direction_of_travel():
+def test_limits_of_the_vehicle_file_keep_the_direction_of_travel() -> None:
     judged = judge((120.0, 30.0, 200.0, 0.0, 0.0, 31.0))
     assert judged.wrench == (60.0, 15.0, 80.0, 0.0, 0.0, 30.0)
     assert judged.refused == (
@@ -76,6 +79,6 @@ def test_limits_of_the_vehicle_file_keep_the_direction_of_travel():
 
 
 @given(st.tuples(*[st.floats()] * 6))
-def test_what_passes_is_finite_and_within_limits(wrench):
+def test_what_passes_is_finite_and_within_limits(wrench: tuple[float, ...]) -> None:
     passed = judge(wrench).wrench
     assert all(abs(value) <= limit * (1 + 1e-12) for value, limit in zip(passed, HINDRAX.limits.wrench, strict=True))

@@ -58,16 +58,6 @@ class EchoProfile:
 
 
 @dataclass(frozen=True, slots=True)
-class SonarHealth:
-    """Number, supply and temperatures of an echo sounder; None or NaN where it does not tell one."""
-
-    device_id: int | None
-    supply_V: float
-    processor_C: float
-    board_C: float
-
-
-@dataclass(frozen=True, slots=True)
 class BottomVelocity:
     """Velocity over ground of the DVL in its own frame (x forward, y starboard, z down), mean over the interval.
 
@@ -167,7 +157,6 @@ Reading: TypeAlias = (
     | Pressure
     | Echo
     | EchoProfile
-    | SonarHealth
     | BottomVelocity
     | BottomTrack
     | Position

@@ -1,20 +1,25 @@
 """The runner and the rehearsal of bus programs."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
 import pytest
 
-from hindrax_core.bus_operations import DeviceError, Pause, Read, Transaction, Write, WriteRead, run
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Read, Transaction, Write, WriteRead, run
 from hindrax_core.testing import chunks, rehearse
 from hindrax_core.wire_frames import pack_transaction, unpack_transaction
 
 
-def double_register():
+def double_register() -> Program[int]:
     yield Write(0x10, b"\x01")
     yield Pause(0.5)
     answer = yield WriteRead(0x10, b"\x02", 1)
     return answer[0] * 2
 
 
-def patient():
+def patient() -> Iterator[Pause | Read]:
     try:
         yield Read(0x10, 1)
     except DeviceError:
@@ -22,7 +27,7 @@ def patient():
     return "went on"
 
 
-def test_run_passes_answers_and_pauses():
+def test_run_passes_answers_and_pauses() -> None:
     seen: list[Transaction | float] = []
 
     def transfer(transaction: Transaction) -> bytes:
@@ -33,7 +38,7 @@ def test_run_passes_answers_and_pauses():
     assert seen == [Write(0x10, b"\x01"), 0.5, WriteRead(0x10, b"\x02", 1)]
 
 
-def test_run_throws_a_bad_wire_into_the_program():
+def test_run_throws_a_bad_wire_into_the_program() -> None:
     def transfer(_: Transaction) -> bytes:
         raise DeviceError("no acknowledge")
 
@@ -45,7 +50,7 @@ def test_run_throws_a_bad_wire_into_the_program():
 TRANSCRIPT = [(Write(0x10, b"\x01"), b""), (Pause(0.5), b""), (WriteRead(0x10, b"\x02", 1), b"\x15")]
 
 
-def test_rehearsal_returns_the_result():
+def test_rehearsal_returns_the_result() -> None:
     assert rehearse(double_register(), TRANSCRIPT) == 0x2A
     assert rehearse(patient(), [(Read(0x10, 1), DeviceError("nack")), (Pause(1.0), b"")]) == "went on"
 
@@ -55,22 +60,22 @@ def test_rehearsal_returns_the_result():
     [TRANSCRIPT[:-1], [*TRANSCRIPT, (Pause(1.0), b"")], [(Write(0x10, b"\x09"), b""), *TRANSCRIPT[1:]]],
     ids=["line unsaid in the transcript", "line unsaid by the program", "another line"],
 )
-def test_rehearsal_fails_on_any_difference(transcript):
+def test_rehearsal_fails_on_any_difference(transcript: list[tuple[Any, bytes]]) -> None:
     with pytest.raises(AssertionError):
         rehearse(double_register(), transcript)
 
 
 @pytest.mark.parametrize("transaction", [Write(0x40, b"\x00\x10"), Read(0x76, 3), WriteRead(0x68, b"\x72", 512)])
-def test_transactions_survive_being_written_down(transaction):
+def test_transactions_survive_being_written_down(transaction: Write | Read | WriteRead) -> None:
     assert unpack_transaction(pack_transaction(transaction)) == transaction
 
 
-def test_a_cut_transaction_is_refused():
+def test_a_cut_transaction_is_refused() -> None:
     with pytest.raises(ValueError, match="found a transaction of 2 bytes"):
         unpack_transaction(b"\x40\x00")
 
 
-def test_chunks_are_the_whole():
+def test_chunks_are_the_whole() -> None:
     data = bytes(range(100))
     assert b"".join(chunks(data, [1, 7, 0, 3])) == data
     assert [len(piece) for piece in chunks(b"abcdef", [2, 3])] == [2, 3, 1]

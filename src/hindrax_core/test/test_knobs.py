@@ -1,6 +1,9 @@
 """Declared once, checked everywhere: errors name the key path, what was found and what was wanted."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import pytest
 
@@ -26,7 +29,7 @@ class Outer:
     on: bool = False
 
 
-def test_defaults_and_values():
+def test_defaults_and_values() -> None:
     built = build(Outer, {"mass_kg": 2, "many": [{"gain": 0.5}], "named": {"a": {}}, "maybe": 1.5}, "file")
     assert built.mass_kg == 2.0
     assert isinstance(built.mass_kg, float)
@@ -54,12 +57,12 @@ def test_defaults_and_values():
         ([], r"file: found \[\], wanted a block of keys"),
     ],
 )
-def test_errors_name_the_key_path(data, sentence):
+def test_errors_name_the_key_path(data: dict[str, Any], sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         build(Outer, data, "file")
 
 
-def test_a_knob_knows_its_unit():
+def test_a_knob_knows_its_unit() -> None:
     declared = {one.name: knob_of(one) for one in fields(Outer)}
     assert declared["mass_kg"].unit == "kg"
     assert declared["mode"].unit == ""
@@ -70,6 +73,6 @@ def test_a_knob_knows_its_unit():
     ("data", "sentence"),
     [({}, "^/a/b.yaml: mass_kg: missing"), ([], r"^/a/b.yaml: found \[\], wanted a block of keys")],
 )
-def test_the_keys_of_a_file_stand_apart_from_its_name(data, sentence):
+def test_the_keys_of_a_file_stand_apart_from_its_name(data: Any, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         build(Outer, data, "/a/b.yaml:")

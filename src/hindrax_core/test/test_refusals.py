@@ -1,9 +1,11 @@
 """What was refused is counted by thing, and is news once."""
 
+from __future__ import annotations
+
 from hindrax_core.refusal_counts import LONGEST, Refusals
 
 
-def test_refusals_are_counted_by_thing_and_are_news_once():
+def test_refusals_are_counted_by_thing_and_are_news_once() -> None:
     refusals = Refusals()
     assert (refusals.values(), refusals.news()) == ({}, [])
     assert refusals.add("joy", "found 3 axes, wanted 6") == "joy: found 3 axes, wanted 6"
@@ -18,6 +20,6 @@ def test_refusals_are_counted_by_thing_and_are_news_once():
     assert refusals.news() == []
 
 
-def test_a_flood_of_text_is_cut():
+def test_a_flood_of_text_is_cut() -> None:
     refusals = Refusals()
     assert len(refusals.add("joy", "x" * 10_000)) == LONGEST

@@ -1,5 +1,7 @@
 """One rule for the stamps of orders: neither too old nor too far ahead, never without a stamp."""
 
+from __future__ import annotations
+
 import re
 
 import pytest
@@ -31,7 +33,7 @@ NOW = stamp_from_s(1.8e9)
         (2e8, FUTURE, r"stamped 200000000\.0 s in the future, .*"),
     ],
 )
-def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s, kind, wanted):
+def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:
     untimely = ORDER.judge(after(NOW, ahead_s), NOW)
     assert untimely.kind == kind
     assert re.fullmatch(wanted, untimely.sentence)
@@ -40,7 +42,7 @@ def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s, kind,
 @pytest.mark.parametrize("window", [ORDER, MOCK_ORDER, ORDER.of_lists])
 @pytest.mark.parametrize("stamp", [0, -1, -1_000_000_000, -(2**31) * 1_000_000_000])
 @pytest.mark.parametrize("now", [0, 1, 500_000_000, NOW])
-def test_an_order_without_a_stamp_is_never_in_time(window, stamp, now):
+def test_an_order_without_a_stamp_is_never_in_time(window: StampWindow, stamp: int, now: int) -> None:
     untimely = window.judge(Stamp(stamp), Stamp(now))
     assert untimely.kind == UNSTAMPED
     assert untimely.sentence.endswith(
@@ -48,20 +50,20 @@ def test_an_order_without_a_stamp_is_never_in_time(window, stamp, now):
     )
 
 
-def test_before_the_time_is_known_no_order_can_be_judged():
+def test_before_the_time_is_known_no_order_can_be_judged() -> None:
     untimely = MOCK_ORDER.judge(Stamp(1), Stamp(0))
     assert untimely.kind == TIMELESS
     assert "clock is not known yet; wait for the clock" in untimely.sentence
 
 
-def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time():
+def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
     assert order_window(mock=True).judge(after(NOW, 10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, -10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, 10.1), NOW).kind == FUTURE
     assert order_window(mock=False) == ORDER
 
 
-def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before():
+def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before() -> None:
     assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
     assert ORDER.of_lists.judge(after(NOW, 0.2), NOW).kind == FUTURE
 
@@ -72,11 +74,11 @@ def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before():
     st.floats(0.0, 1e3, allow_nan=False),
     st.floats(0.0, 1e3, allow_nan=False),
 )
-def test_it_lets_through_exactly_what_lies_within(stamp, now, oldest_s, lead_s):
+def test_it_lets_through_exactly_what_lies_within(stamp: int, now: int, oldest_s: float, lead_s: float) -> None:
     passed = StampWindow(oldest_s, lead_s).judge(Stamp(stamp), Stamp(now)) is None
     assert passed == (stamp > 0 and -lead_s <= seconds_between(Stamp(stamp), Stamp(now)) <= oldest_s)
 
 
 @pytest.mark.parametrize(("stamp", "fits"), [(0, True), (LAST, True), (-1, False), (LAST + 1, False)])
-def test_a_measurement_s_stamp_is_one_that_a_message_can_carry(stamp, fits):
+def test_a_measurement_s_stamp_is_one_that_a_message_can_carry(stamp: int, fits: bool) -> None:
     assert (impossible(Stamp(stamp)) == "") is fits

@@ -1,7 +1,10 @@
 """The vehicle file: figures of the papers, and every mistake named by its key path."""
 
+from __future__ import annotations
+
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -12,34 +15,34 @@ from hindrax_core.vehicle import load_vehicle, parse_vehicle
 FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
 
 
-def data() -> dict:
+def data() -> dict[str, Any]:
     return yaml.safe_load(FILE.read_text())
 
 
-def test_net_buoyancy_of_cob_2023_1394():
+def test_net_buoyancy_of_cob_2023_1394() -> None:
     # W - rho V g with the figures of section 2 gives 0.7845 N of buoyancy.
     assert load_vehicle(FILE).net_buoyancy_N == pytest.approx(0.7845, abs=5e-5)
 
 
-def test_characteristic_length_of_cob_2023_1394():
+def test_characteristic_length_of_cob_2023_1394() -> None:
     assert load_vehicle(FILE).characteristic_length_m == pytest.approx(0.2483, abs=5e-5)
 
 
-def test_prism_inertia_of_eidsvik_2015():
+def test_prism_inertia_of_eidsvik_2015() -> None:
     # Equation 3.1: m/12 (W^2 + H^2), m/12 (L^2 + H^2), m/12 (W^2 + L^2).
     m, L, W, H = 15.22, 0.59, 0.47, 0.40
     wanted = (m / 12 * (W**2 + H**2), m / 12 * (L**2 + H**2), m / 12 * (W**2 + L**2))
     assert load_vehicle(FILE).inertia == pytest.approx(wanted)
 
 
-def test_thruster_1_points_as_in_cob_2023_1394():
+def test_thruster_1_points_as_in_cob_2023_1394() -> None:
     vehicle = load_vehicle(FILE)
     angle = math.radians(55.0)
     assert vehicle.thrusters[0].direction == pytest.approx((math.cos(angle), math.sin(angle), 0.0))
     assert all(one.direction == (0.0, 0.0, -1.0) for one in vehicle.thrusters[4:])
 
 
-def test_negative_thruster_curve_of_cob_2023_1394_table_2():
+def test_negative_thruster_curve_of_cob_2023_1394_table_2() -> None:
     branch = load_vehicle(FILE).curves["main"].negative
     assert branch.force_N(1100.0) == pytest.approx(-15.5, abs=0.05)
     assert branch.force_N(1300.0) == pytest.approx(-8.15, abs=0.01)
@@ -77,7 +80,7 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2():
         ),
     ],
 )
-def test_mistakes_are_named(path, value, sentence):
+def test_mistakes_are_named(path: tuple[str | int, ...], value: object, sentence: str) -> None:
     changed = data()
     target = changed
     for key in path[:-1]:
@@ -87,26 +90,26 @@ def test_mistakes_are_named(path, value, sentence):
         parse_vehicle(changed, "here")
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="name one with --vehicle"):
         load_vehicle(tmp_path / "none.yaml")
 
 
-def test_no_name_and_a_folder_are_told_with_the_remedy(tmp_path):
+def test_no_name_and_a_folder_are_told_with_the_remedy(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"vehicle file: found no name, wanted one; .* -p vehicle:=FILE"):
         load_vehicle("")
     with pytest.raises(UsageError, match="found a folder, wanted a YAML file; give --vehicle FILE"):
         load_vehicle(tmp_path)
 
 
-def test_broken_yaml_is_named(tmp_path):
+def test_broken_yaml_is_named(tmp_path: Path) -> None:
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [")
     with pytest.raises(UsageError, match="is not YAML"):
         load_vehicle(broken)
 
 
-def test_binary_is_named(tmp_path):
+def test_binary_is_named(tmp_path: Path) -> None:
     broken = tmp_path / "binary.yaml"
     broken.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UsageError, match="cannot be read"):

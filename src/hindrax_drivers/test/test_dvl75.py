@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 import math
 import operator
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import pytest
 
-from hindrax_core.driver_interface import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.knobs import build
@@ -31,26 +33,26 @@ def started(knobs: Dvl75Knobs | None = None) -> Dvl75:
     return driver
 
 
-def readings(outputs, kind: type = object) -> list:
+def readings(outputs: list[Output], kind: type = object) -> list[Any]:
     return [one.reading for one in outputs if isinstance(one, Stamped) and isinstance(one.reading, kind)]
 
 
-def reasons(outputs) -> list[str]:
+def reasons(outputs: list[Output]) -> list[str]:
     return [one.reason for one in outputs if isinstance(one, Rejected)]
 
 
-def troubles(outputs) -> list[str]:
+def troubles(outputs: Iterable[Output]) -> list[str]:
     return [one.text for one in outputs if isinstance(one, Trouble)]
 
 
-def test_a_velocity_is_stamped_with_the_middle_of_its_interval():
+def test_a_velocity_is_stamped_with_the_middle_of_its_interval() -> None:
     driver = started(Dvl75Knobs(latency_s=0.006))
     (stamped,) = (one for one in driver.feed(delta(10**6, 100_000), stamp_from_s(5.0)) if isinstance(one, Stamped))
     assert stamped.stamp == stamp_from_s(5.0 - 0.006 - 0.05)
     assert stamped.reading.velocity_mps == pytest.approx((0.1, 0.0, -0.05))
 
 
-def test_stamps_follow_the_device_clock_and_not_the_arrivals():
+def test_stamps_follow_the_device_clock_and_not_the_arrivals() -> None:
     driver = started()
     stamps = []
     for index, late in enumerate((0, 3, 11, 1, 7, 0, 14)):
@@ -60,7 +62,7 @@ def test_stamps_follow_the_device_clock_and_not_the_arrivals():
 
 
 @pytest.mark.parametrize(("span_us", "sigma"), [(50_000, 5.7735e-3), (200_000, 1.4434e-3)])
-def test_sigma_holds_the_rounding_to_a_millimetre(span_us, sigma):
+def test_sigma_holds_the_rounding_to_a_millimetre(span_us: int, sigma: float) -> None:
     (bare,) = readings(started(Dvl75Knobs(sigma_floor_mps=0.0)).feed(delta(10**6, span_us), Stamp(0)))
     (real,) = readings(started(Dvl75Knobs(sigma_floor_mps=0.01)).feed(delta(10**6, span_us), Stamp(0)))
     assert bare.sigma_mps == pytest.approx(sigma, rel=1e-3)
@@ -68,19 +70,19 @@ def test_sigma_holds_the_rounding_to_a_millimetre(span_us, sigma):
 
 
 @pytest.mark.parametrize(("confidence", "valid"), [(0, False), (49, False), (50, True), (100, True)])
-def test_there_is_no_velocity_below_the_confidence_gate(confidence, valid):
+def test_there_is_no_velocity_below_the_confidence_gate(confidence: int, valid: bool) -> None:
     (found,) = readings(started().feed(delta(10**6, moved="0.000,0.000,0.000", confidence=confidence), Stamp(0)))
     assert found.valid is valid
     assert found.confidence == pytest.approx(confidence / 100)
 
 
-def test_axis_signs_turn_the_vector():
+def test_axis_signs_turn_the_vector() -> None:
     knobs = Dvl75Knobs(axis_sign=(1.0, -1.0, -1.0))
     (found,) = readings(started(knobs).feed(delta(10**6, moved="0.001,0.002,0.003"), Stamp(0)))
     assert found.velocity_mps == pytest.approx((0.02, -0.04, -0.06))
 
 
-def test_a_sign_that_is_none_is_refused():
+def test_a_sign_that_is_none_is_refused() -> None:
     with pytest.raises(UsageError, match="axis_sign: found"):
         build(Dvl75Knobs, {"axis_sign": [1.0, 0.5, 1.0]}, "dvl75")
 
@@ -112,7 +114,7 @@ def test_a_sign_that_is_none_is_refused():
         (b"IMU:1,2,3\r\n", "line: fields"),
     ],
 )
-def test_what_is_no_data_is_refused_with_the_reason(line, reason):
+def test_what_is_no_data_is_refused_with_the_reason(line: bytes, reason: str) -> None:
     driver = started()
     outputs = driver.feed(line, Stamp(0))
     assert reasons(outputs)[0] == reason
@@ -120,12 +122,12 @@ def test_what_is_no_data_is_refused_with_the_reason(line, reason):
     assert len(readings(driver.feed(delta(10**6), Stamp(0)), BottomVelocity)) == 1
 
 
-def test_a_sentence_that_lost_its_line_end_is_not_lost():
+def test_a_sentence_that_lost_its_line_end_is_not_lost() -> None:
     outputs = started().feed(delta(10**6).rstrip() + delta(10**6 + 50_000), Stamp(0))
     assert len(readings(outputs, BottomVelocity)) == 2
 
 
-def test_a_repeated_sentence_is_no_new_measurement():
+def test_a_repeated_sentence_is_no_new_measurement() -> None:
     driver = started()
     driver.feed(delta(10**6), Stamp(0))
     outputs = driver.feed(delta(10**6), Stamp(50_000_000))
@@ -133,21 +135,21 @@ def test_a_repeated_sentence_is_no_new_measurement():
     assert not readings(outputs)
 
 
-def test_intervals_do_not_overlap():
+def test_intervals_do_not_overlap() -> None:
     driver = started()
     driver.feed(delta(10**6), Stamp(0))
     assert reasons(driver.feed(delta(10**6 + 50_000, 70_000), Stamp(50_000_000))) == ["DVPDL: overlap"]
     assert len(readings(driver.feed(delta(10**6 + 100_000), Stamp(100_000_000)))) == 1
 
 
-def test_the_same_extended_data_twice_are_a_device_that_hangs():
+def test_the_same_extended_data_twice_are_a_device_that_hangs() -> None:
     line = sentence("DVEXT,F,X,3333,1.0,2.0,3.0,-7,0,0,0,0,0,0,0.1,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,")
     outputs = started().feed(line + line, Stamp(0))
     assert len(readings(outputs, BottomTrack)) == 1
     assert reasons(outputs) == ["DVEXT: repeated"]
 
 
-def test_a_restart_of_the_device_is_told_and_measuring_goes_on():
+def test_a_restart_of_the_device_is_told_and_measuring_goes_on() -> None:
     driver = started()
     driver.feed(delta(10**9), stamp_from_s(1.0))
     outputs = driver.feed(delta(400_000), stamp_from_s(3.0))
@@ -157,7 +159,7 @@ def test_a_restart_of_the_device_is_told_and_measuring_goes_on():
     assert abs(stamped.stamp - stamp_from_s(3.0)) < 40_000_000
 
 
-def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twice():
+def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twice() -> None:
     driver = started()
     body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
     outputs = driver.feed(sentence(f"DVPDX,{body},2,1.5,-0.5,1.250") + sentence(f"DVPDL,{body}"), Stamp(0))
@@ -167,7 +169,7 @@ def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twi
     assert reasons(outputs) == []
 
 
-def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_same():
+def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_same() -> None:
     driver = started()
     body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
     stand = sentence(f"DVPDX,{body},2,1.5,-0.5,1.250")
@@ -178,7 +180,7 @@ def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_s
     assert reasons(outputs) == ["DVPDX: repeated"]
 
 
-def test_text_with_and_without_a_checksum():
+def test_text_with_and_without_a_checksum() -> None:
     outputs = started().feed(b"$DVTXT,Lost lock, searching\n" + sentence("DVTXT,Hello") + b"Booting v1.2\n", Stamp(7))
     assert [one.text for one in readings(outputs, DeviceText)] == ["Lost lock, searching", "Hello", "Booting v1.2"]
 
@@ -243,7 +245,7 @@ def test_numbers_for_a_kalman_filter_come_in_their_order() -> None:
     assert second == KalmanSupport(15, 43, 0.1, ())
 
 
-def test_no_attitude_is_believed_beyond_a_turn():
+def test_no_attitude_is_believed_beyond_a_turn() -> None:
     zeros = "0,0.0,0.00,0.0,0.0,0.0,0.0,0.05,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,"
     assert readings(started().feed(sentence(f"DVEXT,F,X,3333,1.0,2.0,359.9,{zeros}"), Stamp(0)), BottomTrack)
     assert reasons(started().feed(sentence(f"DVEXT,F,X,3333,181.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: range"]
@@ -251,7 +253,7 @@ def test_no_attitude_is_believed_beyond_a_turn():
     assert reasons(started().feed(sentence(f"DVEXT,Q,X,3333,1.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: flag"]
 
 
-def run(driver: Dvl75, seconds: float, line=None, start_s: float = 0.0) -> list:
+def run(driver: Dvl75, seconds: float, line: Callable[[Any], bytes] | None = None, start_s: float = 0.0) -> list[Any]:
     """Tick at 10 Hz; `line(index)` gives the bytes before each tick."""
     outputs: list = []
     for index in range(round(seconds * 10)):
@@ -261,7 +263,7 @@ def run(driver: Dvl75, seconds: float, line=None, start_s: float = 0.0) -> list:
     return outputs
 
 
-def test_silence_is_told_once_per_episode():
+def test_silence_is_told_once_per_episode() -> None:
     driver = started()
     outputs = run(driver, 10.0)
     assert ["no byte for 1 s" in one for one in troubles(outputs)] == [True, False]
@@ -273,7 +275,7 @@ def test_silence_is_told_once_per_episode():
     assert not driver.ready
 
 
-def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger():
+def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger() -> None:
     driver = started()
     outputs = run(driver, 20.0, lambda _: b"\x80\x13\x00\xff\n")
     assert ["check line speed and device" in one for one in troubles(outputs)] == [True]
@@ -281,7 +283,7 @@ def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger():
     assert not driver.ready
 
 
-def test_deltas_are_asked_for_a_few_times_and_then_given_up():
+def test_deltas_are_asked_for_a_few_times_and_then_given_up() -> None:
     driver = started(Dvl75Knobs(enable_tries=3))
     outputs = run(driver, 30.0, lambda _: sentence("DVKFA,15,1,0.05"))
     assert [one.data for one in outputs if isinstance(one, Send)] == [ENABLE_DELTAS] * 3
@@ -291,12 +293,12 @@ def test_deltas_are_asked_for_a_few_times_and_then_given_up():
     assert driver.ready
 
 
-def test_deltas_that_come_are_not_asked_for():
+def test_deltas_that_come_are_not_asked_for() -> None:
     outputs = run(started(), 30.0, lambda i: delta(10**6 + i * 100_000))
     assert not [one for one in outputs if isinstance(one, Send)]
 
 
-def test_start_asks_for_the_configuration_and_sets_nothing():
+def test_start_asks_for_the_configuration_and_sets_nothing() -> None:
     assert Dvl75().start(Stamp(0)) == [Send(b"\nCONFIGURATION\n")]
 
 
@@ -344,7 +346,7 @@ def test_each_model_has_its_own_word_for_the_pool(model: str, on: bytes, off: by
     assert commands({"Model": model}, {"Pool Mode": "OFF"}) == (off,)
 
 
-def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy():
+def test_a_device_that_reckons_with_another_speed_of_sound_is_told_with_the_remedy() -> None:
     driver = started(Dvl75Knobs(speed_of_sound_mps=1500.0))
     outputs = driver.feed(sentence("DVNVM,Model=DVL-75,Speed of sound=1484.0,Firmware=Jan 1 2022,"), Stamp(0))
     assert troubles(outputs) == ["DVL speed of sound: found 1484.0, wanted 1500.0; run hindrax dvl setup"]

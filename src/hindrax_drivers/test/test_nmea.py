@@ -27,7 +27,7 @@ def split(data: bytes) -> list[bytes]:
 
 
 @given(st.binary(max_size=MAX_LINE))
-def test_the_checksum_is_the_xor_of_all_bytes(body):
+def test_the_checksum_is_the_xor_of_all_bytes(body: bytes) -> None:
     assert checksum(body) == functools.reduce(operator.xor, body, 0)
 
 
@@ -35,13 +35,13 @@ def test_the_checksum_is_the_xor_of_all_bytes(body):
     st.lists(st.sampled_from([b"$", b"\n", b"\r\n", b"\r", b"a", b"*7F", b"x" * 500, b"\x00"]), max_size=30),
     st.lists(st.integers(1, 700), min_size=1, max_size=8),
 )
-def test_any_chunking_gives_the_same_pieces(parts, sizes):
+def test_any_chunking_gives_the_same_pieces(parts: list[bytes], sizes: list[int]) -> None:
     data = b"".join(parts) + b"\n"
     splitter = LineSplitter()
     assert [piece for chunk in chunks(data, sizes) for piece in splitter.feed(chunk)] == split(data)
 
 
-def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar():
+def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar() -> None:
     assert split(b"one\r\ntwo\nhalf$GPX,1*00\n\n\r\n$A$B\nrest") == [
         b"one",
         b"two",
@@ -52,13 +52,13 @@ def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar():
     ]
 
 
-def test_what_follows_an_endless_line_is_not_swallowed():
+def test_what_follows_an_endless_line_is_not_swallowed() -> None:
     endless = b"z" * (3 * MAX_LINE)
     assert split(endless + b"$A\n")[-1] == b"$A"
     assert all(len(piece) == MAX_LINE for piece in split(endless))
 
 
-def test_clear_forgets_half_a_line():
+def test_clear_forgets_half_a_line() -> None:
     splitter = LineSplitter()
     splitter.feed(b"$half")
     splitter.clear()
@@ -76,12 +76,12 @@ def test_clear_forgets_half_a_line():
         (b"", "no checksum"),
     ],
 )
-def test_refused_sentences(line, reason):
+def test_refused_sentences(line: bytes, reason: str) -> None:
     with pytest.raises(SentenceError, match=reason):
         split_verified(line)
 
 
-def test_digits_of_the_checksum_may_be_small():
+def test_digits_of_the_checksum_may_be_small() -> None:
     assert split_verified(b"$KJ*01") == [b"KJ"]
     assert split_verified(b"$Aj*2b") == split_verified(b"$Aj*2B") == [b"Aj"]
 
@@ -89,7 +89,7 @@ def test_digits_of_the_checksum_may_be_small():
 @pytest.mark.parametrize(
     "field", [b"", b"nan", b"inf", b"1e5", b"1_0", b" 1", b"1 ", b"--1", b"1.2.3", b"0x1", b"\xb2"]
 )
-def test_only_plain_notation_is_a_number(field):
+def test_only_plain_notation_is_a_number(field: bytes) -> None:
     with pytest.raises(SentenceError, match="number"):
         number(field)
     with pytest.raises(SentenceError, match="number"):
@@ -98,5 +98,5 @@ def test_only_plain_notation_is_a_number(field):
         integer(field)
 
 
-def test_plain_numbers():
+def test_plain_numbers() -> None:
     assert (number(b"-0.5"), numbers([b"1", b"-.5"]), integer(b"-1175")) == (-0.5, [1.0, -0.5], -1175)

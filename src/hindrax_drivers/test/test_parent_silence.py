@@ -1,5 +1,7 @@
 """When the dead man counts as silent: by both clocks, never by one that stands still or leaps."""
 
+from __future__ import annotations
+
 import pytest
 
 from hindrax_core.events import after, stamp_from_s
@@ -20,12 +22,12 @@ START = stamp_from_s(100.0)
         (-3600.0, 0.9, True),  # set back, and silent
     ],
 )
-def test_both_clocks_must_tell(output_s, wall_s, silent):
+def test_both_clocks_must_tell(output_s: float, wall_s: float, silent: bool) -> None:
     silence = ParentSilence(START, 50.0)
     assert silence.silent(after(START, output_s), 50.0 + wall_s) is silent
 
 
-def test_a_word_ends_the_silence():
+def test_a_word_ends_the_silence() -> None:
     silence = ParentSilence(START, 50.0)
     later = after(START, 5.0)
     silence.heard(later, 55.0)

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import struct
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import pytest
 
-from hindrax_core.driver_interface import Identity, Send, Trouble
+from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
-from hindrax_drivers.devices.ping1d import HEALTH, HELLO, Ping1d, Ping1dKnobs
+from hindrax_core.readings import DeviceText, Echo, EchoProfile
+from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs
 from hindrax_drivers.devices.ping1d_settings import device_settings
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import encode, request
 
 INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
 START, LENGTH = 100, 4900
-TOLD = dict(zip(HEALTH, (b"\x07", *(struct.pack("<H", one) for one in (4987, 3612, 2850))), strict=True))
-ASK_HEALTH = b"".join(map(request, HEALTH))
 
 
 def distance(number: int, mm: int = 2000, percent: int = 100) -> bytes:
@@ -42,8 +41,6 @@ def obedient(sent: bytes) -> bytes:
             ordered = payload
         elif wanted == protocol.DEVICE_INFORMATION:
             answers += INFORMATION
-        elif wanted in HEALTH:
-            answers += encode(wanted, TOLD[wanted])
         elif ordered:
             answers += encode(wanted, ordered)
         if message == protocol.CONTINUOUS_START:
@@ -51,19 +48,19 @@ def obedient(sent: bytes) -> bytes:
     return answers
 
 
-def sends(outputs) -> list[Send]:
+def sends(outputs: Iterable[Output]) -> list[Send]:
     return [one for one in outputs if isinstance(one, Send)]
 
 
-def troubles(outputs) -> list[str]:
+def troubles(outputs: Iterable[Output]) -> list[str]:
     return [one.text for one in outputs if isinstance(one, Trouble)]
 
 
-def readings(outputs) -> list:
+def readings(outputs: Iterable[Output]) -> list[Any]:
     return [one.reading for one in outputs if isinstance(one, Stamped)]
 
 
-def set_up(driver: Ping1d, device=obedient) -> list:
+def set_up(driver: Ping1d, device: Callable[[bytes], bytes] = obedient) -> list[Any]:
     """Let driver and device talk until neither has anything to say; returns all outputs."""
     stamp = Stamp(0)
     outputs = list(driver.start(stamp))
@@ -75,24 +72,23 @@ def set_up(driver: Ping1d, device=obedient) -> list:
     return outputs
 
 
-def ready(**knobs) -> Ping1d:
+def ready(**knobs: bool | float) -> Ping1d:
     driver = Ping1d(Ping1dKnobs(**knobs))
     set_up(driver)
     assert driver.ready
     return driver
 
 
-def test_start_wakes_the_device_and_asks_who_it_is():
+def test_start_wakes_the_device_and_asks_who_it_is() -> None:
     assert Ping1d().start(Stamp(0)) == [Send(HELLO, wake=True)]
     assert request(5) + request(4) == HELLO
 
 
-def test_orders_are_given_one_by_one_and_proved():
+def test_orders_are_given_one_by_one_and_proved() -> None:
     driver = Ping1d(Ping1dKnobs(mode_auto=True))
     outputs = set_up(driver)
     names = ("speed of sound", "mode", "ping interval", "ping enable", "continuous start")
-    orders = [order.frames for order in device_settings(Ping1dKnobs())]
-    assert [one.data for one in sends(outputs)][1:] == [*orders, ASK_HEALTH]
+    assert [one.data for one in sends(outputs)][1:] == [order.frames for order in device_settings(Ping1dKnobs())]
     assert tuple(order.name for order in device_settings(Ping1dKnobs())) == names
     assert troubles(outputs) == []
     assert [one.text for one in outputs if isinstance(one, Identity)]
@@ -100,14 +96,14 @@ def test_orders_are_given_one_by_one_and_proved():
     assert driver.round_trip_s == 0.0
 
 
-def test_range_and_gain_are_ordered_by_hand_only():
+def test_range_and_gain_are_ordered_by_hand_only() -> None:
     by_hand = Ping1dKnobs(mode_auto=False, range_start_m=0.1, range_length_m=5.0, gain=3)
     frames = b"".join(order.frames for order in device_settings(by_hand))
     assert encode(protocol.SET_RANGE, struct.pack("<II", 100, 5000)) in frames
     assert encode(protocol.SET_GAIN, b"\x03") in frames
 
 
-def test_a_silent_device_is_woken_again_and_again():
+def test_a_silent_device_is_woken_again_and_again() -> None:
     driver = Ping1d()
     driver.start(Stamp(0))
     outputs = [one for index in range(1, 31) for one in driver.tick(stamp_from_s(index * 0.1))]
@@ -117,7 +113,7 @@ def test_a_silent_device_is_woken_again_and_again():
     assert not driver.ready
 
 
-def test_a_stranger_is_told_and_never_ordered_about():
+def test_a_stranger_is_told_and_never_ordered_about() -> None:
     driver = Ping1d()
     driver.start(Stamp(0))
     outputs = driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(0))
@@ -127,7 +123,7 @@ def test_a_stranger_is_told_and_never_ordered_about():
     assert driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(1)) == []
 
 
-def test_an_order_without_answer_is_repeated_then_told_then_left():
+def test_an_order_without_answer_is_repeated_then_told_then_left() -> None:
     driver = Ping1d(Ping1dKnobs(tries=3, answer_s=0.3))
     driver.start(Stamp(0))
     first = sends(driver.feed(INFORMATION, Stamp(0)))
@@ -141,7 +137,7 @@ def test_an_order_without_answer_is_repeated_then_told_then_left():
     ]
 
 
-def test_a_device_that_only_acknowledges_is_believed():
+def test_a_device_that_only_acknowledges_is_believed() -> None:
     driver = Ping1d(Ping1dKnobs(continuous=False, answer_s=0.3))
     driver.start(Stamp(0))
     driver.feed(INFORMATION, Stamp(0))
@@ -157,7 +153,7 @@ def test_a_device_that_only_acknowledges_is_believed():
     assert driver.ready
 
 
-def test_a_value_other_than_ordered_is_told():
+def test_a_value_other_than_ordered_is_told() -> None:
     def stubborn(sent: bytes) -> bytes:
         return obedient(sent).replace(encode(1206, b"\x32\x00"), encode(1206, b"\x64\x00"))
 
@@ -170,7 +166,7 @@ def test_a_value_other_than_ordered_is_told():
     assert "Ping: ping interval after 2 tries: found 100, wanted 50; check the firmware" in troubles(outputs)
 
 
-def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on():
+def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on() -> None:
     def refusing(sent: bytes) -> bytes:
         nack = encode(protocol.NACK, struct.pack("<H", protocol.SET_INTERVAL) + b"too fast\0")
         return nack if sent[4:6] == struct.pack("<H", protocol.SET_INTERVAL) else obedient(sent)
@@ -182,69 +178,7 @@ def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on():
     assert troubles(late) == ["Ping: message 1300 refused (no reason given)"]
 
 
-@pytest.mark.parametrize("refused", [True, False], ids=["refused", "unanswered"])
-def test_a_sonar_without_a_continuous_mode_is_polled(refused: bool) -> None:
-    def without(sent: bytes) -> bytes:
-        if sent[4:6] != struct.pack("<H", protocol.CONTINUOUS_START):
-            return obedient(sent)
-        return encode(protocol.NACK, sent[4:6] + b"unsupported") if refused else b""
-
-    driver = Ping1d(Ping1dKnobs(tries=1, answer_s=0.3, interval_s=0.1))
-    outputs = set_up(driver, without)
-    found: list[Echo] = []
-    for index in range(1, 31):
-        stamp = stamp_from_s(index * 0.1)
-        said = driver.tick(stamp)
-        outputs += said
-        asked = [one.data for one in sends(said) if one.data == request(protocol.DISTANCE)]
-        found += [one for _ in asked for one in readings(driver.feed(distance(index), stamp)) if isinstance(one, Echo)]
-    assert driver.ready
-    assert len(found) > 20
-    (trouble,) = troubles(outputs)
-    assert trouble.startswith("Ping: continuous start")
-
-
-def test_supply_and_temperatures_are_asked_for_now_and_then() -> None:
-    driver = Ping1d(Ping1dKnobs(continuous=False))
-    assert readings(set_up(driver)) == [SonarHealth(7, pytest.approx(4.987), pytest.approx(36.12), pytest.approx(28.5))]
-    asked = 0
-    for index in range(1, 251):
-        driver.feed(distance(index), stamp_from_s(index * 0.1))
-        asked += sum(one.data == ASK_HEALTH for one in sends(driver.tick(stamp_from_s(index * 0.1))))
-    assert asked == 2
-
-
-def test_a_part_of_the_health_that_a_firmware_does_not_know_is_left_out() -> None:
-    driver = ready(continuous=False)
-    nack = encode(protocol.NACK, struct.pack("<H", protocol.BOARD_cC))
-    assert troubles(driver.feed(nack, Stamp(0))) == ["Ping: message 1214 refused (no reason given)"]
-    driver.feed(distance(1), stamp_from_s(9.9))
-    (asked,) = [one for one in sends(driver.tick(stamp_from_s(10.0))) if len(one.data) > 30]
-    assert asked.data == b"".join(map(request, HEALTH[:-1]))
-    (health,) = readings(driver.feed(obedient(asked.data), stamp_from_s(10.0)))
-    assert math.isnan(health.board_C)
-    assert health.processor_C == pytest.approx(36.12)
-
-
-def test_a_supply_that_sags_is_told_once() -> None:
-    driver = ready(continuous=False)
-    low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200)) + encode(protocol.BOARD_cC, struct.pack("<H", 2500))
-    assert troubles(driver.feed(low + low, Stamp(0))) == [
-        "Ping: supply 4.20 V, wanted 4.5 to 5.5 V; check cable and regulator"
-    ]
-
-
-def test_a_corrupt_length_does_not_delay_the_echoes_behind_it() -> None:
-    driver = ready(continuous=False)
-    corrupt = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
-    stamps = []
-    for index in range(1, 4):
-        arrival = stamp_from_s(float(index))
-        stamps += [one.stamp for one in driver.feed(corrupt + distance(index), arrival) if isinstance(one, Stamped)]
-    assert [round(one * 1e-9) for one in stamps] == [1, 2, 3]
-
-
-def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked():
+def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked() -> None:
     driver = ready()
     assert [type(one) for one in readings(driver.feed(profile(2), Stamp(0)))] == [Echo]
     assert driver.request_profile() == []
@@ -252,7 +186,7 @@ def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked():
     assert [type(one) for one in readings(driver.feed(profile(4), Stamp(0)))] == [Echo]
 
 
-def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer():
+def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer() -> None:
     driver = ready(continuous=False, interval_s=0.1, answer_s=0.3)
     asked = []
     for index in range(1, 101):
@@ -266,7 +200,7 @@ def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer(
     assert driver.request_profile() == [Send(request(protocol.PROFILE))]
 
 
-def test_an_echo_is_stamped_with_the_moment_of_the_reflection():
+def test_an_echo_is_stamped_with_the_moment_of_the_reflection() -> None:
     driver = ready(continuous=False, speed_of_sound_mps=1500.0)
     (stamped,) = driver.feed(distance(7, mm=2000), stamp_from_s(10.0))
     on_wire = 34 * 10 / 115200
@@ -275,7 +209,7 @@ def test_an_echo_is_stamped_with_the_moment_of_the_reflection():
     assert stamped.reading == Echo(2.0, 1.0, 7)
 
 
-def test_stamps_never_go_back_when_messages_arrive_at_once():
+def test_stamps_never_go_back_when_messages_arrive_at_once() -> None:
     stamps = [
         one.stamp for one in ready(continuous=False).feed(distance(7, mm=3000) + distance(8, mm=500), Stamp(10**9))
     ]
@@ -283,7 +217,7 @@ def test_stamps_never_go_back_when_messages_arrive_at_once():
     assert len(stamps) == 2
 
 
-def test_a_host_clock_set_back_is_followed():
+def test_a_host_clock_set_back_is_followed() -> None:
     driver = ready(continuous=False)
     driver.feed(distance(7), stamp_from_s(1000.0))
     (stamped,) = driver.feed(distance(8), stamp_from_s(500.0))
@@ -304,18 +238,18 @@ def test_a_host_clock_set_back_is_followed():
         (distance(2)[:-1] + b"\x00", "frame: checksum"),
     ],
 )
-def test_what_is_not_believed_is_refused_with_the_reason(frame, reason):
+def test_what_is_not_believed_is_refused_with_the_reason(frame: bytes, reason: str) -> None:
     outputs = ready(continuous=False).feed(frame, Stamp(0))
     assert [one.reason for one in outputs if isinstance(one, Rejected)] == [reason]
     assert not readings(outputs)
 
 
-def test_a_ping_seen_before_is_no_new_measurement():
+def test_a_ping_seen_before_is_no_new_measurement() -> None:
     driver = ready()
     assert len(readings(driver.feed(profile(2) + profile(2), Stamp(0)))) == 1
 
 
-def test_lost_pings_are_counted_and_told_now_and_then():
+def test_lost_pings_are_counted_and_told_now_and_then() -> None:
     driver = ready()
     outputs = [*driver.feed(profile(2), Stamp(0)), *driver.feed(profile(6), Stamp(0))]
     outputs += driver.feed(profile(9), stamp_from_s(1.0))
@@ -323,7 +257,7 @@ def test_lost_pings_are_counted_and_told_now_and_then():
     assert troubles(outputs) == ["Ping: 3 pings lost before number 6"]
 
 
-def test_the_ping_number_may_pass_its_end():
+def test_the_ping_number_may_pass_its_end() -> None:
     driver = ready()
     driver.feed(profile(0xFFFFFFFF), Stamp(0))
     lost = driver.lost_pings
@@ -331,7 +265,7 @@ def test_the_ping_number_may_pass_its_end():
     assert driver.lost_pings == lost
 
 
-def test_a_restarted_sonar_is_set_up_again():
+def test_a_restarted_sonar_is_set_up_again() -> None:
     driver = ready()
     driver.feed(profile(500), Stamp(0))
     outputs = driver.feed(profile(3), Stamp(0))
@@ -341,14 +275,14 @@ def test_a_restarted_sonar_is_set_up_again():
     assert not driver.ready
 
 
-def test_silence_while_measuring_is_told_and_answered_by_a_new_start():
+def test_silence_while_measuring_is_told_and_answered_by_a_new_start() -> None:
     driver = ready()
     outputs = [one for index in range(1, 15) for one in driver.tick(stamp_from_s(index * 0.1))]
     assert ["no byte" in one for one in troubles(outputs)] == [True]
     assert sends(outputs)[0] == Send(HELLO, wake=True)
 
 
-def test_a_sonar_that_hangs_is_told_and_set_up_again():
+def test_a_sonar_that_hangs_is_told_and_set_up_again() -> None:
     driver = ready()
     outputs = []
     for index in range(1, 15):
@@ -358,7 +292,7 @@ def test_a_sonar_that_hangs_is_told_and_set_up_again():
     assert sends(outputs)[0] == Send(HELLO, wake=True)
 
 
-def test_silence_amid_the_orders_starts_anew_instead_of_telling_each_order():
+def test_silence_amid_the_orders_starts_anew_instead_of_telling_each_order() -> None:
     driver = Ping1d(Ping1dKnobs(tries=3))
     driver.start(Stamp(0))
     driver.feed(INFORMATION, Stamp(0))
@@ -367,6 +301,6 @@ def test_silence_amid_the_orders_starts_anew_instead_of_telling_each_order():
     assert len(troubles(outputs)) <= 2
 
 
-def test_text_of_the_device_is_passed_on():
+def test_text_of_the_device_is_passed_on() -> None:
     outputs = ready().feed(encode(protocol.TEXT, b"hello\0"), Stamp(5))
     assert outputs == [Stamped(Stamp(5), DeviceText("hello"))]

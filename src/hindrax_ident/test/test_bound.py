@@ -1,10 +1,13 @@
 """The Cramer-Rao bound: in closed form where there is one, and what the Monte Carlo makes of it."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.identification.montecarlo import trial_of
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
 from hindrax_ident.fit.output_error import refine
@@ -16,7 +19,7 @@ from hindrax_ident.records.axis_record import Record, Series, Stretch
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
 
-def test_parameters_of_the_truth_are_in_the_order_of_the_model(vehicle):
+def test_parameters_of_the_truth_are_in_the_order_of_the_model(vehicle: Vehicle) -> None:
     truth = truth_of(vehicle)
     assert true_parameters(model_of(vehicle, 0), truth) == pytest.approx([66.48, 1.25, 0.0, 27.3])
     heave = true_parameters(model_of(vehicle, 2), truth)
@@ -24,7 +27,7 @@ def test_parameters_of_the_truth_are_in_the_order_of_the_model(vehicle):
     assert true_parameters(model_of(vehicle, 3), truth)[3] == pytest.approx(3.0008, abs=1e-3)
 
 
-def test_long_plateaus_have_the_bound_of_a_linear_regression(vehicle):
+def test_long_plateaus_have_the_bound_of_a_linear_regression(vehicle: Vehicle) -> None:
     # On plateaus dv/dtheta = -[v|v|, v, 1] / slope: the bound is that of the plateau means.
     model = model_of(vehicle, 0)
     flight = fly(model, SURGE, back_and_forth((4.0, 9.0, 13.0), 40.0, 240.0), 0.15)
@@ -44,7 +47,7 @@ def test_long_plateaus_have_the_bound_of_a_linear_regression(vehicle):
     assert found == pytest.approx(expected, rel=0.12)
 
 
-def test_a_trial_holds_every_coefficient_of_every_method(vehicle):
+def test_a_trial_holds_every_coefficient_of_every_method(vehicle: Vehicle) -> None:
     flight = fly(model_of(vehicle, 0), SURGE, back_and_forth((4.0, 9.0, 13.0), 8.0, 64.0), 0.15)
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2), plateau_s=5.0):
@@ -59,7 +62,7 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle):
     assert abs(trial.drag[-1].error) < 0.02
 
 
-def test_the_true_gusts_count_in_the_bound_whatever_was_found(vehicle):
+def test_the_true_gusts_count_in_the_bound_whatever_was_found(vehicle: Vehicle) -> None:
     flight = fly(model_of(vehicle, 0), SURGE, back_and_forth((4.0, 9.0, 13.0), 8.0, 64.0), 0.15)
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2)):

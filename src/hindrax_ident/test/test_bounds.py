@@ -1,5 +1,7 @@
 """Estimates within bounds: the most likely ones, not just clipped."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +15,7 @@ FREE = ([-np.inf] * 3, [np.inf] * 3)
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_one_violated_bound_gives_the_constrained_optimum(seed):
+def test_one_violated_bound_gives_the_constrained_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((3, 3))
     C, mean = A @ A.T + 0.1 * np.eye(3), rng.standard_normal(3)
@@ -29,7 +31,7 @@ def test_one_violated_bound_gives_the_constrained_optimum(seed):
     assert bounded(mean, C, low, FREE[1]) == pytest.approx(best.x, abs=1e-4)
 
 
-def test_within_bounds_nothing_changes():
+def test_within_bounds_nothing_changes() -> None:
     values = np.array([1.0, 2.0, 3.0])
     assert bounded(values, np.eye(3), [0.0] * 3, [5.0] * 3) is not None
     assert bounded(values, np.eye(3), [0.0] * 3, [5.0] * 3).tolist() == values.tolist()
@@ -37,7 +39,7 @@ def test_within_bounds_nothing_changes():
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_result_is_always_within(seed):
+def test_result_is_always_within(seed: int) -> None:
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((4, 4))
     out = bounded(rng.standard_normal(4) * 3.0, A @ A.T + 0.01 * np.eye(4), [-1.0] * 4, [1.0] * 4)

@@ -1,5 +1,7 @@
 """What the calibration of the thrusters does to a result, against fits to wrongly scaled thrust."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +9,8 @@ import pytest
 from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.curve_branches import Branch
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.model_misfit import check_form, check_lag
 from hindrax_ident.assess.thrust_calibration import (
     branch_covariance,
@@ -16,7 +20,7 @@ from hindrax_ident.assess.thrust_calibration import (
     with_known_buoyancy,
     with_velocity_gain,
 )
-from hindrax_ident.fit.output_error import refine
+from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.model.prior import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
@@ -25,7 +29,7 @@ SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 PLAN = back_and_forth((4.0, 8.0, 13.0), 8.0, 64.0)
 
 
-def record_of(model, theta, lag_s=0.15, sigma=0.005):
+def record_of(model: Model, theta: Array, lag_s: float = 0.15, sigma: float = 0.005) -> Record:
     flight = fly(model, theta, PLAN, 0.15)
     rng = np.random.default_rng(6)
     t, v = flight.grid.times_s[::10], flight.path.v[::10]
@@ -34,26 +38,28 @@ def record_of(model, theta, lag_s=0.15, sigma=0.005):
     return Record(measured, thrust, (Stretch(0.0, 63.9),), lag_s=lag_s)
 
 
-def fitted(vehicle, record, axis=0):
+def fitted(vehicle: Vehicle, record: Record, axis: int = 0) -> OutputErrorFit:
     model = model_of(vehicle, axis)
     belief = wide_prior(vehicle, model)
     return refine(model, record, belief.values, belief)
 
 
 @pytest.fixture(scope="module")
-def surge(vehicle):
+def surge(vehicle: Vehicle) -> tuple[Record, OutputErrorFit]:
     record = record_of(Model(0, 15.22), SURGE)
     return record, fitted(vehicle, record)
 
 
-def test_a_gain_error_scales_every_coefficient(vehicle, surge):
+def test_a_gain_error_scales_every_coefficient(vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]) -> None:
     record, fit = surge
     wide = with_calibration(vehicle, record, fit) - fit.covariance
     expected = 0.02**2 * np.outer(fit.theta, fit.theta)
     assert wide == pytest.approx(expected, abs=0.02 * np.abs(expected).max())
 
 
-def test_the_linearization_predicts_a_fit_to_scaled_thrust(vehicle, surge):
+def test_the_linearization_predicts_a_fit_to_scaled_thrust(
+    vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]
+) -> None:
     record, fit = surge
     scaled = replace(record, thrust=Series(record.thrust.t, 1.02 * record.thrust.y))
     moved = fitted(vehicle, scaled).theta - fit.theta
@@ -61,7 +67,7 @@ def test_the_linearization_predicts_a_fit_to_scaled_thrust(vehicle, surge):
     assert np.abs(moved[[0, 3]]) == pytest.approx(wide[[0, 3]], rel=0.03)
 
 
-def test_standard_deviations_of_a_cubic_are_kept():
+def test_standard_deviations_of_a_cubic_are_kept() -> None:
     branch = Branch((927.2, -2.2726, 0.001794, -4.61e-7), 1100.0, 1475.0, (137.82, 0.3212, 2.5e-4, 6.4e-8))
     C = branch_covariance(branch)
     assert np.sqrt(np.diag(C)) == pytest.approx(branch.sigma)
@@ -71,7 +77,7 @@ def test_standard_deviations_of_a_cubic_are_kept():
     assert 0.0 < float(np.sqrt(x @ C @ x)) < 3.0
 
 
-def test_branches_with_standard_deviations_add_modes(vehicle, surge):
+def test_branches_with_standard_deviations_add_modes(vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]) -> None:
     record, fit = surge
     curve = vehicle.curves["main"]
     loose = replace(curve.negative, sigma=(137.82, 0.3212, 2.5e-4, 6.4e-8))
@@ -83,13 +89,15 @@ def test_branches_with_standard_deviations_add_modes(vehicle, surge):
     assert wide[0, 0] > narrow[0, 0]
 
 
-def test_a_vehicle_without_thrusters_has_nothing_to_calibrate(vehicle, surge):
+def test_a_vehicle_without_thrusters_has_nothing_to_calibrate(
+    vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]
+) -> None:
     record, fit = surge
     bare = replace(vehicle, thrusters=(), curves={})
     assert with_calibration(bare, record, fit) == pytest.approx(fit.covariance)
 
 
-def test_known_buoyancy_carries_over_to_the_drag():
+def test_known_buoyancy_carries_over_to_the_drag() -> None:
     # A common gain error correlates b with everything else; knowing b takes most of it away.
     theta = np.array([93.5, 5.3, 0.80, 37.7])
     C = np.diag([0.01, 0.01, 1e-6, 0.01]) + 0.02**2 * np.outer(theta, theta)
@@ -98,7 +106,7 @@ def test_known_buoyancy_carries_over_to_the_drag():
     assert np.sqrt(narrow[0, 0]) < 0.3 * np.sqrt(C[0, 0])
 
 
-def test_velocity_gain_goes_with_its_powers(surge):
+def test_velocity_gain_goes_with_its_powers(surge: tuple[Record, OutputErrorFit]) -> None:
     _, fit = surge
     wide = with_velocity_gain(fit.covariance, fit, 0.01) - fit.covariance
     share = np.sqrt(np.diag(wide)) / np.abs(fit.theta)
@@ -106,7 +114,9 @@ def test_velocity_gain_goes_with_its_powers(surge):
     assert share[2] == pytest.approx(0.0)
 
 
-def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(vehicle, surge):
+def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(
+    vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]
+) -> None:
     roll = np.array([1.29, 0.0, 0.0, 3.0008, 0.733])
     flight = fly(model_of(vehicle, 3), roll, back_and_forth((0.5, 1.0, 1.3), 5.0, 60.0), 0.15)
     t = flight.grid.times_s[::4]
@@ -129,20 +139,20 @@ def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(vehicle, s
     assert narrow == pytest.approx([0.0, 0.0, 0.02 * vehicle.net_buoyancy_N, 0.0], abs=1e-6)
 
 
-def test_the_right_lag_and_form_are_left_alone(surge):
+def test_the_right_lag_and_form_are_left_alone(surge: tuple[Record, OutputErrorFit]) -> None:
     record, fit = surge
     assert not check_lag(record, fit).significant
     assert not check_form(fit).significant
 
 
-def test_a_wrong_lag_is_measured(vehicle):
+def test_a_wrong_lag_is_measured(vehicle: Vehicle) -> None:
     record = record_of(Model(0, 15.22), SURGE, lag_s=0.10)
     found = check_lag(record, fitted(vehicle, record))
     assert found.significant
     assert found.missing_s == pytest.approx(0.05, abs=0.02)
 
 
-def test_a_lopsided_hull_is_found(vehicle):
+def test_a_lopsided_hull_is_found(vehicle: Vehicle) -> None:
     lopsided = Model(0, 15.22, split=True)
     theta = np.array([66.48, 1.25, 30.0, 1.25, 0.0, 27.3])
     found = check_form(fitted(vehicle, record_of(lopsided, theta)))

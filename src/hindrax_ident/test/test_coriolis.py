@@ -1,6 +1,9 @@
 """Motions on other axes: the forces they make, and what becomes of an estimate that knows of them."""
 
+from __future__ import annotations
+
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +12,9 @@ from hypothesis import strategies as st
 from synthetic_runs import GYRO, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped, stamp_from_s
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, Velocity
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.coriolis import Masses, VelocityHistory, coriolis, coriolis_errors
 from hindrax_ident.model.motion_model import model_of
@@ -21,7 +26,7 @@ masses_six = st.tuples(*[st.floats(0.1, 60.0)] * 6)
 
 
 @given(masses_six, six)
-def test_they_take_and_give_no_power(masses, nu):
+def test_they_take_and_give_no_power(masses: tuple[float, ...], nu: tuple[float, ...]) -> None:
     forces = [coriolis(axis, masses, nu) for axis in range(6)]
     powers = [force * x for force, x in zip(forces, nu, strict=True)]
     assert sum(powers) == pytest.approx(0.0, abs=1e-9 * (1.0 + sum(map(abs, powers))))
@@ -39,11 +44,11 @@ def test_they_take_and_give_no_power(masses, nu):
         (5, (0, 0, 0, 2.0, 3.0, 0), -6.0),
     ],
 )
-def test_each_term_has_its_sign(axis, nu, wanted):
+def test_each_term_has_its_sign(axis: int, nu: Vec6, wanted: float) -> None:
     assert coriolis(axis, (10.0, 20.0, 30.0, 1.0, 2.0, 4.0), nu) == pytest.approx(wanted)
 
 
-def test_a_mass_nobody_knows_leaves_a_doubt():
+def test_a_mass_nobody_knows_leaves_a_doubt() -> None:
     masses = Masses((10.0, 20.0, 30.0, 1.0, 2.0, 4.0), (0.1, 20.0, 6.0, 0.0, 0.0, 0.0))
     nu = [np.array([value]) for value in (0.5, 0.1, 2.0, 0.0, 0.0, 0.0)]
     assert np.array(coriolis_errors(4, masses, nu)) == pytest.approx([6.0])
@@ -51,7 +56,7 @@ def test_a_mass_nobody_knows_leaves_a_doubt():
     assert coriolis_errors(0, masses, nu) == []  # nothing turns
 
 
-def test_an_old_velocity_is_not_used():
+def test_an_old_velocity_is_not_used() -> None:
     motions = VelocityHistory(1.0)
     assert motions.at(0.0) == (0.0,) * 6
     assert motions.update(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
@@ -65,7 +70,7 @@ SURGE_mps, HEAVE_PER_Nm, LAG_S = 0.1, 0.05, 0.15
 
 
 @pytest.fixture(scope="module")
-def drifting(vehicle):
+def drifting(vehicle: Vehicle) -> list[Any]:
     """Pitch while the vehicle goes ahead, and sinks and rises with the moment; the record knows the thrust only."""
     truth = truth_of(vehicle)
     told, model = truth["pitch"], model_of(vehicle, 4)
@@ -83,7 +88,7 @@ def drifting(vehicle):
     return sorted(said, key=lambda event: event.stamp)
 
 
-def off(vehicle, said, prior):
+def off(vehicle: Vehicle, said: list[Any], prior: dict[str, dict[str, tuple[float, float]]] | None) -> list[Any]:
     """Error of k_r [N m] and its standard deviation: refined and online."""
     session = Session(vehicle, prior=prior, silent=True)
     for event in said:
@@ -93,7 +98,7 @@ def off(vehicle, said, prior):
     return [(number.value - truth, number.std) for number in both]
 
 
-def test_a_drift_while_pitching_is_no_stiffness(vehicle, drifting):
+def test_a_drift_while_pitching_is_no_stiffness(vehicle: Vehicle, drifting: list[Any]) -> None:
     truth = truth_of(vehicle)
     prior = {motion: {"added_mass": (truth[motion]["added_mass"], 0.1)} for motion in ("surge", "heave_down")}
     for (error, sigma), (error_without, sigma_without) in zip(

@@ -1,5 +1,7 @@
 """The joint filter: as good as output error from a sane start, with velocity, with position, with both."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly
@@ -16,7 +18,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_truth_lies_within_its_bands(name):
+def test_truth_lies_within_its_bands(name: str) -> None:
     model, theta, levels, (sigma_v, sigma_s) = CASES[name]
     flight = fly(model, theta, back_and_forth(levels, 6.0, 72.0), 0.15)
     rng = np.random.default_rng(3)
@@ -40,7 +42,7 @@ def test_truth_lies_within_its_bands(name):
     assert sigma[0] < 0.05 * theta[0]
 
 
-def test_it_does_nothing_before_it_is_started():
+def test_it_does_nothing_before_it_is_started() -> None:
     kalman = JointFilter(Model(0, 15.22), 0.15)
     kalman.thrust(0.0, 5.0)
     kalman.velocity(0.1, 0.2)

@@ -1,7 +1,10 @@
 """What the identification is told is told of the center of mass, wherever the sensors sit."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -9,6 +12,7 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import BottomVelocity, Pressure
 from hindrax_core.rotation import cross, matrix, rotate
 from hindrax_core.signals import Attitude, Navigation, Velocity
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.records.feed import Feed
 
 CENTER = (0.05, -0.03, 0.02)
@@ -19,7 +23,7 @@ DEPTH_M = 0.8
 
 
 @pytest.fixture
-def told(vehicle):
+def told(vehicle: Vehicle) -> list[Any]:
     """Everything that a rotating, moving vehicle with an offset center of mass says at one instant."""
     sensors = {name: replace(one, position_m=(0.1, 0.02, 0.15)) for name, one in vehicle.sensors.items()}
     moved = replace(vehicle, center_of_mass_m=CENTER, sensors=sensors)
@@ -42,7 +46,7 @@ def told(vehicle):
     return [event.reading for one in readings for event in feed.events_of(Stamped(Stamp(0), one))]
 
 
-def test_velocities_are_those_of_the_center_of_mass(told):
+def test_velocities_are_those_of_the_center_of_mass(told: list[Any]) -> None:
     expected = [v + w for v, w in zip(ORIGIN_MPS, cross(RATES, CENTER), strict=True)]
     found = {one.source: one.nu for one in told if isinstance(one, Velocity)}
     assert found["dvl"][:2] == pytest.approx(expected[:2])
@@ -50,12 +54,12 @@ def test_velocities_are_those_of_the_center_of_mass(told):
     assert found["navigation"][3:] == RATES
 
 
-def test_depths_are_those_of_the_center_of_mass(told):
+def test_depths_are_those_of_the_center_of_mass(told: list[Any]) -> None:
     expected = DEPTH_M + rotate(matrix(ATTITUDE), CENTER)[2]
     depths = [one.depth_m for one in told if isinstance(one, Attitude)]
     assert depths == pytest.approx([expected, expected], abs=1e-5)
     assert abs(expected - DEPTH_M) > 0.01
 
 
-def test_a_dvl_without_lock_says_nothing(vehicle):
+def test_a_dvl_without_lock_says_nothing(vehicle: Vehicle) -> None:
     assert Feed(vehicle).events_of(Stamped(Stamp(0), BottomVelocity(None, math.inf, 0.0, 0.05, 0))) == ()

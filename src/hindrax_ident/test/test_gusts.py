@@ -1,11 +1,14 @@
 """Gusts of the thrust: what one motion can hardly see, another shows, and one that contradicts is left out."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from synthetic_runs import COMMAND_S, STEP_S, back_and_forth, fly
 
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.fit.disturbance_noise import common_noise
-from hindrax_ident.fit.output_error import refine, reweighted
+from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
@@ -16,7 +19,7 @@ DENSITY_s = 4e-5
 """2 % of the thrust, drawn ten times a second."""
 
 
-def fitted(vehicle, axis, seed, density_s=DENSITY_s):
+def fitted(vehicle: Vehicle, axis: int, seed: int, density_s: float = DENSITY_s) -> OutputErrorFit:
     """Fit of a flight through gusts: surge by a poor log, yaw by a gyroscope."""
     rng = np.random.default_rng(seed)
     theta, levels, sigma = (SURGE, (4.0, 12.0), 0.02) if axis == 0 else (YAW, (1.0, 2.0), 0.001)
@@ -31,7 +34,7 @@ def fitted(vehicle, axis, seed, density_s=DENSITY_s):
     return refine(model, record, theta, wide_prior(vehicle, model))
 
 
-def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehicle):
+def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehicle: Vehicle) -> None:
     seeing = fitted(vehicle, 5, 1)
     blind = fitted(vehicle, 0, 2)
     found = common_noise({0: blind, 5: seeing})
@@ -42,7 +45,7 @@ def test_a_motion_that_hardly_sees_gusts_learns_of_them_from_one_that_does(vehic
     assert np.all(np.abs(again.theta - SURGE) < 4.0 * np.sqrt(np.diag(again.covariance)))
 
 
-def test_a_motion_that_contradicts_keeps_its_own(vehicle):
+def test_a_motion_that_contradicts_keeps_its_own(vehicle: Vehicle) -> None:
     fits = {
         5: fitted(vehicle, 5, 1),
         3: fitted(vehicle, 5, 3),
@@ -51,5 +54,5 @@ def test_a_motion_that_contradicts_keeps_its_own(vehicle):
     assert set(common_noise(fits)) == {3, 5}
 
 
-def test_one_motion_has_nothing_to_share(vehicle):
+def test_one_motion_has_nothing_to_share(vehicle: Vehicle) -> None:
     assert common_noise({5: fitted(vehicle, 5, 1)}) == {}

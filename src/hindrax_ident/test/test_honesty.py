@@ -1,5 +1,9 @@
 """Poor excitation, wrong signs, strange records: wide bands or a refusal with its reason."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,26 +11,30 @@ from hypothesis import strategies as st
 from synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped
+from hindrax_core.readings import Vec3
 from hindrax_core.signals import Thrust, Velocity
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Session
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 
 
-def identify(vehicle, said):
+def identify(vehicle: Vehicle, said: list[Stamped[Thrust]]) -> MotionResult:
     session = Session(vehicle)
     for event in said:
         session.step(event)
     return session.finalize().results.motions["surge"]
 
 
-def flown(vehicle, plan, seed=1, sensors=DVL, theta=SURGE):
+def flown(vehicle: Vehicle, plan: Plan, seed: int = 1, sensors: Sensors = DVL, theta: Array = SURGE) -> list[Any]:
     flight = fly(model_of(vehicle, 0), theta, plan, 0.15)
     return list(events(flight, 0, "surge", sensors, np.random.default_rng(seed)))
 
 
-def honest(result):
+def honest(result: MotionResult) -> bool:
     """Either the truth is within the bands, or the result says that it is none."""
     within = all(
         abs(result.coefficients[name].value - truth) < 4.0 * result.coefficients[name].std
@@ -37,21 +45,21 @@ def honest(result):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_parked_vehicle_is_not_identifiable(vehicle, seed):
+def test_a_parked_vehicle_is_not_identifiable(vehicle: Vehicle, seed: int) -> None:
     result = identify(vehicle, flown(vehicle, Plan(np.zeros(1), np.zeros(1), 60.0), seed))
     assert not result.identifiable
     assert any("hardly moved" in reason or "known to" in reason for reason in result.reasons)
 
 
 @pytest.mark.parametrize("force", [0.6, 3.0, 12.0])
-def test_one_speed_does_not_separate_quadratic_from_linear(vehicle, force):
+def test_one_speed_does_not_separate_quadratic_from_linear(vehicle: Vehicle, force: float) -> None:
     plan = Plan(np.zeros(1), np.array([force]), 60.0)
     result = identify(vehicle, flown(vehicle, plan))
     assert not result.identifiable
     assert honest(result)
 
 
-def test_transients_alone_do_not_separate_quadratic_from_linear(vehicle):
+def test_transients_alone_do_not_separate_quadratic_from_linear(vehicle: Vehicle) -> None:
     # Both directions and hardly any noise: the fit is sure of itself, by the milliseconds of how the speed was reached.
     result = identify(vehicle, flown(vehicle, back_and_forth((8.0,), 15.0, 180.0)))
     assert not result.identifiable
@@ -59,7 +67,7 @@ def test_transients_alone_do_not_separate_quadratic_from_linear(vehicle):
     assert identify(vehicle, flown(vehicle, back_and_forth((4.0, 12.0), 15.0, 180.0))).identifiable
 
 
-def test_slow_runs_give_the_force_band_instead(vehicle):
+def test_slow_runs_give_the_force_band_instead(vehicle: Vehicle) -> None:
     result = identify(vehicle, flown(vehicle, back_and_forth((0.1, 0.15), 20.0, 60.0)))
     assert not result.identifiable
     assert honest(result)
@@ -68,7 +76,7 @@ def test_slow_runs_give_the_force_band_instead(vehicle):
     assert np.all(np.abs(result.drag.force - truth) < 4.0 * result.drag.std)
 
 
-def test_the_wrong_sign_of_the_wrench_is_named(vehicle):
+def test_the_wrong_sign_of_the_wrench_is_named(vehicle: Vehicle) -> None:
     said = [
         Stamped(event.stamp, Thrust(tuple(-force for force in event.reading.wrench)))
         if isinstance(event.reading, Thrust)
@@ -80,7 +88,7 @@ def test_the_wrong_sign_of_the_wrench_is_named(vehicle):
     assert result.reasons
 
 
-def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle):
+def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle: Vehicle) -> None:
     said = flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
     rng = np.random.default_rng(0)
     other = {round(k * 0.7, 6): float(rng.uniform(-13.0, 13.0)) for k in range(200)}
@@ -95,7 +103,7 @@ def test_a_wrench_that_has_nothing_to_do_with_the_motion_is_found_out(vehicle):
     assert not result.identifiable
 
 
-def drifting(said, current_mps):
+def drifting(said: list[Any], current_mps: float) -> list[Any]:
     """Velocity over ground in water that moves: the drag is no longer that of the measured velocity."""
     return [
         Stamped(
@@ -110,12 +118,14 @@ def drifting(said, current_mps):
 
 @pytest.mark.parametrize("current_mps", [-0.3, -0.05, 0.02, 0.15])
 @pytest.mark.parametrize("levels", [(4.0, 9.0, 13.0), (1.1, 1.4, 1.8), (0.24, 0.26, 0.33)])
-def test_an_unknown_current_is_not_taken_for_drag_with_confidence(vehicle, levels, current_mps):
+def test_an_unknown_current_is_not_taken_for_drag_with_confidence(
+    vehicle: Vehicle, levels: Vec3, current_mps: float
+) -> None:
     said = drifting(flown(vehicle, back_and_forth(levels, 10.0, 80.0)), current_mps)
     assert honest(identify(vehicle, said))
 
 
-def test_a_current_is_measured_and_still_water_is_not_suspected(vehicle):
+def test_a_current_is_measured_and_still_water_is_not_suspected(vehicle: Vehicle) -> None:
     said = flown(vehicle, back_and_forth((2.0, 6.0, 13.0), 10.0, 120.0))
     still, moved = (identify(vehicle, drifting(said, current)) for current in (0.0, 0.02))
     assert abs(still.quality["current_mps"]) < 3.0 * still.quality["current_sigma_mps"]
@@ -131,13 +141,15 @@ def test_a_current_is_measured_and_still_water_is_not_suspected(vehicle):
     rate_Hz=st.sampled_from([5.0, 10.0, 20.0]),
     sigma=st.sampled_from([0.003, 0.01, 0.03]),
 )
-def test_slow_runs_are_never_confidently_wrong(vehicle, top, span_s, rate_Hz, sigma):
+def test_slow_runs_are_never_confidently_wrong(
+    vehicle: Vehicle, top: float, span_s: float, rate_Hz: float, sigma: float
+) -> None:
     sensors, seed = Sensors(velocity_Hz=rate_Hz, velocity_sigma=sigma), round(1e4 * top)
     plan = back_and_forth((0.6 * top, top), span_s, 60.0)
     assert honest(identify(vehicle, flown(vehicle, plan, seed, sensors)))
 
 
-def test_a_noisy_velocity_gives_wide_bands(vehicle):
+def test_a_noisy_velocity_gives_wide_bands(vehicle: Vehicle) -> None:
     noisy = Sensors(velocity_sigma=0.2)
     result = identify(vehicle, flown(vehicle, back_and_forth((4.0, 13.0), 10.0, 60.0), sensors=noisy))
     assert honest(result)

@@ -1,5 +1,7 @@
 """Lagged thrust against a fine integration, and its limits."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from hindrax_ident.model.thrust_lag import LaggedThrust
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.15, 1.0]))
-def test_force_and_impulse_are_those_of_a_fine_integration(seed, lag):
+def test_force_and_impulse_are_those_of_a_fine_integration(seed: int, lag: float) -> None:
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.05, 0.6, 6))
     commands = rng.uniform(-10.0, 10.0, 6)
@@ -29,19 +31,19 @@ def test_force_and_impulse_are_those_of_a_fine_integration(seed, lag):
     assert np.abs(thrust.impulse(at) - impulse).max() < 0.01 * size
 
 
-def test_thrust_is_steady_before_the_first_command():
+def test_thrust_is_steady_before_the_first_command() -> None:
     thrust = LaggedThrust(np.array([1.0, 2.0]), np.array([4.0, 0.0]), 0.15)
     assert thrust.force(np.array([0.0, 1.0, 1.99])) == pytest.approx([4.0, 4.0, 4.0])
     assert thrust.impulse(np.array([0.0])) == pytest.approx([-4.0])
 
 
-def test_impulse_does_not_depend_on_how_a_constant_command_is_repeated():
+def test_impulse_does_not_depend_on_how_a_constant_command_is_repeated() -> None:
     often = LaggedThrust(np.linspace(0.0, 1.0, 51), np.where(np.arange(51) < 20, 3.0, -2.0), 0.15)
     once = LaggedThrust(np.array([0.0, 0.4]), np.array([3.0, -2.0]), 0.15)
     at = np.linspace(0.0, 2.0, 37)
     assert often.impulse(at) == pytest.approx(once.impulse(at), abs=1e-12)
 
 
-def test_no_thrust_at_all_is_refused():
+def test_no_thrust_at_all_is_refused() -> None:
     with pytest.raises(ValueError, match="no thrust"):
         LaggedThrust(np.zeros(0), np.zeros(0), 0.1)

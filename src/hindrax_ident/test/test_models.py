@@ -1,9 +1,12 @@
 """The equations against the vehicle and the papers: signs, shapes, names."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
 from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.model.motion_model import (
     MOTIONS,
     Model,
@@ -18,17 +21,17 @@ from hindrax_ident.model.motion_model import (
 )
 
 
-def test_motions_are_the_rows_of_table_3():
+def test_motions_are_the_rows_of_table_3() -> None:
     assert list(MOTIONS) == ["surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw"]
     assert [motion.name for motion in motions_of(2)] == ["heave_down", "heave_up"]
 
 
-def test_an_unknown_motion_is_named():
+def test_an_unknown_motion_is_named() -> None:
     with pytest.raises(UsageError, match="'sideways': unknown, wanted one of surge"):
         motion_named("sideways")
 
 
-def test_every_parameter_has_a_coefficient_with_a_unit(vehicle):
+def test_every_parameter_has_a_coefficient_with_a_unit(vehicle: Vehicle) -> None:
     for motion in MOTIONS.values():
         model = model_of(vehicle, motion.axis)
         known = coefficients(motion.axis)
@@ -38,13 +41,13 @@ def test_every_parameter_has_a_coefficient_with_a_unit(vehicle):
             assert known[plain].unit
 
 
-def test_drag_is_odd_where_it_is_not_split():
+def test_drag_is_odd_where_it_is_not_split() -> None:
     theta, v = np.array([66.48, 1.25, 0.0, 27.3]), np.linspace(0.01, 0.6, 20)
     model, still = Model(0, 15.22), np.zeros(20)
     assert model.force(theta, v, still) == pytest.approx(-model.force(theta, -v, still))
 
 
-def test_split_drag_uses_the_own_coefficients_of_each_direction():
+def test_split_drag_uses_the_own_coefficients_of_each_direction() -> None:
     model = Model(2, 15.22, split=True)
     theta = np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 37.7])
     v = np.array([0.5, -0.5])
@@ -53,7 +56,7 @@ def test_split_drag_uses_the_own_coefficients_of_each_direction():
 
 
 @pytest.mark.parametrize("split", [False, True])
-def test_slope_is_the_derivative_of_the_force(split):
+def test_slope_is_the_derivative_of_the_force(split: bool) -> None:
     model = Model(0, 15.22, split=split)
     theta = np.array([93.52, 5.26, 56.57, 11.84, 0.5, 37.7])[[0, 1, 2, 3, 4, 5] if split else [0, 1, 4, 5]]
     v, h = np.array([-0.4, -0.1, 0.2, 0.5]), 1e-6
@@ -62,24 +65,24 @@ def test_slope_is_the_derivative_of_the_force(split):
     assert model.slope(theta, v) == pytest.approx(numeric, rel=1e-6)
 
 
-def test_rigid_part_is_mass_and_inertia_of_a_prism(vehicle):
+def test_rigid_part_is_mass_and_inertia_of_a_prism(vehicle: Vehicle) -> None:
     # Eidsvik 2015 eq. 3.1 with the envelope of COB-2023-1394.
     assert rigid_mass(vehicle, 0) == 15.22
     assert rigid_mass(vehicle, 5) == pytest.approx(15.22 / 12.0 * (0.59**2 + 0.47**2))
 
 
-def test_restoring_rights_the_vehicle(vehicle):
+def test_restoring_rights_the_vehicle(vehicle: Vehicle) -> None:
     # 20 mm between the centers and 150.04 N of buoyancy.
     assert restoring(vehicle) == pytest.approx(0.0153 * 1000.0 * 9.80665 * 0.02)
     assert restoring(vehicle) > 0.0
 
 
-def test_a_floating_vehicle_is_pushed_towards_the_high_end(vehicle):
+def test_a_floating_vehicle_is_pushed_towards_the_high_end(vehicle: Vehicle) -> None:
     # Bow up: buoyancy, which wins by 0.78 N, has a component towards the bow; starboard down: towards port.
     assert known_force(vehicle, 0, (0.0, 0.2, 0.0)) == pytest.approx(0.7845 * np.sin(0.2), rel=1e-3)
     assert known_force(vehicle, 1, (0.2, 0.0, 0.0)) == pytest.approx(-0.7845 * np.sin(0.2), rel=1e-3)
     assert known_force(vehicle, 2, (0.2, 0.2, 0.0)) == 0.0
 
 
-def test_lag_of_an_axis_is_that_of_its_thrusters(vehicle):
+def test_lag_of_an_axis_is_that_of_its_thrusters(vehicle: Vehicle) -> None:
     assert [lag_s(vehicle, axis) for axis in range(6)] == pytest.approx([0.15] * 6)

@@ -1,17 +1,22 @@
 """What records of other vehicles do not say: lag and latency, dead bands, tethers, motions along other axes."""
 
+from __future__ import annotations
+
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_runs import Plan, back_and_forth, fly
+from synthetic_runs import Flight, Plan, back_and_forth, fly
 
 from hindrax_analysis.records.recording import Recording, events, tuned
 from hindrax_core.events import to_s
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.model_misfit import slow_force_ratio
+from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.session import Session
+from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
 OTHER = Vehicle("other", 11.5, 0.0117, (0.457, 0.338, 0.254))
@@ -20,7 +25,7 @@ THETA = np.array([18.2, 4.0, 0.0, 17.0])
 EMPTY = np.zeros(0), np.zeros((0, 3))
 
 
-def wave(*, beat_radps=0.0, overtone=0.0, rate_radps=0.7, end_s=60.0):
+def wave(*, beat_radps: float = 0.0, overtone: float = 0.0, rate_radps: float = 0.7, end_s: float = 60.0) -> Plan:
     """Smooth commands of 100 Hz; with a beat of all sizes, with an overtone of no plain symmetry."""
     times = np.arange(0.0, end_s, 0.01)
     shape = np.sin(rate_radps * times) * np.cos(beat_radps * times) + overtone * np.sin(2.3 * rate_radps * times + 1.0)
@@ -36,17 +41,17 @@ PLANS = {
 
 
 @functools.cache
-def flight(kind="steps", lag_s=0.2):
+def flight(kind: str = "steps", lag_s: float = 0.2) -> Flight:
     return fly(Model(0, OTHER.mass_kg), THETA, PLANS[kind], lag_s)
 
 
-def only(axis, values):
+def only(axis: int, values: Array) -> Array:
     table = np.full((len(values), 6), np.nan)
     table[:, axis] = values
     return table
 
 
-def recorded(flown, latency_s=0.0, noise=0.01, wrench=None):
+def recorded(flown: Flight, latency_s: float = 0.0, noise: float = 0.01, wrench: Array | None = None) -> Recording:
     """Velocities at 20 Hz whose stamps are late, and commands that are taken for forces."""
     rng = np.random.default_rng(1)
     v = flown.path.v[::10]
@@ -55,25 +60,25 @@ def recorded(flown, latency_s=0.0, noise=0.01, wrench=None):
     return Recording("x", flown.grid.times_s[::10] + latency_s, velocity, flown.times_s, only(0, told), *EMPTY)
 
 
-def finalized(recording, **knobs):
+def finalized(recording: Recording, **knobs: Any) -> tuple[Outcome, float]:
     session = Session(OTHER, tuned([recording], Tuning(**knobs)), silent=True)
     for event in events(recording, 0):
         session.step(event)
     return session.finalize(), to_s(next(iter(events(recording, 0))).stamp)
 
 
-def surge(recording, **knobs):
+def surge(recording: Recording, **knobs: float) -> MotionResult:
     return finalized(recording, **knobs)[0].results.motions["surge"]
 
 
-def off(result, name, truth=TRUTH):
+def off(result: MotionResult, name: str, truth: dict[str, float] = TRUTH) -> float:
     """Distance from the truth in calibrated standard deviations."""
     number = result.coefficients[name]
     return abs(number.value - truth[name]) / number.std_calibrated
 
 
 @pytest.mark.parametrize(("lag_s", "latency_s"), [(0.0, 0.0), (0.25, 0.0), (0.1, 0.2), (0.3, 0.1)])
-def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, latency_s):
+def test_lag_and_latency_that_nobody_told_are_found_together(lag_s: float, latency_s: float) -> None:
     found = surge(recorded(flight(lag_s=lag_s), latency_s))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(lag_s + latency_s, abs=0.03)
     assert max(off(found, name) for name in TRUTH) < 3.0
@@ -81,13 +86,13 @@ def test_lag_and_latency_that_nobody_told_are_found_together(lag_s, latency_s):
     assert found.coefficients["added_mass"].std_calibrated < 2.0
 
 
-def test_smooth_commands_tell_the_lag_too():
+def test_smooth_commands_tell_the_lag_too() -> None:
     found = surge(recorded(flight("smooth", 0.12)))
     assert found.quality["lag_s"] + found.quality["latency_s"] == pytest.approx(0.12, abs=0.02)
     assert found.coefficients["k_q"].value == pytest.approx(TRUTH["k_q"], rel=0.003)
 
 
-def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt():
+def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt() -> None:
     # One frequency has one phase: that of the mass and that of the lag are the same.
     recording = recorded(flight("sine", 0.2))
     found, wider = surge(recording), surge(recording, lag_doubt_s=0.5)
@@ -95,7 +100,7 @@ def test_where_the_record_cannot_tell_the_lag_the_mass_is_in_doubt():
     assert wider.coefficients["added_mass"].std > found.coefficients["added_mass"].std > 0.5
 
 
-def test_a_dead_band_that_nobody_told_is_within_the_band():
+def test_a_dead_band_that_nobody_told_is_within_the_band() -> None:
     flown = flight("two", 0.1)
     recording = recorded(flown, wrench=flown.commands + 1.2 * np.sign(flown.commands))
     wide = surge(recording)
@@ -104,7 +109,7 @@ def test_a_dead_band_that_nobody_told_is_within_the_band():
     assert wide.coefficients["k_l"].std_calibrated > 2.0 * wide.coefficients["k_l"].std
 
 
-def test_forces_that_wander_slowly_are_noticed():
+def test_forces_that_wander_slowly_are_noticed() -> None:
     rng = np.random.default_rng(3)
     flown = flight(lag_s=0.1)
     push = np.interp(flown.times_s, np.arange(0.0, 61.0, 2.0), 3.0 * rng.standard_normal(31))
@@ -114,7 +119,7 @@ def test_forces_that_wander_slowly_are_noticed():
     assert np.all(np.diag(pushed.covariance)[:2] > 4.0 * np.diag(calm.covariance)[:2])
 
 
-def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_record_says():
+def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_record_says() -> None:
     flown = flight(lag_s=0.1)
     plain = recorded(flown)
     sway, yaw = 0.6 * flown.path.v, 0.5
@@ -131,7 +136,7 @@ def test_a_vehicle_that_turns_while_it_goes_ahead_is_corrected_by_what_the_recor
     assert abs(silent.coefficients["k_l"].value - 4.0) > 4.0
 
 
-def test_linear_drag_that_pushes_is_no_drag():
+def test_linear_drag_that_pushes_is_no_drag() -> None:
     flown = flight(lag_s=0.1)
     # Thrust that grows with the speed, as nobody would build it.
     speeds = np.interp(flown.times_s, flown.grid.times_s, flown.path.v)
@@ -140,6 +145,6 @@ def test_linear_drag_that_pushes_is_no_drag():
     assert any("k_l is negative" in reason for reason in found.reasons)
 
 
-def test_thrusters_that_nobody_described_may_be_unsteady_all_the_same():
+def test_thrusters_that_nobody_described_may_be_unsteady_all_the_same() -> None:
     fit = finalized(recorded(flight(lag_s=0.1)))[0].assessments[0].fit
     assert np.any(fit.problem.efforts > 0.0)

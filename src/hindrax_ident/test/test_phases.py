@@ -1,25 +1,30 @@
 """From what the maneuver says to stretches of time."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.records.axis_record import Series, Stretch
 from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
 
 LIMITS = PhaseLimits(gap_s=1.0, thrust_age_s=2.0, longest_s=60.0)
 
 
-def log(*changes):
+def log(*changes: tuple[float, str, str]) -> PhaseLog:
     told = PhaseLog([])
     for change in changes:
         told.add(*change)
     return told
 
 
-def spans(stretches):
+def spans(stretches: list[Stretch] | tuple[Stretch, ...]) -> list[Any]:
     return [(round(one.start_s, 3), round(one.end_s, 3)) for one in stretches]
 
 
-def test_neighboring_phases_are_one_stretch_and_others_are_left_out():
+def test_neighboring_phases_are_one_stretch_and_others_are_left_out() -> None:
     told = log(
         (0.0, "surge", "settle"),
         (5.0, "surge", "transient"),
@@ -34,38 +39,38 @@ def test_neighboring_phases_are_one_stretch_and_others_are_left_out():
     assert told.stretches(["yaw"], ["plateau"], 40.0) == []
 
 
-def test_a_phase_that_never_ends_lasts_to_the_end():
+def test_a_phase_that_never_ends_lasts_to_the_end() -> None:
     assert spans(log((3.0, "yaw", "excite")).stretches(["yaw"], ["excite"], 12.0)) == [(3.0, 12.0)]
 
 
-def test_the_order_of_the_changes_does_not_matter():
+def test_the_order_of_the_changes_does_not_matter() -> None:
     told = log((8.0, "", ""), (2.0, "yaw", "excite"))
     assert spans(told.stretches(["yaw"], ["excite"], 12.0)) == [(2.0, 8.0)]
 
 
-def regular(start, end, step=0.1):
+def regular(start: float, end: float, step: float = 0.1) -> Array:
     return np.arange(start, end, step)
 
 
-def test_gaps_part_a_stretch():
+def test_gaps_part_a_stretch() -> None:
     measured = np.concatenate([regular(0.0, 5.0), regular(7.0, 10.0)])
     thrust = Series(regular(0.0, 10.0), np.ones(100))
     assert spans(usable([Stretch(0.0, 10.0)], measured, thrust, LIMITS)) == [(0.0, 4.9), (7.0, 9.9)]
 
 
-def test_old_thrust_parts_a_stretch():
+def test_old_thrust_parts_a_stretch() -> None:
     thrust_times = np.concatenate([regular(0.0, 4.0), regular(8.0, 10.0)])
     thrust = Series(thrust_times, np.ones(len(thrust_times)))
     found = spans(usable([Stretch(0.0, 10.0)], regular(0.0, 10.0), thrust, LIMITS))
     assert found == [(0.0, 5.9), (8.0, 9.9)]
 
 
-def test_nothing_is_used_before_the_first_thrust():
+def test_nothing_is_used_before_the_first_thrust() -> None:
     thrust = Series(regular(3.0, 10.0), np.ones(70))
     assert spans(usable([Stretch(0.0, 10.0)], regular(0.0, 10.0), thrust, LIMITS))[0][0] == 3.0
 
 
-def test_long_stretches_are_cut_without_using_a_sample_twice():
+def test_long_stretches_are_cut_without_using_a_sample_twice() -> None:
     measured = regular(0.0, 150.0)
     found = usable([Stretch(0.0, 150.0)], measured, Series(measured, np.ones(len(measured))), LIMITS)
     assert len(found) == 3
@@ -74,7 +79,7 @@ def test_long_stretches_are_cut_without_using_a_sample_twice():
     assert inside == len(measured)
 
 
-def test_without_thrust_or_measurements_nothing_is_usable():
+def test_without_thrust_or_measurements_nothing_is_usable() -> None:
     empty = Series(np.zeros(0), np.zeros(0))
     assert usable([Stretch(0.0, 1.0)], regular(0.0, 1.0), empty, LIMITS) == ()
     assert usable([Stretch(0.0, 1.0)], np.zeros(0), Series(np.zeros(1), np.zeros(1)), LIMITS) == ()

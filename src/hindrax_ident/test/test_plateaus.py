@@ -1,25 +1,30 @@
 """The paper's way: means over plateaus, batch least squares."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 import pytest
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.fit.plateaus import Plateaus, detected, fit, measure
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 
-def plateaus(v, noise=0.0, seed=0):
+def plateaus(v: list[Any] | Array | list[float], noise: float = 0.0, seed: int = 0) -> Plateaus:
     v = np.array(v)
     force = 66.48 * np.abs(v) * v + 1.25 * v - 0.02 + noise * np.random.default_rng(seed).standard_normal(len(v))
     return Plateaus(v, force, np.full(len(v), 10.0))
 
 
-def test_exact_plateaus_give_the_coefficients_back():
+def test_exact_plateaus_give_the_coefficients_back() -> None:
     found = fit(plateaus([-0.4, -0.3, -0.2, 0.2, 0.3, 0.4]))
     assert found.theta == pytest.approx([66.48, 1.25, -0.02])
     assert found.plateaus == 6
 
 
-def test_standard_deviations_are_those_of_equation_7():
+def test_standard_deviations_are_those_of_equation_7() -> None:
     table = plateaus(np.linspace(-0.45, 0.45, 12), noise=0.3, seed=4)
     X = np.stack([np.abs(table.v) * table.v, table.v, np.ones(12)], axis=1)
     theta = np.linalg.inv(X.T @ X) @ X.T @ table.force
@@ -30,18 +35,18 @@ def test_standard_deviations_are_those_of_equation_7():
 
 
 @pytest.mark.parametrize("v", [[0.1, 0.2, 0.3], [0.3] * 8, [0.2, 0.4] * 4])
-def test_what_does_not_determine_three_coefficients_gives_none(v):
+def test_what_does_not_determine_three_coefficients_gives_none(v: list[float]) -> None:
     assert fit(plateaus(v)) is None
 
 
-def test_sides_are_told_apart():
+def test_sides_are_told_apart() -> None:
     table = plateaus([-0.4, -0.2, 0.1, 0.3])
     assert table.on_side(1).v.tolist() == [0.1, 0.3]
     assert table.on_side(-1).v.tolist() == [-0.4, -0.2]
     assert len(table.on_side(0).v) == 4
 
 
-def record(**changes):
+def record(**changes: tuple[Stretch, Stretch] | Series | tuple[Stretch]) -> Record:
     t = np.arange(0.0, 40.0, 0.05)
     thrust = np.where(t < 20.0, 4.0, -6.0)
     v = np.where(t < 20.0, 0.2, -0.3)
@@ -49,19 +54,19 @@ def record(**changes):
     return Record(**{**base, **changes})
 
 
-def test_plateaus_are_found_where_the_thrust_holds_still():
+def test_plateaus_are_found_where_the_thrust_holds_still() -> None:
     spans = detected(record())
     assert [(span.start_s, span.end_s) for span in spans] == [(10.0, 20.0), (pytest.approx(29.95), 39.9)]
 
 
-def test_means_are_over_the_plateaus_that_the_maneuver_names():
+def test_means_are_over_the_plateaus_that_the_maneuver_names() -> None:
     told = measure(record(plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))))
     assert told.v == pytest.approx([0.2, -0.3])
     assert told.force == pytest.approx([4.0, -6.0])
     assert told.duration_s == pytest.approx([10.0, 10.0])
 
 
-def test_without_a_velocity_the_position_serves():
+def test_without_a_velocity_the_position_serves() -> None:
     t = np.arange(0.0, 40.0, 0.05)
     position = np.where(t < 20.0, 0.2 * t, 4.0 - 0.3 * (t - 20.0))
     empty = Series(np.zeros(0), np.zeros(0))
@@ -71,5 +76,5 @@ def test_without_a_velocity_the_position_serves():
     assert told.v == pytest.approx([0.2, -0.3])
 
 
-def test_a_plateau_without_measurements_is_left_out():
+def test_a_plateau_without_measurements_is_left_out() -> None:
     assert len(measure(record(plateaus=(Stretch(100.0, 110.0),))).v) == 0

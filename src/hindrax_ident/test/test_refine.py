@@ -1,10 +1,16 @@
 """Output error: the bound is reached, the bands are honest, and what does not belong shows."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from synthetic_runs import DVL, back_and_forth, events, fly
+from synthetic_runs import DVL, Flight, back_and_forth, events, fly
 
-from hindrax_ident.fit.output_error import refine
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
+from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.fit.output_error_problem import build_problem
 from hindrax_ident.model.motion_model import Model, model_of
 from hindrax_ident.model.prior import wide_prior
@@ -15,11 +21,11 @@ PLAN = back_and_forth((3.2, 6.0, 9.5, 13.5), 10.0, 80.0)
 
 
 @pytest.fixture(scope="module")
-def flight():
+def flight() -> Flight:
     return fly(Model(0, 15.22), SURGE, PLAN, 0.15)
 
 
-def record_of(flight, seed, *, velocity=None):
+def record_of(flight: Flight, seed: int, *, velocity: Callable[[Array, Array], Array] | None = None) -> Record:
     said = list(events(flight, 0, "surge", DVL, np.random.default_rng(seed)))
     pairs = [(one.stamp / 1e9, one.reading.nu[0]) for one in said if hasattr(one.reading, "nu")]
     t, v = (np.array(part) for part in zip(*pairs, strict=True))
@@ -27,12 +33,12 @@ def record_of(flight, seed, *, velocity=None):
     return Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 80.0),), lag_s=0.15)
 
 
-def fit(vehicle, record):
+def fit(vehicle: Vehicle, record: Record) -> OutputErrorFit:
     model = model_of(vehicle, 0)
     return refine(model, record, np.array([50.0, 5.0, 0.1, 30.0]), wide_prior(vehicle, model))
 
 
-def test_bands_cover_and_the_bound_is_reached(vehicle, flight):
+def test_bands_cover_and_the_bound_is_reached(vehicle: Vehicle, flight: Flight) -> None:
     fits = [fit(vehicle, record_of(flight, seed)) for seed in range(24)]
     errors = np.array([one.theta - SURGE for one in fits])
     sigmas = np.array([np.sqrt(np.diag(one.covariance)) for one in fits])
@@ -47,7 +53,7 @@ def test_bands_cover_and_the_bound_is_reached(vehicle, flight):
     assert np.all(ratio < 1.5)
 
 
-def test_the_start_does_not_matter(vehicle, flight):
+def test_the_start_does_not_matter(vehicle: Vehicle, flight: Flight) -> None:
     model, record = model_of(vehicle, 0), record_of(flight, 3)
     belief = wide_prior(vehicle, model)
     near, far = (
@@ -57,14 +63,14 @@ def test_the_start_does_not_matter(vehicle, flight):
     assert np.abs((near.theta - far.theta) / sigma).max() < 1e-2
 
 
-def test_same_record_gives_the_same_bits(vehicle, flight):
+def test_same_record_gives_the_same_bits(vehicle: Vehicle, flight: Flight) -> None:
     first, second = (fit(vehicle, record_of(flight, 3)) for _ in range(2))
     assert first.theta.tobytes() == second.theta.tobytes()
     assert first.covariance.tobytes() == second.covariance.tobytes()
 
 
-def test_outliers_are_left_out(vehicle, flight):
-    def spoil(_, v):
+def test_outliers_are_left_out(vehicle: Vehicle, flight: Flight) -> None:
+    def spoil(_: Array, v: Array) -> Array:
         v = v.copy()
         v[::40] += np.where(np.arange(len(v[::40])) % 2, 0.5, -0.4)
         return v
@@ -75,8 +81,8 @@ def test_outliers_are_left_out(vehicle, flight):
     assert spoiled.samples == len(record_of(flight, 5).velocity) - 40
 
 
-def test_slow_errors_of_the_velocity_widen_the_band(vehicle, flight):
-    def wander(t, v):
+def test_slow_errors_of_the_velocity_widen_the_band(vehicle: Vehicle, flight: Flight) -> None:
+    def wander(t: Array, v: Array) -> Array:
         return v + 0.01 * np.sin(0.7 * t) + 0.008 * np.sin(0.23 * t + 1.0)
 
     clean, wandering = fit(vehicle, record_of(flight, 5)), fit(vehicle, record_of(flight, 5, velocity=wander))
@@ -84,7 +90,7 @@ def test_slow_errors_of_the_velocity_widen_the_band(vehicle, flight):
     assert abs(wandering.theta[0] - 66.48) < 3.0 * np.sqrt(wandering.covariance[0, 0])
 
 
-def test_what_is_told_beforehand_has_an_error_too(vehicle, flight):
+def test_what_is_told_beforehand_has_an_error_too(vehicle: Vehicle, flight: Flight) -> None:
     model, white = model_of(vehicle, 0), np.random.default_rng(1)
     record = record_of(
         flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
@@ -94,12 +100,12 @@ def test_what_is_told_beforehand_has_an_error_too(vehicle, flight):
     assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
 
 
-def test_a_drag_of_another_form_widens_the_band(vehicle):
+def test_a_drag_of_another_form_widens_the_band(vehicle: Vehicle) -> None:
     # What drags like |v|^2.6 is not k_q |v| v + k_l v: blocks of different speed disagree.
     model = Model(0, 15.22)
 
     class Other(Model):
-        def columns(self, v, position):
+        def columns(self, v: Array, position: Array) -> Array:
             table = super().columns(v, position)
             table[:, 0] = np.abs(v) ** 1.6 * v * 2.0
             return table
@@ -110,7 +116,7 @@ def test_a_drag_of_another_form_widens_the_band(vehicle):
     assert model.names == found.model.names
 
 
-def test_too_few_samples_are_refused(vehicle):
+def test_too_few_samples_are_refused(vehicle: Vehicle) -> None:
     short = Record(
         Series(np.linspace(0.0, 0.2, 5), np.zeros(5)), Series(np.zeros(1), np.zeros(1)), (Stretch(0.0, 1.0),)
     )

@@ -1,11 +1,14 @@
 """The regression without derivatives: exact identity without noise, whatever the filter does."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
-from synthetic_runs import STEP_S, back_and_forth, fly
+from synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.filtered_regression import FilteredRegression, physical, scaled
+from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical, scaled
 from hindrax_ident.online.rls import Rls
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
@@ -13,7 +16,9 @@ ROLL = np.array([1.29, 0.05, 0.02, 3.0, 0.733])
 HEAVE = np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 37.7])
 
 
-def rows(model, flight, lag, *, rate=1.0, wander=False, every=4):
+def rows(
+    model: Model, flight: Flight, lag: float, *, rate: float = 1.0, wander: bool = False, every: int = 4
+) -> list[Sample]:
     """Every row of the regression over a flight seen without noise, every 20 ms or so."""
     regression = FilteredRegression(model, lag, rate)
     commands = list(zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True))
@@ -42,7 +47,7 @@ def rows(model, flight, lag, *, rate=1.0, wander=False, every=4):
     ],
     ids=["surge", "heave", "roll"],
 )
-def test_identity_holds_without_noise(model, theta, levels, wander):
+def test_identity_holds_without_noise(model: Model, theta: Array, levels: tuple[float, float], wander: bool) -> None:
     flight = fly(model, theta, back_and_forth(levels, 4.0, 40.0), 0.15)
     q = scaled(theta.tolist(), np.eye(len(theta)))[0]
     samples = rows(model, flight, 0.15, wander=wander)
@@ -51,7 +56,7 @@ def test_identity_holds_without_noise(model, theta, levels, wander):
     assert np.abs(errors).max() < 2e-3 * size
 
 
-def test_least_squares_on_it_gives_the_parameters_back():
+def test_least_squares_on_it_gives_the_parameters_back() -> None:
     model = Model(0, 15.22)
     flight = fly(model, THETA, back_and_forth((4.0, 12.0), 6.0, 60.0), 0.15)
     rls = Rls([0.0] * 4, [1e6] * 4)
@@ -61,7 +66,7 @@ def test_least_squares_on_it_gives_the_parameters_back():
     assert theta == pytest.approx(THETA, rel=2e-3, abs=2e-3)
 
 
-def test_a_neglected_lag_shows_in_the_mass():
+def test_a_neglected_lag_shows_in_the_mass() -> None:
     model = Model(0, 15.22)
     flight = fly(model, THETA, back_and_forth((4.0, 12.0), 6.0, 60.0), 0.15)
     rls = Rls([0.0] * 4, [1e6] * 4)
@@ -70,7 +75,7 @@ def test_a_neglected_lag_shows_in_the_mass():
     assert physical(rls.values, rls.covariance)[0][-1] > 29.0
 
 
-def test_samples_say_when_the_start_is_forgotten():
+def test_samples_say_when_the_start_is_forgotten() -> None:
     model = Model(0, 15.22)
     flight = fly(model, THETA, back_and_forth((4.0,), 6.0, 12.0), 0.15)
     samples = rows(model, flight, 0.15, rate=2.0)
@@ -80,7 +85,7 @@ def test_samples_say_when_the_start_is_forgotten():
     assert settled.index(True) == pytest.approx(75, abs=1)
 
 
-def test_asynchronous_thrust_and_velocity_make_no_difference():
+def test_asynchronous_thrust_and_velocity_make_no_difference() -> None:
     model = Model(0, 15.22)
     plan = back_and_forth((4.0, 12.0), 5.0, 30.0)
     flight = fly(model, THETA, plan, 0.15)
@@ -100,14 +105,14 @@ def test_asynchronous_thrust_and_velocity_make_no_difference():
     assert np.abs(errors).max() < 3e-3
 
 
-def test_scaling_and_back_changes_nothing():
+def test_scaling_and_back_changes_nothing() -> None:
     C = np.diag([4.0, 0.1, 0.01, 0.2]) + 0.01
     theta, covariance = physical(*[part if k else part.tolist() for k, part in enumerate(scaled(THETA.tolist(), C))])
     assert theta == pytest.approx(THETA)
     assert covariance == pytest.approx(C)
 
 
-def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed():
+def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed() -> None:
     model, rng = Model(2, 15.22, split=True), np.random.default_rng(6)
     regression = FilteredRegression(model, 0.15, 1.0)
     regression.noise_variance = 1e-4
@@ -119,12 +124,12 @@ def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed():
     assert np.abs(speeds[[0, 2]]).max() < 2e-5
 
 
-def test_means_over_a_span_are_compared_with_means_of_the_thrust():
+def test_means_over_a_span_are_compared_with_means_of_the_thrust() -> None:
     model, span_s = Model(0, 15.22), 0.2
     flight = fly(model, THETA, back_and_forth((4.0, 12.0), 2.0, 60.0), 0.15)
     means = np.diff(flight.path.s[:: round(span_s / STEP_S)]) / span_s
 
-    def mass(spread_s2):
+    def mass(spread_s2: float) -> float:
         regression, rls = FilteredRegression(model, 0.15, 1.0), Rls([0.0] * 4, [1e6] * 4)
         commands = list(zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True))
         for k, v in enumerate(means.tolist()):

@@ -1,5 +1,7 @@
 """Recursive least squares against the batch solution, and against everything that makes others wind up."""
 
+from __future__ import annotations
+
 import math
 import os
 
@@ -7,23 +9,26 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
 
+from hindrax_core.readings import Vec3
+from hindrax_ident.arrays import Array
 from hindrax_ident.online.rls import Rls
 
 MANY = 1_000_000 if os.environ.get("HINDRAX_THOROUGH") else 30_000
 TRUTH = (66.48, 1.25, 0.4)
 
 
-def regressor(v):
+def regressor(v: float) -> Vec3:
     return (abs(v) * v, v, 1.0)
 
 
-def force(v):
+def force(v: float) -> float:
     return sum(k * x for k, x in zip(TRUTH, regressor(v), strict=True))
 
 
 @st.composite
-def problems(draw):
+def problems(draw: DrawFn) -> tuple[Array, Array, Array, Array]:
     n = draw(st.integers(1, 6))
     rows = draw(st.integers(1, 40))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -34,7 +39,7 @@ def problems(draw):
 
 @settings(max_examples=60, deadline=None)
 @given(problems())
-def test_equals_batch_least_squares_when_nothing_is_forgotten(problem):
+def test_equals_batch_least_squares_when_nothing_is_forgotten(problem: tuple[Array, Array, Array, Array]) -> None:
     X, y, prior, sigmas = problem
     rls = Rls(prior.tolist(), sigmas.tolist())
     for row, value in zip(X.tolist(), y.tolist(), strict=True):
@@ -48,7 +53,7 @@ def test_equals_batch_least_squares_when_nothing_is_forgotten(problem):
     assert np.abs((rls.unit_covariance - covariance) / np.outer(spread, spread)).max() < 1e-9
 
 
-def test_residual_variance_is_that_of_equation_8():
+def test_residual_variance_is_that_of_equation_8() -> None:
     rng = np.random.default_rng(1)
     X = rng.standard_normal((200, 3))
     y = X @ TRUTH + 0.3 * rng.standard_normal(200)
@@ -63,7 +68,7 @@ def test_residual_variance_is_that_of_equation_8():
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_order_of_the_samples_does_not_matter(seed):
+def test_order_of_the_samples_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     X, y = rng.standard_normal((30, 3)), rng.standard_normal(30)
     forward, backward = Rls([0.0] * 3, [10.0] * 3), Rls([0.0] * 3, [10.0] * 3)
@@ -74,7 +79,7 @@ def test_order_of_the_samples_does_not_matter(seed):
     assert forward.values == pytest.approx(backward.values, abs=1e-9)
 
 
-def learned(forgetting):
+def learned(forgetting: float) -> tuple[Rls, np.random.Generator]:
     rng = np.random.default_rng(7)
     rls = Rls([0.0] * 3, [1e4] * 3, forgetting)
     for v in rng.uniform(-0.45, 0.45, 4000).tolist():
@@ -83,7 +88,7 @@ def learned(forgetting):
 
 
 @pytest.mark.parametrize("speeds", [(0.0,), (0.3,), (0.1, 0.2)], ids=["parked", "one speed", "one direction"])
-def test_does_not_wind_up_without_excitation(speeds):
+def test_does_not_wind_up_without_excitation(speeds: tuple[float, ...]) -> None:
     rls, rng = learned(0.99)
     before = np.diag(rls.unit_covariance).copy()
     noise = rng.standard_normal(MANY) * 0.2
@@ -99,7 +104,7 @@ def test_does_not_wind_up_without_excitation(speeds):
         assert drag == pytest.approx(force(v), abs=0.25)
 
 
-def test_stays_definite_under_rich_excitation_with_forgetting():
+def test_stays_definite_under_rich_excitation_with_forgetting() -> None:
     rng = np.random.default_rng(3)
     rls = Rls([0.0] * 3, [1e4] * 3, 0.99)
     for v in rng.uniform(-0.45, 0.45, MANY).tolist():
@@ -109,7 +114,7 @@ def test_stays_definite_under_rich_excitation_with_forgetting():
     assert drag == pytest.approx(force(0.4), abs=0.3)
 
 
-def test_follows_a_vehicle_that_changes():
+def test_follows_a_vehicle_that_changes() -> None:
     rls, rng = learned(0.99)
     for v in rng.uniform(-0.45, 0.45, 4000).tolist():
         rls.update(regressor(v), 1.5 * force(v) + 0.2 * rng.standard_normal())
@@ -117,7 +122,7 @@ def test_follows_a_vehicle_that_changes():
     assert drag == pytest.approx(1.5 * force(0.4), rel=0.05)
 
 
-def test_information_of_a_sample_can_be_asked_without_learning():
+def test_information_of_a_sample_can_be_asked_without_learning() -> None:
     rls, _ = learned(1.0)
     before = rls.values
     innovation, information = rls.evaluate(regressor(0.2), force(0.2) + 3.0)
@@ -128,7 +133,7 @@ def test_information_of_a_sample_can_be_asked_without_learning():
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_refuses_what_is_not_a_number(bad):
+def test_refuses_what_is_not_a_number(bad: float) -> None:
     rls, _ = learned(0.99)
     before = (rls.values, rls.samples)
     rls.update((bad, 0.1, 1.0), 1.0)
@@ -147,6 +152,8 @@ def test_refuses_what_is_not_a_number(bad):
         ([0.0], [1.0], 0.0, "above 0"),
     ],
 )
-def test_a_senseless_start_is_refused(values, sigmas, forgetting, sentence):
+def test_a_senseless_start_is_refused(
+    values: list[float], sigmas: list[float], forgetting: float, sentence: str
+) -> None:
     with pytest.raises(ValueError, match=sentence):
         Rls(values, sigmas, forgetting)

@@ -1,15 +1,20 @@
 """The session: events in, estimates and results out; the same from any order, honest about what it does not know."""
 
+from __future__ import annotations
+
 import random
+from typing import Any
 
 import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, events, fly, sensors_of
 
 from hindrax_core.events import Stamped, after, stamp_from_s
-from hindrax_core.signals import Phase, Thrust, Velocity
+from hindrax_core.signals import Attitude, Estimate, Phase, Thrust, Velocity
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import truth_of, with_truth
-from hindrax_ident.model.motion_model import model_of, motions_of
+from hindrax_ident.model.motion_model import Model, model_of, motions_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed
 from hindrax_ident.tuning import Tuning
@@ -21,7 +26,7 @@ SPANS_S = {0: 10.0, 1: 10.0, 2: 4.0, 3: 5.0, 4: 5.0, 5: 8.0}
 NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
 
-def theta_of(vehicle, axis):
+def theta_of(vehicle: Vehicle, axis: int) -> tuple[Model, Array]:
     truth, model = truth_of(vehicle), model_of(vehicle, axis)
     first, last = truth[motions_of(axis)[0].name], truth[motions_of(axis)[-1].name]
     drag = [first["k_q"], first["k_l"], *([last["k_q"], last["k_l"]] if model.split else [])]
@@ -29,7 +34,7 @@ def theta_of(vehicle, axis):
     return model, np.array([*drag, first["b"], *flush, model.rigid + first["added_mass"]])
 
 
-def heard(vehicle, axis, seed=1, end_s=80.0, **options):
+def heard(vehicle: Vehicle, axis: int, seed: int = 1, end_s: float = 80.0, **options: Any) -> list[Any]:
     model, theta = theta_of(vehicle, axis)
     flight = fly(model, theta, back_and_forth(LEVELS[axis], SPANS_S[axis], end_s), 0.15)
     motion = motions_of(axis)[0].name
@@ -37,7 +42,12 @@ def heard(vehicle, axis, seed=1, end_s=80.0, **options):
     return list(events(flight, axis, motion, options.pop("sensors", sensors_of(axis)), rng, **options))
 
 
-def run(vehicle, said, tuning=None, prior=None):
+def run(
+    vehicle: Vehicle,
+    said: list[Stamped[Phase | Velocity | Attitude | Thrust]],
+    tuning: Tuning | None = None,
+    prior: dict[str, dict[str, tuple[float, float]]] | None = None,
+) -> tuple[Session, list[Stamped[Estimate]]]:
     session = Session(vehicle, tuning, prior)
     feed = Feed(vehicle, session.tuning)
     estimates = [estimate for event in feed.all(said) for estimate in session.step(event)]
@@ -45,12 +55,12 @@ def run(vehicle, said, tuning=None, prior=None):
 
 
 @pytest.fixture(scope="module")
-def surge(vehicle):
+def surge(vehicle: Vehicle) -> list[Any]:
     return heard(vehicle, 0, plateau_s=6.0)
 
 
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)
-def test_truth_lies_within_three_standard_deviations(vehicle, axis):
+def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int) -> None:
     session, _ = run(vehicle, heard(vehicle, axis, plateau_s=3.0))
     results = with_truth(session.finalize().results, vehicle)
     assert set(results.motions) == {motion.name for motion in motions_of(axis)}
@@ -65,7 +75,7 @@ def test_truth_lies_within_three_standard_deviations(vehicle, axis):
         assert force == pytest.approx(truth, rel=0.02)
 
 
-def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle, surge):
+def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle: Vehicle, surge: list[Any]) -> None:
     _, estimates = run(vehicle, surge)
     samples = sum(isinstance(event.reading, Velocity) for event in surge)
     assert len(estimates) > samples - 20
@@ -82,7 +92,7 @@ def test_an_estimate_follows_every_sample_and_says_what_became_of_it(vehicle, su
     assert all(sigma > 0.0 for sigma in last.sigmas)
 
 
-def test_online_estimate_is_close_to_the_refined_one(vehicle, surge):
+def test_online_estimate_is_close_to_the_refined_one(vehicle: Vehicle, surge: list[Any]) -> None:
     session, estimates = run(vehicle, surge)
     refined = session.finalize().results.motions["surge"].coefficients
     last = estimates[-1].reading
@@ -90,7 +100,7 @@ def test_online_estimate_is_close_to_the_refined_one(vehicle, surge):
         assert abs(value - refined[name].value) < 5.0 * sigma
 
 
-def test_the_joint_filter_is_an_online_estimator_too(vehicle, surge):
+def test_the_joint_filter_is_an_online_estimator_too(vehicle: Vehicle, surge: list[Any]) -> None:
     session, estimates = run(vehicle, surge, Tuning(estimator="ekf"))
     truth = truth_of(vehicle)["surge"]
     last = estimates[-1].reading
@@ -99,7 +109,7 @@ def test_the_joint_filter_is_an_online_estimator_too(vehicle, surge):
     assert set(session.finalize().results.motions["surge"].methods) == {"ekf", "plateaus"}
 
 
-def test_same_events_give_the_same_bits(vehicle, surge):
+def test_same_events_give_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> None:
     first, second = (run(vehicle, surge) for _ in range(2))
     # Text, because the innovation of a sample that was not learned from is not a number.
     assert repr(first[1]) == repr(second[1])
@@ -107,14 +117,14 @@ def test_same_events_give_the_same_bits(vehicle, surge):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_order_of_arrival_does_not_matter(vehicle, surge, seed):
+def test_the_order_of_arrival_does_not_matter(vehicle: Vehicle, surge: list[Any], seed: int) -> None:
     rng = random.Random(seed)
     mixed = sorted(surge, key=lambda event: event.stamp / 1e9 + rng.uniform(0.0, 0.2))
     assert mixed != surge
     assert run(vehicle, mixed)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
-def test_nothing_is_learned_in_other_phases(vehicle, surge):
+def test_nothing_is_learned_in_other_phases(vehicle: Vehicle, surge: list[Any]) -> None:
     parked = [
         Stamped(event.stamp, Phase("surge", "settle")) if isinstance(event.reading, Phase) else event for event in surge
     ]
@@ -126,14 +136,14 @@ def test_nothing_is_learned_in_other_phases(vehicle, surge):
     assert "samples" in result.reasons[0]
 
 
-def test_without_a_motion_there_is_nothing(vehicle, surge):
+def test_without_a_motion_there_is_nothing(vehicle: Vehicle, surge: list[Any]) -> None:
     session, estimates = run(vehicle, [event for event in surge if not isinstance(event.reading, Phase)])
     assert estimates == []
     assert session.finalize().results.motions == {}
 
 
-def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle, surge):
-    def kept(event):
+def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle: Vehicle, surge: list[Any]) -> None:
+    def kept(event: Any) -> bool:
         seconds = event.stamp / 1e9
         return not (isinstance(event.reading, Velocity) and 30.0 < seconds < 33.0) and not (
             isinstance(event.reading, Thrust) and 50.0 < seconds < 55.0
@@ -146,7 +156,7 @@ def test_a_gap_and_a_stale_thrust_are_held_and_named(vehicle, surge):
     assert "the filters are settling" in reasons
 
 
-def test_an_outlier_is_refused(vehicle, surge):
+def test_an_outlier_is_refused(vehicle: Vehicle, surge: list[Any]) -> None:
     spoiled = list(surge)
     index = next(k for k, event in enumerate(surge) if isinstance(event.reading, Velocity) and event.stamp > 40e9)
     nu = (5.0, *surge[index].reading.nu[1:])
@@ -158,7 +168,7 @@ def test_an_outlier_is_refused(vehicle, surge):
     assert a.value == pytest.approx(b.value, abs=0.2 * b.std)
 
 
-def test_values_that_are_not_numbers_do_no_harm(vehicle, surge):
+def test_values_that_are_not_numbers_do_no_harm(vehicle: Vehicle, surge: list[Any]) -> None:
     nan = float("nan")
     dirty = [*surge, Stamped(stamp_from_s(20.005), Velocity((nan,) * 6, (nan,) * 6, "dvl75")),
              Stamped(stamp_from_s(20.006), Thrust((nan,) * 6))]  # fmt: skip
@@ -166,8 +176,8 @@ def test_values_that_are_not_numbers_do_no_harm(vehicle, surge):
     assert run(vehicle, dirty)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
-def test_an_instrument_wins_over_the_navigator(vehicle, surge):
-    def navigator(event):
+def test_an_instrument_wins_over_the_navigator(vehicle: Vehicle, surge: list[Any]) -> None:
+    def navigator(event: Any) -> Stamped[Any]:
         nu = (event.reading.nu[0] + 0.3, *event.reading.nu[1:])
         return Stamped(after(event.stamp, 0.001), Velocity(nu, event.reading.sigma, "navigation"))
 
@@ -179,7 +189,7 @@ def test_an_instrument_wins_over_the_navigator(vehicle, surge):
     assert run(vehicle, doubled)[0].finalize().results.to_json() == run(vehicle, surge)[0].finalize().results.to_json()
 
 
-def test_a_latency_of_the_stamps_can_be_told(vehicle, surge):
+def test_a_latency_of_the_stamps_can_be_told(vehicle: Vehicle, surge: list[Any]) -> None:
     late = [
         Stamped(after(event.stamp, 0.2), event.reading) if isinstance(event.reading, Velocity) else event
         for event in surge
@@ -195,7 +205,7 @@ def test_a_latency_of_the_stamps_can_be_told(vehicle, surge):
     assert told.value == pytest.approx(right.value, abs=0.5 * right.std)
 
 
-def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
+def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle: Vehicle) -> None:
     model, theta = theta_of(vehicle, 0)
     flight = fly(model, theta, back_and_forth(LEVELS[0], 8.0, 96.0), 0.30)
     said = list(events(flight, 0, "surge", sensors_of(0), np.random.default_rng(4)))
@@ -204,7 +214,7 @@ def test_a_wrong_lag_in_the_vehicle_file_is_found_and_felt(vehicle):
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
 
 
-def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle):
+def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle: Vehicle) -> None:
     said = heard(vehicle, 0, end_s=160.0)
     late = [Stamped(after(one.stamp, 0.08), one.reading) if isinstance(one.reading, Velocity) else one for one in said]
     result = run(vehicle, sorted(late, key=lambda one: one.stamp))[0].finalize().results.motions["surge"]
@@ -213,7 +223,7 @@ def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle):
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
 
 
-def test_a_prior_makes_the_start_warm(vehicle, surge):
+def test_a_prior_makes_the_start_warm(vehicle: Vehicle, surge: list[Any]) -> None:
     early = [event for event in surge if event.stamp < stamp_from_s(12.0)]
     prior = {"surge": {"k_q": (66.0, 2.0), "k_l": (1.0, 1.0), "added_mass": (12.0, 1.0)}}
     warm, cold = run(vehicle, early, prior=prior)[1][-1].reading, run(vehicle, early)[1][-1].reading
@@ -222,7 +232,7 @@ def test_a_prior_makes_the_start_warm(vehicle, surge):
     assert abs(warm.values[0] - 66.48) < 6.0
 
 
-def test_plateaus_only_leaves_three_coefficients(vehicle, surge):
+def test_plateaus_only_leaves_three_coefficients(vehicle: Vehicle, surge: list[Any]) -> None:
     session, estimates = run(vehicle, surge, Tuning(plateaus_only=True))
     reasons = {estimate.reading.reason for estimate in estimates if not estimate.reading.learning}
     assert "phase transient" in reasons
@@ -230,7 +240,7 @@ def test_plateaus_only_leaves_three_coefficients(vehicle, surge):
     assert result.coefficients["k_q"].value == pytest.approx(66.48, abs=4.0 * result.coefficients["k_q"].std)
 
 
-def test_heave_in_one_direction_reports_that_direction(vehicle):
+def test_heave_in_one_direction_reports_that_direction(vehicle: Vehicle) -> None:
     model, theta = theta_of(vehicle, 2)
     plan = back_and_forth((6.0, 12.0, 20.0, 30.0), 5.0, 80.0)
     down = type(plan)(plan.times_s, np.where(plan.forces > 0.0, plan.forces, 2.0), plan.end_s)

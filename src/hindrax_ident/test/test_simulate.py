@@ -1,10 +1,15 @@
 """Simulated motion against closed forms and a fine Runge-Kutta integration; sensitivities against differences."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
 from hindrax_ident.model.thrust_lag import LaggedThrust
@@ -14,22 +19,27 @@ HEAVE = (Model(2, 15.22, split=True), np.array([93.52, 5.26, 56.57, 11.84, 0.784
 ROLL = (Model(3, 0.483, restores=True), np.array([1.29, 0.05, 0.02, 3.0, 0.733]))
 
 
-def grid_of(impulse_at, end=12.0, step=0.02, starts=(0.0,)):
+def grid_of(
+    impulse_at: Callable[[Any], Any] | Callable[[Array], Array],
+    end: float = 12.0,
+    step: float = 0.02,
+    starts: tuple[float, ...] = (0.0,),
+) -> Grid:
     times = np.arange(0.0, end, step)
     flags = np.isin(np.round(times, 9), np.round(starts, 9))
     impulse = np.where(flags, 0.0, np.diff(impulse_at(times), prepend=0.0))
     return Grid(times, flags, impulse)
 
 
-def still(grid):
+def still(grid: Grid) -> Trajectory:
     return Trajectory(np.zeros(len(grid.times_s)), np.zeros(len(grid.times_s)))
 
 
-def thrust(scale):
+def thrust(scale: float) -> LaggedThrust:
     return LaggedThrust(np.array([0.0, 4.0, 8.0]), scale * np.array([1.0, -0.6, 0.3]), 0.15)
 
 
-def test_quadratic_drag_alone_follows_the_hyperbolic_tangent():
+def test_quadratic_drag_alone_follows_the_hyperbolic_tangent() -> None:
     # M v' = F - k v^2 from rest: v = sqrt(F / k) tanh(t sqrt(F k) / M).
     model, F, k, M = Model(0, 10.0), 9.0, 60.0, 25.0
     grid = grid_of(lambda t: F * t)
@@ -41,7 +51,7 @@ def test_quadratic_drag_alone_follows_the_hyperbolic_tangent():
 
 
 @pytest.mark.parametrize(("model", "theta", "scale"), [(*SURGE, 12.0), (*HEAVE, 30.0), (*ROLL, 1.4)])
-def test_motion_is_that_of_a_fine_runge_kutta_integration(model, theta, scale):
+def test_motion_is_that_of_a_fine_runge_kutta_integration(model: Model, theta: Array, scale: float) -> None:
     lagged = thrust(scale)
     grid = grid_of(lagged.impulse)
     path = trajectory(model, theta, grid, still(grid))
@@ -50,13 +60,13 @@ def test_motion_is_that_of_a_fine_runge_kutta_integration(model, theta, scale):
     assert np.abs(path.s - fine[::2, 1]).max() < 2e-4 * np.abs(fine[:, 1]).max()
 
 
-def runge_kutta(model, theta, lagged, end, h):
+def runge_kutta(model: Model, theta: Array, lagged: LaggedThrust, end: float, h: float) -> Array:
     at = np.arange(0.0, end + 0.5 * h, 0.5 * h)
     force = lagged.force(at)
     # The left and the right limit of the force are the same: the lag makes it continuous.
     state, out = np.zeros(2), [np.zeros(2)]
 
-    def rate(x, index):
+    def rate(x: Array, index: int) -> Array:
         resisting = float(model.force(theta, np.array([x[0]]), np.array([x[1]]))[0])
         return np.array([(force[index] - resisting) / theta[-1], x[0]])
 
@@ -71,7 +81,7 @@ def runge_kutta(model, theta, lagged, end, h):
 
 
 @pytest.mark.parametrize(("model", "theta", "scale"), [(*SURGE, 12.0), (*HEAVE, 30.0), (*ROLL, 1.4)])
-def test_sensitivities_are_the_differences_of_the_motion(model, theta, scale):
+def test_sensitivities_are_the_differences_of_the_motion(model: Model, theta: Array, scale: float) -> None:
     grid = grid_of(thrust(scale).impulse, starts=(0.0, 6.0))
     start = Trajectory(np.where(grid.times_s < 6.0, 0.0, 0.1), np.where(grid.times_s < 6.0, 0.0, 0.05))
     path = trajectory(model, theta, grid, start)
@@ -90,11 +100,11 @@ def test_sensitivities_are_the_differences_of_the_motion(model, theta, scale):
         same(S[:, 0, p + index], (other.v - path.v) / h)
 
 
-def same(found, expected):
+def same(found: Array, expected: Array) -> None:
     assert np.abs(found - expected).max() < 5e-3 * max(1e-6, np.abs(expected).max())
 
 
-def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_says():
+def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_says() -> None:
     model, theta = SURGE
     grid = grid_of(thrust(12.0).impulse)
     path = trajectory(model, theta, grid, still(grid))
@@ -105,7 +115,7 @@ def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_says():
     same(S[:, 0, -1], other.v - path.v)
 
 
-def test_parameters_of_no_vehicle_give_no_motion():
+def test_parameters_of_no_vehicle_give_no_motion() -> None:
     model, _ = SURGE
     grid = grid_of(thrust(12.0).impulse)
     assert trajectory(model, np.array([-500.0, -90.0, 0.0, 5.0]), grid, still(grid)) is None

@@ -1,6 +1,9 @@
 """Events in order, whatever order they come in."""
 
+from __future__ import annotations
+
 import random
+from typing import Any
 
 import pytest
 
@@ -11,18 +14,18 @@ from hindrax_ident.records.sorter import StampSorter
 SIX = (0.0,) * 6
 
 
-def thrust(t):
+def thrust(t: float) -> Stamped[Any]:
     return Stamped(stamp_from_s(t), Thrust(SIX))
 
 
-def play(events, wait_s=0.25, lag_s=0.0):
+def play(events: list[Stamped[object]], wait_s: float = 0.25, lag_s: float = 0.0) -> tuple[list[Stamped[Any]], int]:
     sorter = StampSorter(wait_s, lag_s)
     out = [one for event in events for one in sorter.push(event)]
     return [*out, *sorter.flush()], sorter.dropped
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_delays_within_the_wait_do_not_show(seed):
+def test_delays_within_the_wait_do_not_show(seed: int) -> None:
     rng = random.Random(seed)
     events = [thrust(0.02 * k) for k in range(200)]
     arrival = sorted(events, key=lambda event: event.stamp / 1e9 + rng.uniform(0.0, 0.2))
@@ -31,7 +34,7 @@ def test_delays_within_the_wait_do_not_show(seed):
     assert late == 0
 
 
-def test_at_one_instant_the_phase_comes_first_and_the_velocity_last():
+def test_at_one_instant_the_phase_comes_first_and_the_velocity_last() -> None:
     stamp = Stamp(5)
     velocity = Stamped(stamp, Velocity(SIX, SIX, "dvl75"))
     phase = Stamped(stamp, Phase("surge", "plateau"))
@@ -40,7 +43,7 @@ def test_at_one_instant_the_phase_comes_first_and_the_velocity_last():
         assert play(order)[0] == [phase, force, velocity]
 
 
-def test_what_comes_too_late_is_counted_and_left_out():
+def test_what_comes_too_late_is_counted_and_left_out() -> None:
     out, late = play([thrust(0.0), thrust(1.0), thrust(2.0), thrust(0.5)])
     assert [event.stamp for event in out] == [0, 10**9, 2 * 10**9]
     assert late == 1

@@ -1,18 +1,29 @@
 """Whitening by a Kalman filter, against the covariance of the residuals written out."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.fit.noise_likelihood import fit_noise
 from hindrax_ident.fit.whitening import Chain, Noise, gains, transitions, whiten
 
 MEMORY_S = 0.15
 
 
-def chain_of(n, rng, channels=(0,), *, damping=1.2, stiffness=0.0, starts=(0,)):
+def chain_of(
+    n: int,
+    rng: np.random.Generator,
+    channels: tuple[int, ...] = (0,),
+    *,
+    damping: float = 1.2,
+    stiffness: float = 0.0,
+    starts: tuple[int, ...] = (0,),
+) -> Chain:
     flags = np.zeros(n, bool)
     flags[list(starts)] = True
     steps = np.where(flags, 0.0, rng.uniform(0.02, 0.06, n))
@@ -22,7 +33,7 @@ def chain_of(n, rng, channels=(0,), *, damping=1.2, stiffness=0.0, starts=(0,)):
     return Chain(channel, flags, steps, damped, stiff, np.ones(n, bool), thrust, MEMORY_S)
 
 
-def moved(chain, k):
+def moved(chain: Chain, k: int) -> tuple[Array, Array]:
     """Transition and gained covariance over one step, for unit density: Van Loan 1978, IEEE TAC 23."""
     rate = 1.0 / chain.memory_s
     F = np.array([[-chain.damping[k], -chain.stiffness[k], 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -rate]])
@@ -32,7 +43,7 @@ def moved(chain, k):
     return A, A @ block[:3, 3:]
 
 
-def covariance_of(chain, noise):
+def covariance_of(chain: Chain, noise: Noise) -> Array:
     """Covariance of the residuals: noise of each measurement, and what unknown forces have done to the motion."""
     n = len(chain.step_s)
     density = noise.force + noise.thrust * chain.thrust
@@ -57,7 +68,7 @@ def covariance_of(chain, noise):
 
 @pytest.mark.parametrize("channels", [(0,), (1,), (0, 1)], ids=["velocity", "position", "both"])
 @pytest.mark.parametrize("stiffness", [0.0, 4.0])
-def test_innovations_are_white_and_of_unit_variance(channels, stiffness):
+def test_innovations_are_white_and_of_unit_variance(channels: tuple[int, ...], stiffness: float) -> None:
     rng = np.random.default_rng(5)
     chain = chain_of(60, rng, channels, stiffness=stiffness, starts=(0, 25))
     noise = Noise(1e-4, 4e-6, 3e-4, 2e-4)
@@ -66,7 +77,7 @@ def test_innovations_are_white_and_of_unit_variance(channels, stiffness):
     assert pytest.approx(np.eye(60), abs=1e-6) == W @ C @ W.T
 
 
-def test_without_unknown_forces_only_the_scale_changes():
+def test_without_unknown_forces_only_the_scale_changes() -> None:
     rng = np.random.default_rng(1)
     chain = chain_of(30, rng, (0, 1))
     table = rng.standard_normal((30, 2))
@@ -74,7 +85,7 @@ def test_without_unknown_forces_only_the_scale_changes():
     assert whiten(chain, Noise(0.01, 0.0004), table) == pytest.approx(table / scale[:, None])
 
 
-def test_a_measurement_that_does_not_count_changes_nothing():
+def test_a_measurement_that_does_not_count_changes_nothing() -> None:
     rng = np.random.default_rng(2)
     chain = chain_of(30, rng)
     table = rng.standard_normal((30, 1))
@@ -88,7 +99,7 @@ def test_a_measurement_that_does_not_count_changes_nothing():
     assert whiten(left_out, noise, table)[10] == 0.0
 
 
-def test_a_long_step_is_as_exact_as_a_short_one():
+def test_a_long_step_is_as_exact_as_a_short_one() -> None:
     rng = np.random.default_rng(4)
     chain = chain_of(6, rng, stiffness=4.0)
     chain = replace(chain, step_s=np.array([0.0, 0.02, 1.0, 0.3, 0.6, 0.05]))
@@ -100,7 +111,7 @@ def test_a_long_step_is_as_exact_as_a_short_one():
 
 
 @pytest.mark.parametrize(("force", "thrust"), [(0.0, 0.0), (1e-4, 0.0), (1e-2, 0.0), (0.0, 1e-2), (1e-3, 1e-3)])
-def test_noise_is_found_again(force, thrust):
+def test_noise_is_found_again(force: float, thrust: float) -> None:
     rng = np.random.default_rng(8)
     n = 4000
     chain = chain_of(n, rng)
@@ -121,7 +132,7 @@ def test_noise_is_found_again(force, thrust):
         assert part == pytest.approx(thrust * float(chain.thrust.mean()) / float(density.mean()), abs=0.3)
 
 
-def test_gain_is_between_nothing_and_all():
+def test_gain_is_between_nothing_and_all() -> None:
     rng = np.random.default_rng(3)
     chain = chain_of(200, rng)
     K, S = gains(chain, transitions(chain), Noise(1e-4, 1.0, 1e-3))

@@ -98,10 +98,10 @@ class Fake:
     def snapshot(self) -> Snapshot:
         return self.shown
 
-    def stop(self, _tell) -> None:
+    def stop(self, _tell: object) -> None:
         self.orders.append("stop")
 
-    def disarm(self, _tell) -> None:
+    def disarm(self, _tell: object) -> None:
         self.orders.append("disarm")
 
 
@@ -124,7 +124,7 @@ def screen(shown: Snapshot, keys: tuple[str, ...] = (), size: tuple[int, int] = 
     return asyncio.run(look()), vehicle
 
 
-def test_everything_is_on_a_screen_of_80_by_24():
+def test_everything_is_on_a_screen_of_80_by_24() -> None:
     text, _ = screen(FULL)
     for words in (
         "ARMED",
@@ -152,11 +152,11 @@ def test_everything_is_on_a_screen_of_80_by_24():
     assert max(len(line) for line in text.splitlines()) == 80
 
 
-def test_a_wider_screen_tells_also_why_nothing_is_learnt():
+def test_a_wider_screen_tells_also_why_nothing_is_learnt() -> None:
     assert "n 812 waiting for a plateau" in screen(FULL, size=(110, 30))[0]
 
 
-def test_keys_order_what_the_footer_says():
+def test_keys_order_what_the_footer_says() -> None:
     assert screen(FULL, ("s",))[1].orders == ["stop"]
     assert screen(FULL, ("d", "s"))[1].orders == ["disarm", "stop"]
 
@@ -171,7 +171,7 @@ print(",".join(vehicle.orders))
 """
 
 
-def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back():
+def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back() -> None:
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 24, 80, 0, 0))
     before = termios.tcgetattr(theirs)
@@ -199,36 +199,36 @@ def test_a_real_terminal_of_80_columns_shows_it_takes_keys_and_is_given_back():
     os.close(theirs)
 
 
-def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same():
+def test_before_anything_is_heard_it_says_so_and_can_stop_all_the_same() -> None:
     text, vehicle = screen(Snapshot(), ("s",))
     assert "nothing heard yet" in text
     assert "no navigation solution yet" in text
     assert vehicle.orders == ["stop"]
 
 
-def test_a_vehicle_that_falls_silent_is_not_shown_as_armed():
+def test_a_vehicle_that_falls_silent_is_not_shown_as_armed() -> None:
     text, _ = screen(replace(FULL, silent_s=7.4))
     assert "nothing heard for 7 s" in text
     assert "ARMED" not in text
 
 
 @pytest.mark.parametrize(("part", "shown"), [(0.0, " " * 8 + "│" + " " * 8), (1.0, " " * 8 + "│" + "█" * 8)])
-def test_bars_begin_in_the_middle(part, shown):
+def test_bars_begin_in_the_middle(part: float, shown: str) -> None:
     assert draw._bar(part, "cyan").plain == shown
 
 
-def test_a_bar_astern_ends_at_the_middle():
+def test_a_bar_astern_ends_at_the_middle() -> None:
     assert draw._bar(-0.1875, "cyan").plain == "      ▐█│        "
 
 
-def test_an_aborted_maneuver_names_its_guard():
+def test_an_aborted_maneuver_names_its_guard() -> None:
     console = Console(width=78)
     with console.capture() as found:
         console.print(draw.maneuver(ManeuverView("sway", "aborted", "pool_box: 0.2 m to the north wall")))
     assert "sway aborted by pool_box: 0.2 m to the north wall" in found.get()
 
 
-def test_a_picture_is_copied_out_of_messages():
+def test_a_picture_is_copied_out_of_messages() -> None:
     operator = Message(
         navigation=Stamped(Stamp(0), NAVIGATION),
         now=lambda: 5_000_000_000,

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -18,7 +19,7 @@ OTHER = StackLock(12, mock=False, vehicle="v.yaml", folder="runs/b")
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     return tmp_path / "runtime"
 
@@ -33,36 +34,36 @@ def found_elsewhere() -> list[int]:
     return json.loads(said.stdout)
 
 
-def test_a_stack_is_found_while_it_runs_and_not_after():
+def test_a_stack_is_found_while_it_runs_and_not_after() -> None:
     with announced(ONE), announced(OTHER):
         assert sorted(found_elsewhere()) == [11, 12]
     assert found_elsewhere() == []
 
 
-def test_everything_about_it_is_found():
+def test_everything_about_it_is_found() -> None:
     with announced(ONE):
         assert stacks() == [ONE]
 
 
-def test_what_a_killed_tool_left_behind_is_not_a_stack(folder):
+def test_what_a_killed_tool_left_behind_is_not_a_stack(folder: Path) -> None:
     runtime_folder()
     (folder / "99.json").write_text(json.dumps({"pid": 99, "mock": True, "vehicle": "", "folder": ""}))
     assert stacks() == []
     assert not (folder / "99.json").exists()
 
 
-def test_a_file_that_makes_no_sense_is_passed_over():
+def test_a_file_that_makes_no_sense_is_passed_over() -> None:
     with announced(ONE) as path:
         path.write_text("{ not json")
         assert stacks() == []
 
 
-def test_the_folder_is_for_its_user_alone(folder):
+def test_the_folder_is_for_its_user_alone(folder: Path) -> None:
     assert runtime_folder() == folder
     assert folder.stat().st_mode & 0o077 == 0
 
 
-def test_the_only_stack_is_meant_and_of_several_one_must_be_named():
+def test_the_only_stack_is_meant_and_of_several_one_must_be_named() -> None:
     assert choose([], None) is None
     assert choose([ONE], None) == ONE
     assert choose([ONE, OTHER], 12) == OTHER
@@ -74,7 +75,7 @@ def test_the_only_stack_is_meant_and_of_several_one_must_be_named():
         choose([], 13)
 
 
-def test_a_stack_that_waits_for_an_operator_goes_before_a_pool_test():
+def test_a_stack_that_waits_for_an_operator_goes_before_a_pool_test() -> None:
     flying = replace(OTHER, purpose="pool-test")
     assert choose([flying, ONE], None) == ONE
     assert choose([flying], None) == flying
@@ -83,7 +84,7 @@ def test_a_stack_that_waits_for_an_operator_goes_before_a_pool_test():
         choose([flying, flying], None)
 
 
-def test_of_an_environment_only_the_graph_is_kept():
+def test_of_an_environment_only_the_graph_is_kept() -> None:
     found = graph_settings({"HOME": "/root", "ROS_DOMAIN_ID": "5", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "RMW_X": "y"})
     assert found == {"ROS_DOMAIN_ID": "5", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "RMW_X": "y"}
     assert graph_settings({})["ROS_DOMAIN_ID"] == "0"

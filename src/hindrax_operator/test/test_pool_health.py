@@ -1,6 +1,10 @@
 """A pool test in the eyes of `hindrax health`: what it flies, whether it is armed, what its nodes complain of."""
 
+from __future__ import annotations
+
 import time
+import types
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -20,7 +24,13 @@ OK, ERROR = b"\x00", b"\x02"
         (ERROR, SimpleNamespace(state="armed"), (False, "dvl75: no bottom lock: too deep")),
     ],
 )
-def test_a_pool_test_is_felt(tmp_path, monkeypatch, level, thrusters, found):
+def test_a_pool_test_is_felt(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    level: bytes,
+    thrusters: types.SimpleNamespace | None,
+    found: tuple[bool, str],
+) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     one = SimpleNamespace(level=level, message="no bottom lock: too deep")
     operator = SimpleNamespace(thrusters=thrusters, diagnostics={"hindrax: dvl75": one})

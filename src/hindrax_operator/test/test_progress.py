@@ -1,8 +1,12 @@
 """What a pool test shows while it flies: the maneuver, and what is known of the motion by now."""
 
+from __future__ import annotations
+
 import math
 from types import SimpleNamespace
+from typing import Any
 
+import pytest
 from rich.console import Console
 
 from hindrax_core.events import Stamp, Stamped
@@ -23,33 +27,35 @@ FLOWN = {
 }
 
 
-def shown(estimates, **changes):
+def shown(estimates: dict[str, Any], **changes: str | float) -> str:
     console = Console(width=120)
     with console.capture() as captured:
         console.print(panel(SimpleNamespace(**(FLOWN | changes)), None, estimates))
     return captured.get()
 
 
-def headless(capsys, estimates, **changes):
+def headless(
+    capsys: pytest.CaptureFixture[str], estimates: dict[str, Stamped[Estimate]], **changes: str | float
+) -> str:
     with Progress(headless=True) as progress:
         progress.show(SimpleNamespace(**(FLOWN | changes)), None, estimates)
     return capsys.readouterr().err.rstrip().partition("s] ")[2]
 
 
-def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys):
+def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys: pytest.CaptureFixture[str]) -> None:
     known = {"surge": Stamped(Stamp(0), SURGE)}
     line = "surge: plateau at +9.5 N, 42 %, 61 s to go, wall 3.2 m ahead"
     assert headless(capsys, {}) == line
     assert headless(capsys, known) == f"{line}; k_q 66.10 +- 0.40  k_l 1.30 +- 0.50  (120 samples)"
 
 
-def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys):
+def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
     line = headless(capsys, {"surge": Stamped(Stamp(0), SURGE)}, motion="yaw", wall_distance=math.nan)
     assert line == "yaw: plateau at +9.5 Nm, 42 %, 61 s to go"
     assert "+9.5 Nm, +0.310 rad/s, 61 s of vehicle time to go" in shown({}, motion="yaw", wall_distance=math.nan)
 
 
-def test_the_live_view_shows_every_motion_known():
+def test_the_live_view_shows_every_motion_known() -> None:
     found = shown({"surge": Stamped(Stamp(0), SURGE)})
     assert "+9.5 N, +0.310 m/s, wall 3.2 m ahead, 61 s of vehicle time to go" in found
     assert "k_q 66.10 +- 0.40" in found

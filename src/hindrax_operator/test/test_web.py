@@ -12,11 +12,14 @@ import socket
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from http.client import HTTPResponse
 from pathlib import Path
+from typing import Any
 
 import pytest
-from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, served
+from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, Page, served
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
@@ -41,7 +44,7 @@ EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in P
 
 
 @pytest.fixture
-def page(tmp_path):
+def page(tmp_path: Path) -> Iterator[Page]:
     with served(tmp_path / "runs") as found:
         yield found
 
@@ -54,7 +57,7 @@ def page(tmp_path):
     "host",
     [None, "evil.example", "127.0.0.1.evil.example", "evil@127.0.0.1", "127.0.0.1/x", "0.0.0.0", "[::1]", "127.1"],
 )
-def test_another_host_name_is_refused_whatever_is_asked(page, method, path, host):
+def test_another_host_name_is_refused_whatever_is_asked(page: Page, method: str, path: str, host: str | None) -> None:
     status, _, text = page.ask(method, path, b"{}" if method == "POST" else None, {"Host": host})
     assert status == 421
     assert "wanted 127.0.0.1 or localhost" in text
@@ -63,13 +66,13 @@ def test_another_host_name_is_refused_whatever_is_asked(page, method, path, host
 
 @pytest.mark.parametrize(("method", "path"), EVERY)
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1"])
-def test_another_page_is_refused_whatever_it_asks(page, method, path, origin):
+def test_another_page_is_refused_whatever_it_asks(page: Page, method: str, path: str, origin: str) -> None:
     status, _, _ = page.ask(method, path, b"{}" if method == "POST" else None, {"Origin": origin})
     assert status == 403
     assert not page.vehicle.orders
 
 
-def test_the_page_s_own_origin_is_served_also_through_a_forwarded_port(page):
+def test_the_page_s_own_origin_is_served_also_through_a_forwarded_port(page: Page) -> None:
     for host in (f"127.0.0.1:{page.server.port}", "localhost:9000", "LOCALHOST"):
         status, _, _ = page.ask("POST", "/stop", b"{}", {"Host": host, "Origin": f"http://{host}"})
         assert status == 202
@@ -77,14 +80,16 @@ def test_the_page_s_own_origin_is_served_also_through_a_forwarded_port(page):
 
 @pytest.mark.parametrize(("method", "path"), [one for one in EVERY if one != ("GET", "/")])
 @pytest.mark.parametrize("given", [None, "", "Bearer ", TOKEN[:-1], f"Bearer {TOKEN}x", "Bearer \xe4", "Basic x"])
-def test_without_the_token_nothing_is_served_but_the_empty_page(page, method, path, given):
+def test_without_the_token_nothing_is_served_but_the_empty_page(
+    page: Page, method: str, path: str, given: str | None
+) -> None:
     status, _, text = page.ask(method, path, b"{}" if method == "POST" else None, {"Authorization": given})
     assert status == 401
     assert "`./hindrax web` printed" in text
     assert not page.vehicle.orders
 
 
-def test_the_empty_page_tells_nothing_and_runs_only_its_own_script(page):
+def test_the_empty_page_tells_nothing_and_runs_only_its_own_script(page: Page) -> None:
     status, headers, text = page.ask("GET", "/", headers={"Authorization": None})
     assert (status, text) == (200, PAGE)
     assert TOKEN not in text
@@ -96,7 +101,7 @@ def test_the_empty_page_tells_nothing_and_runs_only_its_own_script(page):
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_the_page_is_one_answer_with_style_script_and_choices_in_it():
+def test_the_page_is_one_answer_with_style_script_and_choices_in_it() -> None:
     markup = Path(page_text.__file__).with_name("page.html").read_text(encoding="utf-8")
     for place in (page_text.NO_CHOICES, page_text.STYLE_LINK, page_text.SCRIPT_LINK):
         assert markup.count(place) == 1
@@ -108,20 +113,20 @@ def test_the_page_is_one_answer_with_style_script_and_choices_in_it():
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="needs node on the PATH to parse the script")
-def test_the_script_parses():
+def test_the_script_parses() -> None:
     script = Path(page_text.__file__).with_name("page.js")
     assert subprocess.run(["node", "--check", script], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("method", ["PUT", "DELETE", "OPTIONS", "HEAD", "TRACE", "CONNECT", "PATCH"])
-def test_other_methods_are_not_served(page, method):
+def test_other_methods_are_not_served(page: Page, method: str) -> None:
     status, headers, _ = page.ask(method, "/stop", b"{}")
     assert status == 501
     assert not any(name.lower().startswith("access-control") for name in headers)
     assert not page.vehicle.orders
 
 
-def test_orders_are_posts_and_strange_paths_lead_nowhere(page):
+def test_orders_are_posts_and_strange_paths_lead_nowhere(page: Page) -> None:
     for path in ("/stop", "/fly", "/nowhere", "/?x", "/../runs", "http://127.0.0.1/news"):
         assert page.ask("GET", path)[0] == 404
     assert page.ask("POST", "/reports", b"{}")[0] == 404
@@ -132,7 +137,7 @@ def test_orders_are_posts_and_strange_paths_lead_nowhere(page):
 
 
 @pytest.mark.parametrize("shown", [ARMED, DISARMED, Snapshot()])
-def test_an_end_is_always_passed_on(tmp_path, shown):
+def test_an_end_is_always_passed_on(tmp_path: Path, shown: Snapshot) -> None:
     with served(tmp_path, shown) as page:
         assert [page.order(name)[0] for name in ("stop", "cancel", "disarm")] == [202, 202, 202]
         assert page.vehicle.orders == ["stop", "cancel", "disarm"]
@@ -143,7 +148,7 @@ def test_an_end_is_always_passed_on(tmp_path, shown):
         ]
 
 
-def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page):
+def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page: Page) -> None:
     words = {"motions": ["surge", "yaw"], "excitation": "chirp", "seed": 7, "on_cancel": "neutral"}
     page.vehicle.shown = DISARMED
     status, text = page.order("fly", **words)
@@ -163,7 +168,7 @@ def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page)
     assert page.order("fly", **words)[0] == 202
 
 
-def test_the_page_cannot_arm(page):
+def test_the_page_cannot_arm(page: Page) -> None:
     assert page.order("arm")[0] == 404
     assert not page.vehicle.orders
 
@@ -186,7 +191,7 @@ def test_the_page_cannot_arm(page):
         ({"motions": ["surge"], "force": 5}, "found force"),
     ],
 )
-def test_a_goal_that_makes_no_sense_is_refused_by_the_word(page, words, said):
+def test_a_goal_that_makes_no_sense_is_refused_by_the_word(page: Page, words: dict[str, Any], said: str) -> None:
     status, text = page.order("fly", **words)
     assert status == 400
     assert said in text
@@ -212,12 +217,12 @@ def test_a_goal_that_makes_no_sense_is_refused_by_the_word(page, words, said):
         (b"{}", {"Content-Type": None}, 415),
     ],
 )
-def test_a_body_is_a_short_json_object(page, body, headers, status):
+def test_a_body_is_a_short_json_object(page: Page, body: bytes, headers: dict[str, str | None], status: int) -> None:
     assert page.ask("POST", "/stop", body, headers)[0] == status
     assert not page.vehicle.orders
 
 
-def test_a_page_that_only_watches_orders_nothing_and_is_no_operator(tmp_path):
+def test_a_page_that_only_watches_orders_nothing_and_is_no_operator(tmp_path: Path) -> None:
     with served(tmp_path, read_only=True) as page:
         for name in ("stop", "cancel", "disarm"):
             assert page.order(name)[0] == 403
@@ -227,7 +232,7 @@ def test_a_page_that_only_watches_orders_nothing_and_is_no_operator(tmp_path):
         assert not page.heartbeat.present()
 
 
-def test_who_sees_the_news_is_there_for_a_moment(page, monkeypatch):
+def test_who_sees_the_news_is_there_for_a_moment(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not page.heartbeat.present()
     assert page.order("here")[0] == 204
     assert page.heartbeat.present()
@@ -239,14 +244,14 @@ def test_who_sees_the_news_is_there_for_a_moment(page, monkeypatch):
 
 
 @contextlib.contextmanager
-def listening(page):
+def listening(page: Page) -> Iterator[HTTPResponse]:
     connection = http.client.HTTPConnection(ADDRESS, page.server.port, timeout=20)
     connection.request("GET", "/news", headers={"Authorization": f"Bearer {TOKEN}"})
     with contextlib.closing(connection), connection.getresponse() as answer:
         yield answer
 
 
-def news_has_room(page):
+def news_has_room(page: Page) -> bool:
     """Whether the news are served to one more page within ten seconds."""
     for _ in range(100):
         with listening(page) as answer:
@@ -256,7 +261,7 @@ def news_has_room(page):
     return False
 
 
-def test_the_news_are_events_with_the_outcomes_of_orders(page):
+def test_the_news_are_events_with_the_outcomes_of_orders(page: Page) -> None:
     page.order("disarm")
     with listening(page) as answer:
         assert answer.getheader("Content-Type") == "text/event-stream; charset=utf-8"
@@ -270,7 +275,7 @@ def test_the_news_are_events_with_the_outcomes_of_orders(page):
     assert found["told"] == [{"number": 1, "sentence": "disarm: the thrusters refused to disarm", "well": False}]
 
 
-def test_pages_are_bounded_and_make_room_when_they_close(tmp_path, monkeypatch):
+def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "STREAMS", 2)
     with served(tmp_path) as page:
         with listening(page) as first, listening(page) as second:
@@ -293,16 +298,16 @@ UNFINISHED_BODY = (
 
 
 @contextlib.contextmanager
-def dripping(page, count, begin=HEAD):
+def dripping(page: Page, count: int, begin: bytes = HEAD) -> Iterator[list[socket.socket]]:
     """Connections that send a byte every 50 ms, and are made anew when the server ends them."""
     over = threading.Event()
 
-    def connect():
+    def connect() -> socket.socket:
         made = socket.create_connection((ADDRESS, page.server.port), 20)
         made.sendall(begin)
         return made
 
-    def drip():
+    def drip() -> None:
         while not over.wait(0.05):
             for index, one in enumerate(drips):
                 try:
@@ -323,7 +328,7 @@ def dripping(page, count, begin=HEAD):
             one.close()
 
 
-def refuses(client):
+def refuses(client: socket.socket) -> bool:
     """Whether the server has ended a connection, seen by sending it another byte."""
     time.sleep(0.05)
     try:
@@ -334,13 +339,13 @@ def refuses(client):
 
 
 @pytest.mark.parametrize("begin", [b"", HEAD, UNFINISHED_BODY])
-def test_stop_gets_through_while_connections_drip(page, begin):
+def test_stop_gets_through_while_connections_drip(page: Page, begin: bytes) -> None:
     with dripping(page, 40, begin):
         assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
     assert page.vehicle.orders == ["stop"] * 20
 
 
-def test_stop_gets_through_when_every_connection_is_taken(tmp_path, monkeypatch):
+def test_stop_gets_through_when_every_connection_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "CONNECTIONS", 16)
     with served(tmp_path) as page, listening(page) as answer, dripping(page, 40):
         assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
@@ -348,7 +353,9 @@ def test_stop_gets_through_when_every_connection_is_taken(tmp_path, monkeypatch)
             assert answer.readline(), "who reads the news does not make room for who drips"
 
 
-def test_the_connection_that_waits_longest_makes_room_for_a_new_one(tmp_path, monkeypatch):
+def test_the_connection_that_waits_longest_makes_room_for_a_new_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(server, "CONNECTIONS", 2)
     with served(tmp_path) as page, contextlib.ExitStack() as held:
         idle = [held.enter_context(socket.create_connection((ADDRESS, page.server.port), 20)) for _ in range(3)]
@@ -358,7 +365,9 @@ def test_the_connection_that_waits_longest_makes_room_for_a_new_one(tmp_path, mo
 
 
 @pytest.mark.parametrize("begin", [b"", HEAD, UNFINISHED_BODY])
-def test_a_request_has_a_deadline_however_it_drips(tmp_path, monkeypatch, begin):
+def test_a_request_has_a_deadline_however_it_drips(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: bytes
+) -> None:
     monkeypatch.setattr(server, "PATIENCE_S", 0.3)
     with served(tmp_path) as page, socket.create_connection((ADDRESS, page.server.port), 20) as client:
         client.sendall(begin)
@@ -366,7 +375,7 @@ def test_a_request_has_a_deadline_however_it_drips(tmp_path, monkeypatch, begin)
     assert not page.vehicle.orders
 
 
-def test_a_page_that_does_not_take_its_news_makes_room(tmp_path, monkeypatch):
+def test_a_page_that_does_not_take_its_news_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "STREAMS", 1)
     monkeypatch.setattr(server, "PATIENCE_S", 0.3)
     with served(tmp_path) as page:
@@ -376,7 +385,7 @@ def test_a_page_that_does_not_take_its_news_makes_room(tmp_path, monkeypatch):
             assert news_has_room(page)
 
 
-def test_every_number_of_the_news_is_json():
+def test_every_number_of_the_news_is_json() -> None:
     found = finite(summary(replace(ARMED, navigation=replace(NAVIGATION, position_m=(math.inf, math.nan)))))
     text = json.dumps(found, allow_nan=False)
     assert json.loads(text)["navigation"]["heading"] == pytest.approx(30.0)
@@ -386,7 +395,7 @@ def test_every_number_of_the_news_is_json():
     assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
 
 
-def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed():
+def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed() -> None:
     vehicle = load_vehicle(default_vehicle())
     chart = Chart(vehicle)
     assert chart.step(Snapshot())["place"] is None
@@ -408,7 +417,7 @@ def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed():
 # ---- reports
 
 
-def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path):
+def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path: Path) -> None:
     runs, secret = tmp_path / "runs", tmp_path / "secret"
     for folder in (runs / "one", runs / "two é", runs / "empty", runs / "deep" / "three", secret):
         folder.mkdir(parents=True)
@@ -430,7 +439,7 @@ def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path):
             assert (status, "none of that name" in text) == (404, True), name
 
 
-def test_a_report_that_is_too_large_is_not_read(tmp_path, monkeypatch):
+def test_a_report_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "one").mkdir()
     (tmp_path / "one" / "report.html").write_text("<p>long", encoding="utf-8")
     monkeypatch.setattr("hindrax_operator.web.reports.LARGEST_bytes", 3)
@@ -438,7 +447,7 @@ def test_a_report_that_is_too_large_is_not_read(tmp_path, monkeypatch):
         assert page.ask("GET", "/reports/one")[0] == 404
 
 
-def test_without_any_runs_there_are_no_reports(page):
+def test_without_any_runs_there_are_no_reports(page: Page) -> None:
     assert json.loads(page.ask("GET", "/reports")[2]) == []
 
 
@@ -449,14 +458,18 @@ def test_without_any_runs_there_are_no_reports(page):
     ("address", "words"),
     [("0.0.0.0", "every interface"), ("::", "every interface"), ("vehicle.local", "in numbers"), ("", "in numbers")],
 )
-def test_only_one_address_is_served_and_it_is_said_in_numbers(address, words, capsys):
+def test_only_one_address_is_served_and_it_is_said_in_numbers(
+    address: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(UsageError, match=words):
         hosts_of(address)
     assert main(["web", "--address", address]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_a_port_that_is_taken_or_is_none_is_named_with_the_remedy(tmp_path, monkeypatch, capsys):
+def test_a_port_that_is_taken_or_is_none_is_named_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     with socket.create_server((ADDRESS, 0)) as taken:
         port = taken.getsockname()[1]
@@ -469,7 +482,9 @@ def test_a_port_that_is_taken_or_is_none_is_named_with_the_remedy(tmp_path, monk
     assert "not an address of this machine" in capsys.readouterr().err
 
 
-def test_no_vehicle_is_named_with_the_remedy(tmp_path, monkeypatch, capsys):
+def test_no_vehicle_is_named_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     monkeypatch.setattr("hindrax_cli.commands.operate.web.VEHICLE_S", 0.1)
     monkeypatch.setattr(GraphLink, "run", lambda _link: None)
@@ -477,7 +492,9 @@ def test_no_vehicle_is_named_with_the_remedy(tmp_path, monkeypatch, capsys):
     assert "start one with `./hindrax up`" in capsys.readouterr().err
 
 
-def test_a_server_that_ends_by_itself_ends_the_command(tmp_path, monkeypatch, capsys):
+def test_a_server_that_ends_by_itself_ends_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     over = threading.Event()
     monkeypatch.setattr(GraphLink, "wait", lambda _link, _seconds: None)
@@ -489,7 +506,7 @@ def test_a_server_that_ends_by_itself_ends_the_command(tmp_path, monkeypatch, ca
     assert "start `./hindrax web` again" in capsys.readouterr().err
 
 
-def test_the_address_is_said_with_the_token_where_no_server_sees_it():
+def test_the_address_is_said_with_the_token_where_no_server_sees_it() -> None:
     here = startup_text("127.0.0.1", 8480, "abc", read_only=False)
     assert here.splitlines()[0] == "web: http://127.0.0.1:8480/#abc"
     assert "ssh -L 8480:localhost:8480" in here
@@ -519,7 +536,7 @@ class Flown:
         return "flown"
 
 
-def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch):
+def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
     link, operator, told = GraphLink(None, sim_time=False), Flown(), []
     link._operator = operator
@@ -529,7 +546,7 @@ def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch):
     assert told == [("done", True), ("flown", True)]
 
 
-def test_a_link_that_ends_gives_up_waiting_once(monkeypatch):
+def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
     link, operator = GraphLink(None, sim_time=False), Flown()
     link._operator = operator
@@ -540,7 +557,7 @@ def test_a_link_that_ends_gives_up_waiting_once(monkeypatch):
     link._tick()
 
 
-def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch):
+def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
     looks = [True]
     link, operator = GraphLink(None, sim_time=False, present=lambda: looks[-1]), Flown()

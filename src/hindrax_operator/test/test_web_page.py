@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from browser import browser, browser_at_hand
@@ -27,7 +28,7 @@ def text(place: str) -> str:
     return f"document.getElementById('{place}').textContent"
 
 
-def test_the_page_in_a_browser(tmp_path):
+def test_the_page_in_a_browser(tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     (runs / "first day").mkdir(parents=True)
     report = "<!doctype html><h1 style='color:rgb(1,2,3)'>A report</h1><script>window.ran = true</script>"
@@ -80,7 +81,7 @@ def test_the_page_in_a_browser(tmp_path):
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
 
 
-def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_buttons(tmp_path):
+def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_buttons(tmp_path: Path) -> None:
     with served(tmp_path, read_only=True) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
         seen.open(page.url)
         seen.wait("!document.getElementById('ask').hidden")

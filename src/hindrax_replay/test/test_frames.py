@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
-from hindrax_core.bus_operations import DeviceError, Pause, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction, Write, WriteRead
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Pressure
@@ -21,11 +23,11 @@ class Gauge:
 
     period_s = 0.1
 
-    def configure(self):
+    def configure(self) -> Iterator[Write]:
         yield SETUP
         return Identity("gauge")
 
-    def cycle(self, stamp):
+    def cycle(self, stamp: Stamp) -> Program[Any]:
         yield CONVERT
         yield Pause(0.01)
         raw = yield FETCH
@@ -47,7 +49,7 @@ def _pressures(said: list[object]) -> list[tuple[int, float]]:
     return [(one.stamp // NS_PER_S, one.reading.pressure_Pa) for one in said if isinstance(one, Stamped)]
 
 
-def test_programs_run_in_step_with_the_record():
+def test_programs_run_in_step_with_the_record() -> None:
     wire = RegisterWire("gauge", Gauge())
     said = _run(wire, [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\x07"), (3, CONVERT, b""), (3, FETCH, b"\x08")])
     assert said[0] == Identity("gauge")
@@ -55,7 +57,7 @@ def test_programs_run_in_step_with_the_record():
     assert wire.strange == []
 
 
-def test_a_transaction_that_is_not_recorded_had_failed():
+def test_a_transaction_that_is_not_recorded_had_failed() -> None:
     wire = RegisterWire("gauge", Gauge())
     # At 3 s the fetch failed on the wire: the record goes on with the device being configured anew.
     script = [(1, SETUP, b""), (3, CONVERT, b""), (4, SETUP, b""), (5, CONVERT, b""), (5, FETCH, b"\x09")]
@@ -63,7 +65,7 @@ def test_a_transaction_that_is_not_recorded_had_failed():
     assert wire.strange == []
 
 
-def test_a_program_that_refuses_an_answer_is_begun_anew():
+def test_a_program_that_refuses_an_answer_is_begun_anew() -> None:
     wire = RegisterWire("gauge", Gauge())
     script = [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\xff"), (3, SETUP, b""), (4, CONVERT, b"")]
     said = _run(wire, [*script, (4, FETCH, b"\x05")])
@@ -71,7 +73,7 @@ def test_a_program_that_refuses_an_answer_is_begun_anew():
     assert wire.strange == []
 
 
-def test_a_record_of_another_driver_is_strange():
+def test_a_record_of_another_driver_is_strange() -> None:
     wire = RegisterWire("gauge", Gauge())
     assert _run(wire, [(1, Write(0x10, b"\x55"), b"")]) == []
     assert len(wire.strange) == 1
@@ -87,20 +89,20 @@ class Echoing:
     def __init__(self) -> None:
         self.heard: list[tuple[str, float, bytes]] = []
 
-    def start(self, stamp):
+    def start(self, stamp: Stamp) -> tuple[()]:
         self.heard.append(("start", stamp / NS_PER_S, b""))
         return ()
 
-    def feed(self, data, stamp):
+    def feed(self, data: bytes, stamp: Stamp) -> tuple[()]:
         self.heard.append(("feed", stamp / NS_PER_S, data))
         return ()
 
-    def tick(self, stamp):
+    def tick(self, stamp: Stamp) -> tuple[()]:
         self.heard.append(("tick", stamp / NS_PER_S, b""))
         return ()
 
 
-def test_serial_device_hears_bytes_and_the_passing_of_time():
+def test_serial_device_hears_bytes_and_the_passing_of_time() -> None:
     device = Echoing()
     wire = SerialWire(device)
     for stamp, direction, data in [(1.0, 1, b"order"), (1.02, 0, b"ab"), (1.14, 0, b"cd")]:

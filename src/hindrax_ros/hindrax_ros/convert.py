@@ -20,7 +20,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion as QuaternionMsg
 from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, FluidPressure, Imu, MagneticField, NavSatFix, NavSatStatus, Range, Temperature
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, NavSatFix, NavSatStatus, Range, Temperature
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure, Vec3, Vec6
@@ -105,17 +105,10 @@ def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
     return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
 
 
-def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
-    """Temperature of the water or inside a device."""
-    message = Temperature(temperature=temperature_C, variance=0.0)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), frame
-    return message
-
-
-def supply_to_msg(stamp: Stamp, voltage_V: float, frame: str = "", current_A: float = math.nan) -> BatteryState:
-    """Supply; a current that is drawn is negative (sensor_msgs/BatteryState)."""
-    message = BatteryState(voltage=voltage_V, current=-current_A, present=True)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), frame
+def temperature_to_msg(stamped: Stamped[Pressure], frame: str) -> Temperature:
+    """Water temperature at the pressure sensor."""
+    message = Temperature(temperature=stamped.reading.temperature_C, variance=0.0)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
     return message
 
 

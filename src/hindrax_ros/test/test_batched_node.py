@@ -1,8 +1,13 @@
 """Nodes that empty their subscriptions in loop, and messages that go out together; on loopback, in a domain apart."""
 
+from __future__ import annotations
+
 import time
+from collections.abc import Callable, Iterator
 
 import pytest
+
+from hindrax_ros.deferred_publisher import DeferredPublisher
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
@@ -17,7 +22,7 @@ from hindrax_ros.graph import publisher, subscription
 
 
 @pytest.fixture
-def context(monkeypatch, ros_domain):
+def context(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> Iterator[Context]:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     made = Context()
     rclpy.init(context=made, domain_id=ros_domain)
@@ -26,24 +31,27 @@ def context(monkeypatch, ros_domain):
 
 
 @pytest.fixture
-def node(context):
+def node(context: Context) -> Iterator[BatchedNode]:
     made = BatchedNode("tested", context=context)
     yield made
     made.destroy_node()
 
 
-def wait_for(done, seconds=10.0):
+def wait_for(
+    done: Callable[[], object],
+    seconds: float = 10.0,
+) -> None:
     deadline = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
 
-def say(out, number):
+def say(out: DeferredPublisher, number: int) -> None:
     out.publish(ThrusterCommand(sequence=number))
 
 
-def test_nothing_goes_out_before_the_flush_and_nothing_comes_in_before_the_drain(node):
+def test_nothing_goes_out_before_the_flush_and_nothing_comes_in_before_the_drain(node: BatchedNode) -> None:
     heard = []
     out = publisher(node, HOLD_STATUS)
     subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
@@ -60,7 +68,7 @@ def test_nothing_goes_out_before_the_flush_and_nothing_comes_in_before_the_drain
     assert heard == [["one"], ["two"], ["three"]]
 
 
-def test_a_held_message_is_what_it_was_when_it_was_published(node):
+def test_a_held_message_is_what_it_was_when_it_was_published(node: BatchedNode) -> None:
     heard = []
     out = publisher(node, HOLD_STATUS)
     subscription(node, HOLD_STATUS, lambda message: heard.append(list(message.axes)))
@@ -73,7 +81,7 @@ def test_a_held_message_is_what_it_was_when_it_was_published(node):
     assert heard == [["before"]]
 
 
-def test_of_commands_only_the_newest_waits(node):
+def test_of_commands_only_the_newest_waits(node: BatchedNode) -> None:
     heard = []
     out = publisher(node, THRUSTER_COMMAND, held=False)
     subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
@@ -85,7 +93,7 @@ def test_of_commands_only_the_newest_waits(node):
     assert heard == [4]
 
 
-def test_the_lead_begins_a_turn(node, context):
+def test_the_lead_begins_a_turn(node: BatchedNode, context: Context) -> None:
     heard = []
     node.lead = subscription(node, THRUSTER_COMMAND, lambda message: heard.append(message.sequence))
     subscription(node, BATTERY, heard.append)
@@ -102,7 +110,7 @@ def test_the_lead_begins_a_turn(node, context):
     executor.shutdown()
 
 
-def test_an_error_in_a_callback_is_not_swallowed(node):
+def test_an_error_in_a_callback_is_not_swallowed(node: BatchedNode) -> None:
     out = publisher(node, THRUSTER_COMMAND, held=False)
     subscription(node, THRUSTER_COMMAND, lambda _message: 1 / 0)
     wait_for(lambda: out.get_subscription_count() == 1)
@@ -111,7 +119,7 @@ def test_an_error_in_a_callback_is_not_swallowed(node):
         wait_for(lambda: node.drain() or False, 5.0)
 
 
-def test_one_outbox_serves_several_senders():
+def test_one_outbox_serves_several_senders() -> None:
     publish_queue, sent = PublishQueue(), []
     publish_queue.add(lambda data: sent.append(("a", data)), b"1")
     publish_queue.add(lambda data: sent.append(("b", data)), b"2")
@@ -122,7 +130,7 @@ def test_one_outbox_serves_several_senders():
     assert len(sent) == 2
 
 
-def test_without_ros_time_no_clock_is_read(context):
+def test_without_ros_time_no_clock_is_read(context: Context) -> None:
     with_time, without = BatchedNode("a", context=context), BatchedNode("b", context=context, ros_time=False)
     assert not without.get_parameter("use_sim_time").value
     assert with_time.has_parameter("use_sim_time")

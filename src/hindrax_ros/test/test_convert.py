@@ -1,8 +1,12 @@
 """The table of signs, axis by axis, and the way back."""
 
+from __future__ import annotations
+
 import math
 
 import pytest
+
+from hindrax_core.readings import Vec3
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
@@ -28,7 +32,7 @@ NAVIGATION = Navigation(
 )
 
 
-def rotate(q: Quaternion, v):
+def rotate(q: Quaternion, v: tuple[int, int, int]) -> tuple[float, ...]:
     """v' = q v q*, written out independently of the code under test."""
     w, x, y, z = q.w, q.x, q.y, q.z
     m = (
@@ -39,7 +43,7 @@ def rotate(q: Quaternion, v):
     return tuple(sum(a * b for a, b in zip(row, v, strict=True)) for row in m)
 
 
-def test_stamps_keep_every_nanosecond():
+def test_stamps_keep_every_nanosecond() -> None:
     assert convert.stamp_from_msg(convert.stamp_to_msg(STAMP)) == STAMP
 
 
@@ -53,11 +57,13 @@ def test_stamps_keep_every_nanosecond():
         ((math.pi / 6, 0.0, 0.0), (0, 1, 0), (-math.cos(math.pi / 6), 0, 0.5)),  # starboard down: port up
     ],
 )
-def test_orientation_is_rep_103_in_east_north_up(angles, body_axis, east_north_up):
+def test_orientation_is_rep_103_in_east_north_up(
+    angles: Vec3, body_axis: tuple[int, int, int], east_north_up: Vec3
+) -> None:
     assert rotate(convert.quaternion_from_sname(*angles), body_axis) == pytest.approx(east_north_up, abs=1e-12)
 
 
-def test_orientation_there_and_back():
+def test_orientation_there_and_back() -> None:
     angles = (0.3, -0.4, -2.0)
     assert convert.sname_from_quaternion(convert.quaternion_from_sname(*angles)) == pytest.approx(angles)
 
@@ -65,7 +71,7 @@ def test_orientation_there_and_back():
 @pytest.mark.parametrize(
     ("velocity", "message"), [((1, 0, 0), (1, 0, 0)), ((0, 1, 0), (0, -1, 0)), ((0, 0, 1), (0, 0, -1))]
 )
-def test_dvl_velocity_axis_by_axis(velocity, message):
+def test_dvl_velocity_axis_by_axis(velocity: tuple[int, int, int], message: tuple[int, int, int]) -> None:
     reading = BottomVelocity(tuple(map(float, velocity)), 0.01, 1.0, 0.05, 7)
     made = convert.velocity_to_msg(Stamped(STAMP, reading), "dvl75_link")
     linear = made.twist.twist.linear
@@ -73,11 +79,11 @@ def test_dvl_velocity_axis_by_axis(velocity, message):
     assert made.twist.covariance[0] == pytest.approx(0.01**2)
 
 
-def test_no_velocity_is_no_message():
+def test_no_velocity_is_no_message() -> None:
     assert convert.velocity_to_msg(Stamped(STAMP, BottomVelocity(None, 0.01, 0.0, 0.05, 7)), "dvl75_link") is None
 
 
-def test_odometry_is_rep_105():
+def test_odometry_is_rep_105() -> None:
     message = convert.odometry_to_msg(Stamped(STAMP, NAVIGATION))
     position = message.pose.pose.position
     assert (position.x, position.y, position.z) == (-2.5, 1.5, -0.9)
@@ -87,11 +93,11 @@ def test_odometry_is_rep_105():
     assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
 
 
-def test_navigation_there_and_back():
+def test_navigation_there_and_back() -> None:
     assert convert.navigation_from_msg(convert.navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
 
 
-def test_sensors_there_and_back():
+def test_sensors_there_and_back() -> None:
     inertial = Stamped(STAMP, Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), 20.0))
     back = convert.inertial_from_msg(convert.inertial_to_msg(inertial, "icm20948_link", 0.02, 0.001)).reading
     assert back.specific_force_mps2 == inertial.reading.specific_force_mps2
@@ -107,14 +113,14 @@ def test_sensors_there_and_back():
     assert (made.roll_rad, made.pitch_rad, made.heading_rad) == pytest.approx((0.1, -0.2, 3.0))
 
 
-def test_estimate_there_and_back():
+def test_estimate_there_and_back() -> None:
     estimate = Estimate(
         "surge", ("k_q", "b"), ("N s^2/m^2", "N"), (66.0, 0.1), ((1.0, 0.2), (0.2, 3.0)), 12, 8.5, True, "", 0.3
     )
     assert convert.estimate_from_msg(convert.estimate_to_msg(Stamped(STAMP, estimate))).reading == estimate
 
 
-def test_wrench_there_and_back():
+def test_wrench_there_and_back() -> None:
     wrench = (1.0, -2.0, 3.0, -4.0, 5.0, -6.0)
     message = convert.wrench_to_msg(STAMP, wrench)
     assert message.header.frame_id == "base_link_fsd"
@@ -122,7 +128,7 @@ def test_wrench_there_and_back():
 
 
 @pytest.mark.parametrize("velocity", [(0.4, -0.1, 0.02), None])
-def test_dvl_detail_there_and_back(velocity):
+def test_dvl_detail_there_and_back(velocity: Vec3 | None) -> None:
     reading = BottomVelocity(velocity, 0.01 if velocity else 0.0, 0.9, 0.05, 123456)
     track = BottomTrack(True, 0.1, -0.2, 3.0, 1.25, (0.0, 0.0), (), "3333", 0)
     message = convert.dvl_to_msg(Stamped(STAMP, reading), track, "dvl75_link", 1484.0)

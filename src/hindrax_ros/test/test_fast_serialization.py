@@ -1,6 +1,9 @@
 """Bytes written in place against those of rclpy, and numbers read in place against those of message objects."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import pytest
 
@@ -22,7 +25,7 @@ from hindrax_ros.cdr_layout import CdrLayout, CdrReader
 number = st.floats(width=32, allow_nan=False)
 
 
-def same(data, message):
+def same(data: bytes, message: Any) -> bool:
     """Whether bytes say what a message says; padding may hold anything."""
     return repr(deserialize_message(data, type(message))) == repr(message) and len(data) == len(
         serialize_message(message)
@@ -53,7 +56,7 @@ navigations = st.builds(
 
 
 @given(texts, st.lists(inertials, min_size=1, max_size=3))
-def test_inertial(frame, samples):
+def test_inertial(frame: str, samples: list[Any]) -> None:
     write = fast_serialization.inertial_writer(frame, 0.02, 0.001)
     for sample in samples:
         message = convert.inertial_to_msg(sample, frame, 0.02, 0.001)
@@ -62,7 +65,7 @@ def test_inertial(frame, samples):
 
 
 @given(st.lists(navigations, min_size=1, max_size=4))
-def test_navigation(states):
+def test_navigation(states: list[Any]) -> None:
     status, odometry = fast_serialization.navigation_writer(), fast_serialization.odometry_writer()
     for state in states:
         message = convert.navigation_to_msg(state)
@@ -74,12 +77,12 @@ def test_navigation(states):
 
 
 @given(stamps, six)
-def test_wrench(stamp, wrench):
+def test_wrench(stamp: Stamp, wrench: tuple[float, ...]) -> None:
     assert same(fast_serialization.wrench_writer()(stamp, wrench), convert.wrench_to_msg(stamp, wrench))
 
 
 @given(stamps, texts, st.floats(0, 2e5), number)
-def test_pressure(stamp, frame, pressure_Pa, temperature_C):
+def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: float) -> None:
     reading = Stamped(stamp, Pressure(pressure_Pa, temperature_C))
     message = convert.pressure_to_msg(reading, frame, 20.0)
     assert repr(fast_serialization.pressure_from_bytes(serialize_message(message))) == repr(
@@ -88,7 +91,7 @@ def test_pressure(stamp, frame, pressure_Pa, temperature_C):
 
 
 @given(stamps, texts, three, number)
-def test_magnetic_and_echo(stamp, frame, field_T, range_m):
+def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: tuple[float, ...], range_m: float) -> None:
     field = Stamped(stamp, Magnetic(field_T))
     magnetic = convert.magnetic_to_msg(field, frame, 3e-7)
     assert fast_serialization.magnetic_from_bytes(serialize_message(magnetic)) == convert.magnetic_from_msg(magnetic)
@@ -97,7 +100,7 @@ def test_magnetic_and_echo(stamp, frame, field_T, range_m):
 
 
 @given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
-def test_attitude(stamp, frame, angles_rad):
+def test_attitude(stamp: Stamp, frame: str, angles_rad: tuple[float, ...]) -> None:
     track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
     message = convert.attitude_to_msg(track, frame, 0.02)
     assert repr(fast_serialization.attitude_from_bytes(serialize_message(message))) == repr(
@@ -133,20 +136,22 @@ tracks = st.builds(
 
 
 @given(texts, number, velocities, st.none() | tracks)
-def test_dvl(frame, sound_mps, velocity, track):
+def test_dvl(frame: str, sound_mps: float, velocity: Stamped[Any], track: Any) -> None:
     message = convert.dvl_to_msg(velocity, track, frame, sound_mps)
     assert repr(fast_serialization.dvl_from_bytes(serialize_message(message))) == repr(convert.dvl_from_msg(message))
 
 
 @given(stamps, texts, st.integers(0, 2**32 - 1), st.lists(number, max_size=9))
-def test_command(stamp, frame, sequence, pulses):
+def test_command(stamp: Stamp, frame: str, sequence: int, pulses: list[int]) -> None:
     message = ThrusterCommand(sequence=sequence, pulses=pulses)
     message.header.stamp, message.header.frame_id = convert.stamp_to_msg(stamp), frame
     assert same(fast_serialization.command_writer(len(pulses), frame)(stamp, sequence, pulses), message)
 
 
 @given(stamps, st.integers(0, 2**32 - 1), st.lists(number, max_size=9), st.lists(number, max_size=3))
-def test_a_command_keeps_pulses_and_lights_apart(stamp, sequence, pulses, lights):
+def test_a_command_keeps_pulses_and_lights_apart(
+    stamp: Stamp, sequence: int, pulses: list[int], lights: list[int]
+) -> None:
     message = ThrusterCommand(sequence=sequence, pulses=pulses, lights=lights)
     message.header.stamp = convert.stamp_to_msg(stamp)
     assert fast_serialization.command_from_bytes(serialize_message(message)) == (
@@ -158,7 +163,7 @@ def test_a_command_keeps_pulses_and_lights_apart(stamp, sequence, pulses, lights
 
 
 @given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.integers(0, 2**32 - 1))
-def test_applied(stamp, text, armed, pulses, sequence):
+def test_applied(stamp: Stamp, text: str, armed: bool, pulses: list[int], sequence: int) -> None:
     message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
     message.header.stamp = convert.stamp_to_msg(stamp)
     applied = fast_serialization.ThrusterStateFields(stamp, armed, tuple(pulses), sequence)
@@ -171,7 +176,7 @@ def test_applied(stamp, text, armed, pulses, sequence):
 
 
 @given(stamps, six, st.lists(texts, max_size=3), st.lists(st.booleans(), max_size=9))
-def test_allocation(stamp, wanted, refused, saturated):
+def test_allocation(stamp: Stamp, wanted: tuple[float, ...], refused: list[Any], saturated: list[Any]) -> None:
     forces = [float(index) for index, _ in enumerate(saturated)]
     texts = {"header": Header(frame_id="base_link_fsd"), "refused": refused, "thrusters": ["T1"]}
     full = AllocationStatus(
@@ -188,7 +193,7 @@ def test_allocation(stamp, wanted, refused, saturated):
     )
     full.header.stamp = convert.stamp_to_msg(stamp)
 
-    def shape():
+    def shape() -> AllocationStatus:
         return AllocationStatus(forces=forces, pulses=forces, saturated=saturated, **texts)
 
     numbers = (7, *wanted, *wanted[::-1], *wanted, *forces, *forces, *saturated, 16.0, True)
@@ -198,14 +203,14 @@ def test_allocation(stamp, wanted, refused, saturated):
     assert (found.wrench, found.forces_N) == (wanted[::-1], tuple(forces))
 
 
-def test_a_reader_learns_another_shape_and_comes_back():
+def test_a_reader_learns_another_shape_and_comes_back() -> None:
     reader = CdrReader(NavigationStatus, "depth", "ages")
     short = serialize_message(NavigationStatus(depth=1.0))
     long = serialize_message(NavigationStatus(depth=2.0, sources=["a", "b"], ages=[0.5, 0.6]))
     assert [reader.read(data) for data in (short, long, short)] == [(1.0,), (2.0, 0.5, 0.6), (1.0,)]
 
 
-def test_shapes_of_one_length_are_told_apart():
+def test_shapes_of_one_length_are_told_apart() -> None:
     """A longer frame name beside fewer ages may give as many bytes, with every number somewhere else."""
     one = NavigationStatus(depth=1.0, ages=[0.5])
     other = NavigationStatus(depth=2.0)
@@ -216,13 +221,13 @@ def test_shapes_of_one_length_are_told_apart():
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\x00" + bytes(400), b"\x00\x01" + bytes(60)])
-def test_other_bytes_are_refused(data):
+def test_other_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="found"):
         CdrReader(Imu, "header.stamp.sec").read(data)
 
 
 @pytest.mark.parametrize("kind", [Imu, FluidPressure, Range, NavigationStatus, AllocationStatus, ThrusterState])
-def test_a_layout_covers_all_bytes(kind):
+def test_a_layout_covers_all_bytes(kind: type[Any]) -> None:
     data = serialize_message(kind())
     assert 0 <= len(data) - CdrLayout(kind()).size < 8, "no more than padding may follow"
     assert deserialize_message(data, kind) == kind()

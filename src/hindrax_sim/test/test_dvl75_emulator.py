@@ -37,18 +37,18 @@ def deltas(lines: list[str]) -> list[list[float]]:
     return [[float(part) for part in re.split(r"[,*]", line)[1:10]] for line in lines if line.startswith("$DVPDL")]
 
 
-def test_from_the_factory_there_is_extended_data_and_no_delta():
+def test_from_the_factory_there_is_extended_data_and_no_delta() -> None:
     tags = {line[:6] for line in said(Dvl75(), 0.0, 2.0)}
     assert tags == {"$DVEXT"}
 
 
-def test_extended_data_has_34_values_and_an_empty_field():
+def test_extended_data_has_34_values_and_an_empty_field() -> None:
     for line in said(Dvl75(), 0.0, 2.0):
         fields = line.partition("*")[0].split(",")[1:]
         assert (len(fields), fields[-1]) == (35, "")
 
 
-def test_deltas_are_the_way_in_the_interval_whose_length_and_end_are_told():
+def test_deltas_are_the_way_in_the_interval_whose_length_and_end_are_told() -> None:
     found = deltas(said(Dvl75(settings=ON, noise_mps=0.0), 0.0, 3.0, DvlTruth((0.4, -0.2, 0.1))))
     tail = found[12:]
     assert all(one[1] == 50_000 for one in tail)
@@ -58,23 +58,23 @@ def test_deltas_are_the_way_in_the_interval_whose_length_and_end_are_told():
         assert one[8] == 100
 
 
-def test_each_delta_is_rounded_by_itself_so_small_ways_are_lost_without_noise():
+def test_each_delta_is_rounded_by_itself_so_small_ways_are_lost_without_noise() -> None:
     found = deltas(said(Dvl75(settings=ON, noise_mps=0.0), 0.0, 10.0, DvlTruth((0.0049, 0.0, 0.0))))
     assert sum(one[5] for one in found) == 0.0
 
 
-def test_with_noise_the_rounding_errors_average_out():
+def test_with_noise_the_rounding_errors_average_out() -> None:
     found = deltas(said(Dvl75(settings=ON, noise_mps=0.01), 0.0, 200.0, DvlTruth((0.009, 0.0, 0.0))))
     tail = found[20:]
     assert sum(one[5] for one in tail) / (0.05 * len(tail)) == pytest.approx(0.009, abs=0.001)
 
 
-def test_the_device_s_clock_runs_at_its_own_rate():
+def test_the_device_s_clock_runs_at_its_own_rate() -> None:
     found = deltas(said(Dvl75(settings=ON, drift_ppm=200.0), 0.0, 100.0))
     assert (found[-1][0] - found[0][0]) * 1e-6 == pytest.approx(100.02, abs=0.06)
 
 
-def test_searching_it_says_zeros_with_confidence_zero():
+def test_searching_it_says_zeros_with_confidence_zero() -> None:
     lines = said(Dvl75(settings=ON), 0.0, 3.0, DvlTruth((1.0, 1.0, 1.0), altitude_m=None))
     assert all(one[5:] == [0.0, 0.0, 0.0, 0.0] for one in deltas(lines))
     assert any("-0.000" in line for line in lines if line.startswith("$DVPDL"))
@@ -83,11 +83,11 @@ def test_searching_it_says_zeros_with_confidence_zero():
 
 
 @pytest.mark.parametrize("altitude", [0.09, 75.1])
-def test_there_is_no_lock_out_of_reach(altitude):
+def test_there_is_no_lock_out_of_reach(altitude: float) -> None:
     assert all(one[8] == 0 for one in deltas(said(Dvl75(settings=ON), 0.0, 3.0, DvlTruth(altitude_m=altitude))))
 
 
-def test_messages_take_their_time_on_the_wire():
+def test_messages_take_their_time_on_the_wire() -> None:
     device = Dvl75(settings=ON)
     due = device.next_due_s
     device.set_truth(DvlTruth())
@@ -96,7 +96,7 @@ def test_messages_take_their_time_on_the_wire():
     assert device.step(device.next_due_s).startswith(b"$DVPDL")
 
 
-def test_what_was_said_before_the_first_step_was_heard_by_nobody():
+def test_what_was_said_before_the_first_step_was_heard_by_nobody() -> None:
     device = Dvl75(settings=ON)
     device.set_truth(DvlTruth())
     assert device.step(500.0) == b""
@@ -104,14 +104,14 @@ def test_what_was_said_before_the_first_step_was_heard_by_nobody():
 
 
 @pytest.mark.parametrize("end", [b"\n", b"\r\n"])
-def test_commands_end_with_lf_and_may_have_cr(end):
+def test_commands_end_with_lf_and_may_have_cr(end: bytes) -> None:
     device = Dvl75()
     device.receive(b"SEND-DVP", 0.0)
     assert device.receive(b"DL ON" + end, 0.0) == b""
     assert device.settings.deltas
 
 
-def test_configuration_tells_the_settings():
+def test_configuration_tells_the_settings() -> None:
     device = Dvl75()
     device.receive(b"SET-SPEED-OF-SOUND 1500\nSET-VELOCITY-ADJUSTMENT 1.01\nSEND-DVEXT OFF\n", 0.0)
     for question in (b"CONFIGURATION\n", b"?\n", b"?what\n"):
@@ -124,7 +124,7 @@ def test_configuration_tells_the_settings():
 @pytest.mark.parametrize(
     "command", [b"SET-SPEED-OF-SOUND 1099", b"SET-SPEED-OF-SOUND fast", b"SEND-DVPDL MAYBE", b"DANCE", b"SEND-DVPDL"]
 )
-def test_bad_commands_change_nothing_and_are_said_to_be_bad(command):
+def test_bad_commands_change_nothing_and_are_said_to_be_bad(command: bytes) -> None:
     device = Dvl75()
     assert device.receive(command + b"\n", 0.0) == b"Unrecognized command\r\n"
     assert device.settings == DvlSettings()
@@ -185,16 +185,16 @@ def test_a_line_speed_is_kept_and_the_pool_is_set_by_ten_numbers() -> None:
 
 
 @pytest.mark.parametrize("command", [b"SET-SIDE-TRACKING ON", b"HOST-ADDRESS 192.168.2.2:27000"])
-def test_other_commands_of_the_page_are_taken_without_a_word(command):
+def test_other_commands_of_the_page_are_taken_without_a_word(command: bytes) -> None:
     assert Dvl75().receive(command + b"\n", 0.0) == b""
 
 
-def test_a_position_of_a_gps_is_taken_without_a_word():
+def test_a_position_of_a_gps_is_taken_without_a_word() -> None:
     line = b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W*6A\r\n"
     assert Dvl75().receive(line, 0.0) == b""
 
 
-def test_pause_resume_and_reboot():
+def test_pause_resume_and_reboot() -> None:
     device = Dvl75(settings=ON)
     said(device, 0.0, 1.0)
     device.receive(b"PAUSE\n", 1.0)
@@ -208,14 +208,14 @@ def test_pause_resume_and_reboot():
     assert 0 < deltas(lines)[0][0] < 1e6
 
 
-def test_a_power_cycle_keeps_what_is_in_flash():
+def test_a_power_cycle_keeps_what_is_in_flash() -> None:
     device = Dvl75()
     device.receive(b"SEND-DVPDL ON\n", 0.0)
     device.power_cycle(1.0)
     assert device.settings.deltas
 
 
-def test_faults_of_its_own():
+def test_faults_of_its_own() -> None:
     device = Dvl75(settings=ON)
     before = deltas(said(device, 0.0, 2.0))[-1][0]
     device.jump_clock(1000.0)
@@ -228,7 +228,7 @@ def test_faults_of_its_own():
     assert device.receive(b"?\n", 4.0) == b""
 
 
-def test_velocity_over_ground_turns_with_the_attitude():
+def test_velocity_over_ground_turns_with_the_attitude() -> None:
     east = DvlTruth((1.0, 0.0, 0.0), (0.0, 0.0, 0.5 * math.pi))
     assert over_ground(east) == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)
     nose_up = DvlTruth((1.0, 0.0, 0.0), (0.0, 0.5, 0.0))

@@ -22,7 +22,7 @@ from hindrax_sim.faults.stream_faults import FaultyLine
         ("merged@0+600", FaultSpec("merged", ("dvl75", "ping1d"), 0.0, 600.0)),
     ],
 )
-def test_what_is_asked_for(text, spec):
+def test_what_is_asked_for(text: str, spec: FaultSpec) -> None:
     assert parse_fault(text) == spec
 
 
@@ -41,14 +41,14 @@ def test_what_is_asked_for(text, spec):
         ("garbage@", "found '', wanted seconds"),
     ],
 )
-def test_what_is_wrong_with_it_is_said(text, error):
+def test_what_is_wrong_with_it_is_said(text: str, error: str) -> None:
     with pytest.raises(UsageError) as caught:
         parse_fault(text)
     assert error in str(caught.value)
     assert "NAME[:DEVICE][@START[+SECONDS]]" in str(caught.value)
 
 
-def test_the_registry_has_every_stream_fault_of_the_sweep():
+def test_the_registry_has_every_stream_fault_of_the_sweep() -> None:
     names = "absent wrong_identity cut_frames bytewise merged garbage bit_flips baud_mismatch unplug_replug reset"
     assert set(FAULTS) >= {*names.split(), "clock_jump", "saturated", "repeated"}
     assert all(kind.name == name and kind.meaning and kind.devices for name, kind in FAULTS.items())
@@ -107,7 +107,7 @@ def during(found: list[tuple[float, bytes]], start_s: float = 1.0, end_s: float 
 
 
 @pytest.mark.parametrize("name", ["absent", "garbage", "cut_frames", "bytewise", "merged", "baud_mismatch"])
-def test_before_and_after_everything_is_as_it_was_and_a_seed_repeats_itself(name):
+def test_before_and_after_everything_is_as_it_was_and_a_seed_repeats_itself(name: str) -> None:
     found = chunks(line(name), 3.0)
     assert during(found, 0.0, 1.0) == [b"0123456789"] * 9
     assert during(found, 2.1, 3.1) == [b"0123456789"] * 10
@@ -115,7 +115,7 @@ def test_before_and_after_everything_is_as_it_was_and_a_seed_repeats_itself(name
     assert during(found) != [b"0123456789"] * 10
 
 
-def test_absent_is_silent_and_deaf():
+def test_absent_is_silent_and_deaf() -> None:
     faulty = line("absent")
     assert during(chunks(faulty, 1.5)) == []
     assert faulty.receive(b"hello", 1.6) == b""
@@ -123,7 +123,7 @@ def test_absent_is_silent_and_deaf():
     assert faulty.connected
 
 
-def test_an_unplugged_port_is_gone_and_the_device_without_power():
+def test_an_unplugged_port_is_gone_and_the_device_without_power() -> None:
     faulty = line("unplug_replug")
     chunks(faulty, 1.5)
     assert not faulty.connected
@@ -141,45 +141,45 @@ def test_an_unplugged_port_is_gone_and_the_device_without_power():
         ("clock_jump", ["jump +1000", "jump -1000"]),
     ],
 )
-def test_faults_of_the_device_itself(name, done):
+def test_faults_of_the_device_itself(name: str, done: list[str]) -> None:
     faulty = line(name)
     chunks(faulty, 3.0)
     assert faulty.device.done == done
 
 
-def test_bytewise_loses_nothing():
+def test_bytewise_loses_nothing() -> None:
     found = during(chunks(line("bytewise"), 3.0))
     assert {len(chunk) for chunk in found} == {1}
     assert b"".join(found) == b"0123456789" * 10
 
 
-def test_merged_loses_nothing_either():
+def test_merged_loses_nothing_either() -> None:
     found, unbroken = (chunks(line(*names), 3.0) for names in (("merged",), ()))
     assert b"".join(chunk for _, chunk in found) == b"".join(chunk for _, chunk in unbroken)
     assert max(len(chunk) for _, chunk in found) >= 20
 
 
-def test_cut_frames_are_parts_of_frames():
+def test_cut_frames_are_parts_of_frames() -> None:
     found = during(chunks(line("cut_frames", end_s=9.0), 9.0), 1.0, 9.0)
     joined = b"".join(found)
     assert len(joined) < 800
     assert b"0123456789" in joined
 
 
-def test_garbage_keeps_the_message_s_own_bytes_in_order():
+def test_garbage_keeps_the_message_s_own_bytes_in_order() -> None:
     joined = b"".join(during(chunks(line("garbage"), 3.0)))
     assert len(joined) > 100
     left = iter(joined)
     assert all(byte in left for byte in b"0123456789" * 10)
 
 
-def test_bit_flips_are_one_in_a_thousand():
+def test_bit_flips_are_one_in_a_thousand() -> None:
     fault = stream_faults.BitFlips(7)
     (chunk,) = fault.outgoing(bytes(125_000), 0.0)
     assert sum(byte.bit_count() for byte in chunk) == pytest.approx(1000, rel=0.15)
 
 
-def test_a_baud_mismatch_works_both_ways():
+def test_a_baud_mismatch_works_both_ways() -> None:
     faulty = line("baud_mismatch")
     found = during(chunks(faulty, 1.5))
     assert all(b"0123456789" not in chunk for chunk in found)
@@ -188,26 +188,26 @@ def test_a_baud_mismatch_works_both_ways():
     assert b"0123456789" not in faulty.device.heard
 
 
-def test_repeated_says_its_first_words_again():
+def test_repeated_says_its_first_words_again() -> None:
     faulty = line("repeated")
     chunks(faulty, 1.0)
     faulty.device.message = b"new words"
     assert set(during(chunks(faulty, 2.0), 1.05)) == {b"0123456789"}
 
 
-def test_faults_compose_in_order():
+def test_faults_compose_in_order() -> None:
     found = during(chunks(line("merged", "bytewise"), 3.0))
     assert {len(chunk) for chunk in found} == {1}
 
 
-def test_next_due_is_never_later_than_the_next_fault():
+def test_next_due_is_never_later_than_the_next_fault() -> None:
     faulty = line("garbage", start_s=0.03)
     assert faulty.next_due_s == 0.03
     faulty.step(0.05)
     assert faulty.next_due_s == -math.inf
 
 
-def test_only_the_faults_of_a_device_fall_on_it():
+def test_only_the_faults_of_a_device_fall_on_it() -> None:
     device = Clockwork()
     specs = [FaultSpec("garbage", ("dvl75",), 30.0, 5.0)]
     assert with_faults("ping1d", device, specs) is device

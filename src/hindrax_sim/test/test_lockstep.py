@@ -1,9 +1,12 @@
 """The whole vehicle without ROS: both fidelities, determinism, faults, and what the identification finds."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +14,7 @@ from hindrax_control.maneuver.maneuver import Goal
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.errors import UsageError
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
@@ -25,20 +29,20 @@ VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hin
 class Idle:
     """Asks for a wrench and lets the rest be."""
 
-    def __init__(self, wrench=ZERO6, armed=True):
+    def __init__(self, wrench: Vec6 = ZERO6, armed: bool = True) -> None:
         self.order = LockstepCommand(wrench, Phase("", ""), armed)
 
-    def step(self, navigation, became, *, armed):
+    def step(self, navigation: object, became: object, *, armed: bool) -> LockstepCommand:
         del navigation, became, armed
         return self.order
 
 
-def events(step, seconds, kind):
+def events(step: Lockstep, seconds: float, kind: type[Navigation | Allocation]) -> list[Any]:
     return [one for one in step.run(seconds) if isinstance(one.reading, kind)]
 
 
 @pytest.mark.parametrize("fidelity", ["readings", "bytes"])
-def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity):
+def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity: str) -> None:
     step = Lockstep(VEHICLE, Idle(armed=False), 5, fidelity=fidelity)
     found = events(step, 8.0, Navigation)
     state, world = found[-1].reading, step.world
@@ -52,7 +56,7 @@ def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity):
 
 
 @pytest.mark.parametrize("fidelity", ["readings", "bytes"])
-def test_nothing_turns_before_the_output_guard_is_armed(fidelity):
+def test_nothing_turns_before_the_output_guard_is_armed(fidelity: str) -> None:
     step = Lockstep(VEHICLE, Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 5, fidelity=fidelity)
     early = events(step, 6.0, Allocation)
     assert all(one.reading.achieved == ZERO6 for one in early)
@@ -62,7 +66,7 @@ def test_nothing_turns_before_the_output_guard_is_armed(fidelity):
     assert sum(step.world.plant.targets_N[:2]) > 8.0
 
 
-def test_disarming_stops_everything():
+def test_disarming_stops_everything() -> None:
     pilot = Idle((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     step = Lockstep(VEHICLE, pilot, 5)
     list(step.run(12.0))
@@ -73,7 +77,7 @@ def test_disarming_stops_everything():
     assert not step.onboard.armed
 
 
-def test_the_same_seed_gives_the_same_run_to_the_last_bit():
+def test_the_same_seed_gives_the_same_run_to_the_last_bit() -> None:
     runs = []
     for seed in (1, 1, 2):
         step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("yaw",))), seed)
@@ -82,7 +86,7 @@ def test_the_same_seed_gives_the_same_run_to_the_last_bit():
     assert runs[0] != runs[2]
 
 
-def test_an_unknown_fidelity_and_impossible_combinations_are_refused():
+def test_an_unknown_fidelity_and_impossible_combinations_are_refused() -> None:
     with pytest.raises(UsageError, match=r"fidelity: found 'dream', wanted readings or bytes"):
         Lockstep(VEHICLE, Idle(), fidelity="dream")
     with pytest.raises(UsageError, match=r"noise: found with fidelity bytes"):
@@ -91,7 +95,7 @@ def test_an_unknown_fidelity_and_impossible_combinations_are_refused():
         Lockstep(VEHICLE, Idle(), faults=[parse_fault("garbage:dvl75")])
 
 
-def test_faults_of_the_world_come_and_go():
+def test_faults_of_the_world_come_and_go() -> None:
     step = Lockstep(VEHICLE, Idle(armed=False), faults=[parse_fault("lock_lost@4+2")])
     locked = {round((one.stamp - 10**10) * 1e-9, 1): one.reading.dvl_locked for one in events(step, 9.0, Navigation)}
     assert locked[3.5]
@@ -99,15 +103,15 @@ def test_faults_of_the_world_come_and_go():
     assert locked[8.0]
 
 
-def test_garbage_on_a_wire_is_survived():
+def test_garbage_on_a_wire_is_survived() -> None:
     step = Lockstep(VEHICLE, Idle(armed=False), 2, fidelity="bytes", faults=[parse_fault("garbage:ping1d@3+2")])
     state = events(step, 8.0, Navigation)[-1].reading
     assert state.altitude_m == pytest.approx(step.world.altitude_m, abs=0.03)
     assert state.ages_s["ping1d"] < 0.3
 
 
-def test_both_rigs_say_the_same_kinds_of_things():
-    def kinds(rig):
+def test_both_rigs_say_the_same_kinds_of_things() -> None:
+    def kinds(rig: ReadingsRig | BytesRig) -> set[Any]:
         end = rig.world.stamp + 4_000_000_000
         said = set()
         while rig.world.stamp < end:
@@ -117,7 +121,7 @@ def test_both_rigs_say_the_same_kinds_of_things():
     assert kinds(ReadingsRig(VEHICLE, 1)) == kinds(BytesRig(VEHICLE, 1))
 
 
-def test_a_surge_run_finds_the_drag_and_never_touches_a_wall():
+def test_a_surge_run_finds_the_drag_and_never_touches_a_wall() -> None:
     few_levels = PilotKnobs(plan=PlanKnobs(levels=3, surge_mps=(0.2, 0.4), plateau_s=10.0))
     step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("surge",)), few_levels), 1)
     estimates, errors = 0, []
@@ -139,7 +143,7 @@ def test_a_surge_run_finds_the_drag_and_never_touches_a_wall():
     assert max(errors[500:]) < 0.05
 
 
-def test_a_failed_thruster_is_told_to_the_allocator():
+def test_a_failed_thruster_is_told_to_the_allocator() -> None:
     step = Lockstep(VEHICLE, Idle((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)), faults=[parse_fault("thruster_fails:T3@0+60")])
     step.onboard.disabled = frozenset({"T3"})
     last = events(step, 12.0, Allocation)[-1].reading
@@ -148,7 +152,7 @@ def test_a_failed_thruster_is_told_to_the_allocator():
     assert step.world.plant.targets_N[2] == 0.0
 
 
-def test_a_vehicle_without_sensors_says_nothing_and_time_still_passes():
+def test_a_vehicle_without_sensors_says_nothing_and_time_still_passes() -> None:
     bare = replace(VEHICLE, sensors={})
     step = Lockstep(bare, Idle(), fidelity="bytes")
     assert list(step.run(1.0)) == []

@@ -1,27 +1,31 @@
 """A sensor that begins to lie in flight: no thrust on what it says, judged by the true pose."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.maneuver import Goal
-from hindrax_core.readings import Inertial
+from hindrax_core.readings import Inertial, Vec3
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.goal_pilot import GoalPilot
 from hindrax_sim.lockstep import Lockstep
+from hindrax_sim.lockstep_rigs import SensorReading
 
 VEHICLE = load_vehicle(default_vehicle())
 AT_S = 25.0
 
 
 @pytest.mark.parametrize("lie_dps", [(60.0, 0.0, 0.0), (0.0, -40.0, 0.0)])
-def test_a_gyroscope_that_lies_ends_thrust_before_the_vehicle_tumbles(lie_dps):
+def test_a_gyroscope_that_lies_ends_thrust_before_the_vehicle_tumbles(lie_dps: Vec3) -> None:
     step = Lockstep(VEHICLE, GoalPilot(VEHICLE, Goal(("surge",))), 3)
     honest, lie = step.rig.advance, tuple(map(math.radians, lie_dps))
 
-    def advance():
+    def advance() -> Sequence[SensorReading]:
         heard = honest()
         if step.elapsed_s < AT_S:
             return heard
@@ -50,5 +54,5 @@ def test_a_gyroscope_that_lies_ends_thrust_before_the_vehicle_tumbles(lie_dps):
     assert worst_deg < 50.0
 
 
-def _sum(one, other):
+def _sum(one: Vec3, other: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(a + b for a, b in zip(one, other, strict=True))

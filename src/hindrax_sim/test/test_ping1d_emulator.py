@@ -58,20 +58,22 @@ ACKED = [
 
 
 @pytest.mark.parametrize(("name", "frame", "message", "get", "value"), ACKED)
-def test_settings_are_acknowledged_and_can_be_asked_back(name, frame, message, get, value):
+def test_settings_are_acknowledged_and_can_be_asked_back(
+    name: str, frame: str, message: int, get: int, value: str
+) -> None:
     del name
     device = Ping1d()
     assert frames(device.receive(bytes.fromhex(frame), 0.0)) == [(1, struct.pack("<H", message))]
     assert ask(device, get) == bytes.fromhex(value)
 
 
-def test_an_empty_frame_with_the_wanted_id_asks_too():
+def test_an_empty_frame_with_the_wanted_id_asks_too() -> None:
     """As brping does: 42 52 00 00 bb 04 00 00 53 01 asks for 1211."""
     ((message, payload),) = frames(Ping1d().receive(bytes.fromhex("42 52 00 00 bb 04 00 00 53 01"), 0.0))
     assert (message, len(payload)) == (1211, 5)
 
 
-def test_who_it_is():
+def test_who_it_is() -> None:
     assert ask(Ping1d(), 4)[0] == 1
     assert len(ask(Ping1d(), 5)) == 4
 
@@ -87,18 +89,18 @@ def test_who_it_is():
         (9999, b"\x01"),
     ],
 )
-def test_what_cannot_be_is_refused(message, payload):
+def test_what_cannot_be_is_refused(message: int, payload: bytes) -> None:
     ((answer, words),) = frames(Ping1d().receive(host(message, payload), 0.0))
     assert (answer, words[:2]) == (2, struct.pack("<H", message))
     assert len(words) > 2
 
 
-def test_a_message_nobody_knows_is_refused():
+def test_a_message_nobody_knows_is_refused() -> None:
     ((answer, words),) = frames(Ping1d().receive(host(6, struct.pack("<H", 4242)), 0.0))
     assert (answer, words[:2]) == (2, struct.pack("<H", 4242))
 
 
-def test_junk_and_half_frames_from_the_host_do_no_harm():
+def test_junk_and_half_frames_from_the_host_do_no_harm() -> None:
     device = Ping1d()
     request = host(6, struct.pack("<H", 5))
     assert device.receive(b"UUU\x00BR\xff\xff\x00\x00\x00\x00" + request[:4], 0.0) == b""
@@ -112,7 +114,7 @@ def distance(payload: bytes) -> tuple[int, int, int]:
     return mm, percent, number
 
 
-def test_a_stream_of_profiles_at_the_ping_interval():
+def test_a_stream_of_profiles_at_the_ping_interval() -> None:
     device = Ping1d(noise=0.0)
     run(device, 0.0, 1.0)
     for order in (host(1002, struct.pack("<I", 1_484_000)), host(1004, b"\x32\x00"), host(1400, b"\x14\x05")):
@@ -129,14 +131,14 @@ def test_a_stream_of_profiles_at_the_ping_interval():
     assert run(device, 6.1, 8.0) == []
 
 
-def test_distance_scales_with_the_speed_of_sound_that_was_set():
+def test_distance_scales_with_the_speed_of_sound_that_was_set() -> None:
     device = Ping1d(noise=0.0)
     device.receive(host(1002, struct.pack("<I", 1_500_000)), 0.0)
     run(device, 0.0, 1.0, PingTruth(2.0, speed_of_sound_mps=1450.0))
     assert distance(ask(device, 1212))[0] == round(2000 * 1500 / 1450)
 
 
-def test_without_an_echo_there_is_no_confidence_and_the_scan_reaches_further():
+def test_without_an_echo_there_is_no_confidence_and_the_scan_reaches_further() -> None:
     device = Ping1d()
     run(device, 0.0, 2.0, PingTruth(None))
     assert distance(ask(device, 1212))[1] == 0
@@ -146,21 +148,21 @@ def test_without_an_echo_there_is_no_confidence_and_the_scan_reaches_further():
     assert distance(ask(device, 1212))[1] == 100
 
 
-def test_beyond_a_scan_set_by_hand_nothing_is_heard():
+def test_beyond_a_scan_set_by_hand_nothing_is_heard() -> None:
     device = Ping1d()
     device.receive(host(1003, b"\x00") + host(1001, struct.pack("<II", 0, 1500)), 0.0)
     run(device, 0.0, 1.0, PingTruth(2.0))
     assert distance(ask(device, 1212))[1] == 0
 
 
-def test_disabled_it_does_not_ping():
+def test_disabled_it_does_not_ping() -> None:
     device = Ping1d()
     device.receive(host(1006, b"\x00"), 0.0)
     run(device, 0.0, 1.0)
     assert distance(ask(device, 1212))[2] == 0
 
 
-def test_a_power_cycle_forgets_settings_numbers_and_stream():
+def test_a_power_cycle_forgets_settings_numbers_and_stream() -> None:
     device = Ping1d()
     device.receive(host(1400, b"\x14\x05") + host(1004, b"\x32\x00"), 0.0)
     assert run(device, 0.0, 1.0)
@@ -169,7 +171,7 @@ def test_a_power_cycle_forgets_settings_numbers_and_stream():
     assert ask(device, 1206) == b"\x64\x00"
 
 
-def test_faults_of_its_own():
+def test_faults_of_its_own() -> None:
     device = Ping1d()
     device.saturate(True)
     run(device, 0.0, 1.0)

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
+from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle, load_vehicle
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.quaternion import euler, quaternion, rotate
 from hindrax_sim.physics.steady_thrust import steady_force, thruster_force, wrench_per_newton
@@ -20,12 +23,12 @@ angle = st.floats(-1.2, 1.2)
 NO_DRAG = Hydrodynamics(added_mass=(12.0, 19.0, 22.0, 0.25, 0.45, 0.35))
 
 
-def neutral(vehicle: Vehicle = VEHICLE, **changes) -> Vehicle:
+def neutral(vehicle: Vehicle = VEHICLE, **changes: tuple[Thruster, ...] | Hydrodynamics | Vec3) -> Vehicle:
     """As heavy as the water it displaces, so that it stays where it is put."""
     return replace(vehicle, volume_m3=vehicle.mass_kg / vehicle.water.density_kgpm3, **changes)
 
 
-def deep(vehicle: Vehicle, *, attitude=(0.0, 0.0, 0.0), nu=(0.0,) * 6) -> Plant:
+def deep(vehicle: Vehicle, *, attitude: Vec3 = (0.0, 0.0, 0.0), nu: Vec6 = (0.0,) * 6) -> Plant:
     plant = Plant(vehicle)
     plant.place((0.0, 0.0, 5.0), attitude)
     plant.u, plant.v, plant.w, plant.p, plant.q, plant.r = nu
@@ -44,7 +47,7 @@ def energy(plant: Plant) -> float:
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(speed, speed, speed, speed, speed, speed), st.tuples(angle, angle, angle))
-def test_without_drag_and_thrust_the_energy_stays(nu, attitude):
+def test_without_drag_and_thrust_the_energy_stays(nu: tuple[float, ...], attitude: Vec3) -> None:
     plant = deep(replace(VEHICLE, hydrodynamics=NO_DRAG), attitude=attitude, nu=nu)
     before = energy(plant)
     run(plant, 1.0, 0.0005)
@@ -53,7 +56,7 @@ def test_without_drag_and_thrust_the_energy_stays(nu, attitude):
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(speed, speed, speed, speed, speed, speed), st.tuples(angle, angle, angle))
-def test_drag_only_takes_energy(nu, attitude):
+def test_drag_only_takes_energy(nu: tuple[float, ...], attitude: Vec3) -> None:
     plant = deep(VEHICLE, attitude=attitude, nu=nu)
     before = energy(plant)
     for _ in range(10):
@@ -64,7 +67,7 @@ def test_drag_only_takes_energy(nu, attitude):
 
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.integers(1100, 1900), min_size=8, max_size=8))
-def test_the_power_of_all_forces_is_the_change_of_energy(pulses):
+def test_the_power_of_all_forces_is_the_change_of_energy(pulses: list[int]) -> None:
     plant = deep(VEHICLE, nu=(0.3, -0.2, 0.1, 0.2, -0.1, 0.3))
     plant.drive(pulses)
     hydro = VEHICLE.hydrodynamics
@@ -87,7 +90,9 @@ def test_the_power_of_all_forces_is_the_change_of_energy(pulses):
     ((1700, 1500, 1700, 1500), "sway", "v"),
     ((1700, 1300, 1700, 1300), "sway", "v"),
 ])  # fmt: skip
-def test_terminal_velocity_is_where_drag_equals_thrust(pulses, axis, along):
+def test_terminal_velocity_is_where_drag_equals_thrust(
+    pulses: tuple[int, int, int, int], axis: str, along: str
+) -> None:
     at_the_middle = tuple(replace(one, position_m=(*one.position_m[:2], 0.0)) for one in VEHICLE.thrusters)
     plant = deep(neutral(thrusters=at_the_middle))
     plant.drive([*pulses, 1500, 1500, 1500, 1500])
@@ -98,14 +103,14 @@ def test_terminal_velocity_is_where_drag_equals_thrust(pulses, axis, along):
 
 
 @pytest.mark.parametrize(("net_N", "k_q", "k_l"), [(2.0, 93.52, 5.26), (-2.0, 56.57, 11.84)])
-def test_heave_sinks_and_rises_with_its_own_drag(net_N, k_q, k_l):
+def test_heave_sinks_and_rises_with_its_own_drag(net_N: float, k_q: float, k_l: float) -> None:
     weight = VEHICLE.buoyancy_N + net_N
     plant = run(deep(replace(VEHICLE, mass_kg=weight / 9.80665)), 20.0, 0.005)
     root = (-k_l + math.sqrt(k_l**2 + 4 * k_q * abs(net_N))) / (2 * k_q)
     assert plant.w == pytest.approx(math.copysign(root, net_N), rel=1e-3)
 
 
-def test_free_decay_in_roll_has_the_period_and_decrement_of_a_damped_pendulum():
+def test_free_decay_in_roll_has_the_period_and_decrement_of_a_damped_pendulum() -> None:
     damping = 0.3
     hydro = replace(NO_DRAG, roll=Drag(0.0, damping))
     vehicle = neutral(hydrodynamics=hydro)
@@ -127,7 +132,7 @@ def test_free_decay_in_roll_has_the_period_and_decrement_of_a_damped_pendulum():
 
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.integers(1100, 1900), min_size=8, max_size=8))
-def test_port_and_starboard_are_mirror_images(pulses):
+def test_port_and_starboard_are_mirror_images(pulses: list[int]) -> None:
     mirrored = [pulses[i] for i in (1, 0, 3, 2, 5, 4, 7, 6)]
     left, right = deep(VEHICLE), deep(VEHICLE)
     left.drive(pulses)
@@ -140,7 +145,7 @@ def test_port_and_starboard_are_mirror_images(pulses):
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.002, 0.005])
-def test_the_length_of_the_step_does_not_change_the_apparent_inertia(dt):
+def test_the_length_of_the_step_does_not_change_the_apparent_inertia(dt: float) -> None:
     # An Euler step that takes drag at its beginning makes the vehicle lighter by half a step times the drag's slope.
     hydro = replace(NO_DRAG, surge=Drag(0.0, 40.0))
     plant = deep(neutral(hydrodynamics=hydro), nu=(0.4, 0, 0, 0, 0, 0))
@@ -149,14 +154,14 @@ def test_the_length_of_the_step_does_not_change_the_apparent_inertia(dt):
     assert -40.0 * 0.5 / math.log(plant.u / 0.4) == pytest.approx(inertia, rel=2e-4)
 
 
-def test_munk_moment_turns_an_oblique_body_towards_broadside():
+def test_munk_moment_turns_an_oblique_body_towards_broadside() -> None:
     # Fossen 2011 section 6.3: N = -(Yvdot - Xudot) u v; with more added mass in sway than in surge, drift grows.
     plant = deep(neutral(hydrodynamics=NO_DRAG), nu=(1.0, 0.1, 0, 0, 0, 0))
     plant.step(1e-4)
     assert plant.dr == pytest.approx((12.0 - 19.0) * 1.0 * 0.1 / (VEHICLE.inertia[2] + 0.35), rel=1e-3)
 
 
-def test_off_diagonal_added_mass_may_be_unsymmetric():
+def test_off_diagonal_added_mass_may_be_unsymmetric() -> None:
     cross = np.zeros((6, 6))
     cross[2, 4], cross[4, 2] = 1.5, 0.7
     hydro = replace(NO_DRAG, added_mass_cross=tuple(map(tuple, cross.tolist())))
@@ -173,7 +178,7 @@ def test_off_diagonal_added_mass_may_be_unsymmetric():
     assert plant.dq != 0.0
 
 
-def test_symmetric_coupling_keeps_the_energy():
+def test_symmetric_coupling_keeps_the_energy() -> None:
     cross = np.zeros((6, 6))
     cross[2, 4] = cross[4, 2] = 1.5
     cross[1, 5] = cross[5, 1] = -1.0
@@ -188,31 +193,31 @@ def test_symmetric_coupling_keeps_the_energy():
 
 
 @pytest.mark.parametrize("cross", [((0.0,) * 6,) * 5, tuple((9.0,) * 6 for _ in range(6))])
-def test_added_mass_that_cannot_be_is_refused(cross):
+def test_added_mass_that_cannot_be_is_refused(cross: tuple[Vec6, Vec6, Vec6, Vec6, Vec6] | tuple[Vec6, ...]) -> None:
     with pytest.raises(UsageError, match=r"added_mass_cross: wanted 6 rows"):
         Plant(replace(VEHICLE, hydrodynamics=replace(NO_DRAG, added_mass_cross=cross)))
 
 
-def test_energy_that_could_be_negative_is_refused():
+def test_energy_that_could_be_negative_is_refused() -> None:
     cross = np.zeros((6, 6))
     cross[2, 4] = 50.0
     with pytest.raises(UsageError, match="energy can be negative"):
         Plant(replace(VEHICLE, hydrodynamics=replace(NO_DRAG, added_mass_cross=tuple(map(tuple, cross.tolist())))))
 
 
-def test_a_vehicle_file_without_hydrodynamics_cannot_be_mocked():
+def test_a_vehicle_file_without_hydrodynamics_cannot_be_mocked() -> None:
     with pytest.raises(UsageError, match=r"hydrodynamics: missing"):
         Plant(replace(VEHICLE, hydrodynamics=None))
 
 
-def test_center_of_mass_ahead_lifts_the_bow_by_buoyancy():
+def test_center_of_mass_ahead_lifts_the_bow_by_buoyancy() -> None:
     ahead = deep(neutral(center_of_mass_m=(0.05, 0.0, 0.0)))
     ahead.step(DT)
     assert ahead.dq < 0.0  # heavy nose: nose down
     assert ahead.dw == pytest.approx(0.0, abs=1e-9)
 
 
-def test_it_floats_with_the_draft_that_carries_its_weight():
+def test_it_floats_with_the_draft_that_carries_its_weight() -> None:
     plant = Plant(VEHICLE)
     plant.place((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))
     run(plant, 60.0, 0.005)
@@ -220,7 +225,7 @@ def test_it_floats_with_the_draft_that_carries_its_weight():
     assert plant.z + height / 2 == pytest.approx(height * VEHICLE.weight_N / VEHICLE.buoyancy_N, abs=2e-3)
 
 
-def test_a_drifting_vehicle_ends_up_with_the_water():
+def test_a_drifting_vehicle_ends_up_with_the_water() -> None:
     plant = deep(neutral())
     plant.current_mps = (0.15, 0.05, 0.0)
     assert plant.velocity_over_ground == pytest.approx((0.0, 0.0, 0.0))
@@ -230,7 +235,7 @@ def test_a_drifting_vehicle_ends_up_with_the_water():
     assert turned[:2] == pytest.approx((0.15, 0.05), abs=0.03)
 
 
-def test_ground_covered_in_body_axes_is_the_way_over_ground():
+def test_ground_covered_in_body_axes_is_the_way_over_ground() -> None:
     plant = deep(neutral())
     plant.current_mps = (0.1, 0.0, 0.0)
     plant.drive([1600, 1600, 1500, 1500, 1500, 1500, 1500, 1500])
@@ -239,11 +244,11 @@ def test_ground_covered_in_body_axes_is_the_way_over_ground():
 
 
 @given(st.tuples(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1)))
-def test_euler_angles_and_quaternions_are_inverses(attitude):
+def test_euler_angles_and_quaternions_are_inverses(attitude: Vec3) -> None:
     assert euler(quaternion(attitude)) == pytest.approx(attitude, abs=1e-9)
 
 
-def test_turning_over_the_pole_keeps_the_attitude_finite():
+def test_turning_over_the_pole_keeps_the_attitude_finite() -> None:
     plant = deep(neutral(hydrodynamics=NO_DRAG, center_of_buoyancy_m=(0.0, 0.0, 0.0)), nu=(0, 0, 0, 0, 1.0, 0))
     run(plant, 2 * math.pi)
     assert sum(x * x for x in plant.quaternion) == pytest.approx(1.0)
@@ -254,23 +259,23 @@ CURVE = VEHICLE.curves["main"]
 
 
 @pytest.mark.parametrize(("pulse", "force"), [(1100, -15.528), (1300, -8.154), (1700, 8.154), (1900, 15.528)])
-def test_thrust_is_table_2_of_the_paper_and_its_mirror(pulse, force):
+def test_thrust_is_table_2_of_the_paper_and_its_mirror(pulse: int, force: float) -> None:
     # COB-2023-1394 Table 2, negative row: -15.5 N at 1100 us and -8.15 N at 1300 us.
     assert steady_force(CURVE, pulse, 14.8) == pytest.approx(force, abs=1e-3)
 
 
 @given(st.floats(1475.001, 1524.999))
-def test_the_dead_band_gives_nothing(pulse):
+def test_the_dead_band_gives_nothing(pulse: float) -> None:
     assert steady_force(CURVE, pulse, 14.8) == 0.0
 
 
-def test_beyond_the_ends_and_without_signal():
+def test_beyond_the_ends_and_without_signal() -> None:
     assert steady_force(CURVE, 1000, 14.8) == steady_force(CURVE, 1100, 14.8)
     assert thruster_force(VEHICLE, VEHICLE.thrusters[0], 0.0, 14.8) == 0.0
 
 
 @given(st.floats(1000, 2000))
-def test_a_reversed_thruster_is_the_mirror(pulse):
+def test_a_reversed_thruster_is_the_mirror(pulse: float) -> None:
     one = VEHICLE.thrusters[0]
     turned = replace(one, reversed=True)
     assert thruster_force(VEHICLE, turned, pulse, 14.8) == pytest.approx(
@@ -278,11 +283,11 @@ def test_a_reversed_thruster_is_the_mirror(pulse):
     )
 
 
-def test_thrust_goes_with_a_power_of_the_supply():
+def test_thrust_goes_with_a_power_of_the_supply() -> None:
     assert steady_force(replace(CURVE, supply_exponent=2.0), 1900, 7.4) == pytest.approx(15.528 / 4, abs=1e-3)
 
 
-def test_sign_pattern_of_the_paper():
+def test_sign_pattern_of_the_paper() -> None:
     rows = [wrench_per_newton(VEHICLE, one) for one in VEHICLE.thrusters]
     # COB-2023-1394: surge by T1 and T2, sway by T1 and T3, each free of yaw.
     assert rows[0][0] + rows[1][0] == pytest.approx(2 * math.cos(math.radians(55)))
@@ -292,7 +297,7 @@ def test_sign_pattern_of_the_paper():
     assert np.linalg.matrix_rank(np.array(rows)) == 6
 
 
-def test_thrust_lags_and_a_failed_thruster_fades():
+def test_thrust_lags_and_a_failed_thruster_fades() -> None:
     plant = deep(neutral())
     plant.drive([1700, 1700, 1500, 1500, 1500, 1500, 1500, 1500])
     full = 2 * math.cos(math.radians(55)) * 8.1543
@@ -304,7 +309,7 @@ def test_thrust_lags_and_a_failed_thruster_fades():
     assert plant.targets_N[0] == 0.0
 
 
-def test_thrusters_may_have_different_lags():
+def test_thrusters_may_have_different_lags() -> None:
     thrusters = (replace(VEHICLE.thrusters[0], lag_s=0.0), *VEHICLE.thrusters[1:])
     plant = deep(neutral(thrusters=thrusters))
     plant.drive([1700, 1700, 1500, 1500, 1500, 1500, 1500, 1500])

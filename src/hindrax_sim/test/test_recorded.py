@@ -8,11 +8,11 @@ import pytest
 import yaml
 
 from hindrax_bag.read.bag_reader import attachments, messages
-from hindrax_core.bus_operations import Read, Write, WriteRead
+from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Pressure
-from hindrax_core.vehicle import parse_vehicle
+from hindrax_core.vehicle import Vehicle, parse_vehicle
 from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.register_bus import wire_error
@@ -27,7 +27,7 @@ OTHER = Write(0x76, b"\x58")
 
 
 @pytest.fixture(scope="module")
-def vehicle():
+def vehicle() -> Vehicle:
     return parse_vehicle(yaml.safe_load(attachments(BAG)["vehicle.yaml"]), "vehicle.yaml")
 
 
@@ -45,52 +45,52 @@ def cycle(made: RecordedPart, at_ms: float) -> list[bytes]:
     return [made.answer(one, round((at_ms + 5 * step) * MS)) for step, one in enumerate(asked)]
 
 
-def test_a_host_in_step_gets_every_answer_once():
+def test_a_host_in_step_gets_every_answer_once() -> None:
     made = part()
     found = [answer for index in range(50) for answer in cycle(made, 20 * index + 4)]
     assert found == list(part().answers)
 
 
-def test_a_host_that_comes_late_goes_on_in_the_present_and_mixes_nothing_up():
+def test_a_host_that_comes_late_goes_on_in_the_present_and_mixes_nothing_up() -> None:
     made = part()
     cycle(made, 0.0)
     assert cycle(made, 400.0) == [b"", b"p20", b"", b"t20"]
     assert cycle(made, 421.0) == [b"", b"p21", b"", b"t21"]
 
 
-def test_a_small_lead_or_lag_skips_and_repeats_nothing():
+def test_a_small_lead_or_lag_skips_and_repeats_nothing() -> None:
     made = part()
     offsets = [0.0, 12.0, -9.0, 20.0, -15.0]
     found = [cycle(made, 20 * (index + 2) + off)[1] for index, off in enumerate(offsets)]
     assert found == [b"p%02d" % (index + 2) for index in range(5)]
 
 
-def test_nobody_answers_before_the_record_behind_it_or_to_what_was_never_asked():
+def test_nobody_answers_before_the_record_behind_it_or_to_what_was_never_asked() -> None:
     made = part()
     for asked, now in ((START, -1), (START, 60_000 * MS), (Read(0x76, 7), 5)):
         with pytest.raises(NackError):
             made.answer(asked, now)
 
 
-def test_a_line_says_its_bytes_when_their_time_has_come():
+def test_a_line_says_its_bytes_when_their_time_has_come() -> None:
     line = RecordedLine([(10, b"a"), (20, b"bc"), (21, b"d")])
     assert [line.read_until(stamp) for stamp in (5, 10, 20, 30, 40)] == [b"", b"a", b"bc", b"d", b""]
     assert line.receive(b"question", 1.0) == b""
 
 
-def test_without_wire_frames_there_is_no_hardware(vehicle):
+def test_without_wire_frames_there_is_no_hardware(vehicle: Vehicle) -> None:
     with pytest.raises(UsageError, match="holds no wire frames"):
         RecordedHardware(vehicle, {"thrusters": [(1, 1, pack_transaction(START))]})
 
 
-def test_the_real_driver_reads_the_recorded_part(vehicle):
+def test_the_real_driver_reads_the_recorded_part(vehicle: Vehicle) -> None:
     hardware = RecordedHardware(vehicle, frames_of(BAG))
     mount = vehicle.sensors["ms5837"]
     row = DEVICES[mount.device]
     schedule, now = BusSchedule(), hardware.stamp
     schedule.add("ms5837", row.make(row.knobs(), mount, vehicle), now)
 
-    def transfer(transaction):
+    def transfer(transaction: Transaction) -> bytes:
         try:
             return hardware.i2c.transfer(transaction, now)
         except OSError as error:

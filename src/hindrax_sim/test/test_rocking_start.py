@@ -1,5 +1,7 @@
 """A vehicle that rocks while it is switched on knows its attitude all the same, and how well, before it may arm."""
 
+from __future__ import annotations
+
 import math
 
 import pytest
@@ -16,7 +18,7 @@ PERIOD_S = 2.8
 
 
 class Idle:
-    def step(self, _navigation, _became, *, armed):
+    def step(self, _navigation: object, _became: object, *, armed: bool) -> LockstepCommand:
         del armed
         return LockstepCommand()
 
@@ -39,7 +41,7 @@ def tilt_error_deg(step: Lockstep, state: Navigation) -> float:
 
 @pytest.mark.parametrize("phase", [0.0, 0.2, 0.35, 0.5, 0.75])
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(3.0, 0.0), (0.0, 8.0), (10.0, 10.0)])
-def test_a_rocking_start_leaves_no_error(roll_deg, pitch_deg, phase):
+def test_a_rocking_start_leaves_no_error(roll_deg: float, pitch_deg: float, phase: float) -> None:
     step = rocking(roll_deg, pitch_deg, phase)
     heaves, errors = [], []
     for event in step.run(14.0):
@@ -50,7 +52,7 @@ def test_a_rocking_start_leaves_no_error(roll_deg, pitch_deg, phase):
     assert max(heaves) < 0.1
 
 
-def test_a_quiet_start_knows_its_offset_in_two_seconds():
+def test_a_quiet_start_knows_its_offset_in_two_seconds() -> None:
     step = rocking(0.0, 0.0, 0.0)
     errors = [tilt_error_deg(step, one.reading) for one in step.run(8.0) if isinstance(one.reading, Navigation)]
     assert step.elapsed_s > 7.9

@@ -1,13 +1,16 @@
 """The reading-level sensors against the truth that they are made from."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from hindrax_core.events import Stamp, stamp_from_s
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.sensor_models import QUIET, Noise, sensors
@@ -17,7 +20,9 @@ VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hin
 CALM = Conditions(thrust_noise=0.0)
 
 
-def moving(noise=QUIET, attitude=(0.0, 0.0, 0.3), seed=1):
+def moving(
+    noise: Noise = QUIET, attitude: Vec3 = (0.0, 0.0, 0.3), seed: int = 1
+) -> tuple[World, list[tuple[str, Stamped[Reading]]]]:
     """A world in motion and its sensors, half a second in, each asked at its period."""
     world = World(VEHICLE, seed, CALM)
     world.plant.place((0.0, 0.0, 0.9), attitude)
@@ -31,11 +36,11 @@ def moving(noise=QUIET, attitude=(0.0, 0.0, 0.3), seed=1):
     return world, said
 
 
-def of(kind, said):
+def of(kind: type[Reading], said: list[tuple[str, Stamped[Reading]]]) -> list[Any]:
     return [one for _, one in said if isinstance(one.reading, kind)]
 
 
-def test_every_sensor_of_the_vehicle_speaks_at_its_rate():
+def test_every_sensor_of_the_vehicle_speaks_at_its_rate() -> None:
     _, said = moving()
     counts = {kind: len(of(kind, said)) for kind in (Inertial, Magnetic, Pressure, Echo, BottomVelocity, BottomTrack)}
     assert counts[Inertial] == pytest.approx(0.5 * 225, abs=6)
@@ -47,7 +52,7 @@ def test_every_sensor_of_the_vehicle_speaks_at_its_rate():
     assert {source for source, _ in said} == set(VEHICLE.sensors)
 
 
-def test_without_noise_they_say_the_truth_to_their_last_digit():
+def test_without_noise_they_say_the_truth_to_their_last_digit() -> None:
     world, said = moving()
     last = of(Inertial, said)[-1]
     assert last.reading.rate_radps[2] == pytest.approx(world.plant.r, abs=0.01)
@@ -60,7 +65,7 @@ def test_without_noise_they_say_the_truth_to_their_last_digit():
     assert math.atan2(-y, x) == pytest.approx(world.attitude_rad[2], abs=0.02)
 
 
-def test_the_dvl_tells_the_mean_over_its_interval_stamped_in_the_middle():
+def test_the_dvl_tells_the_mean_over_its_interval_stamped_in_the_middle() -> None:
     world, said = moving()
     velocity = of(BottomVelocity, said)[-1]
     assert velocity.reading.interval_s == pytest.approx(0.05)
@@ -70,7 +75,7 @@ def test_the_dvl_tells_the_mean_over_its_interval_stamped_in_the_middle():
     assert velocity.reading.velocity_mps[0] / 0.02 == pytest.approx(round(velocity.reading.velocity_mps[0] / 0.02))
 
 
-def test_lock_is_lost_by_silence_and_by_tilt():
+def test_lock_is_lost_by_silence_and_by_tilt() -> None:
     world, _ = moving()
     dvl = next(one for one in sensors(world, QUIET, 1) if one.source == "dvl75")
     for tilt, silenced in ((0.0, True), (1.0, False)):
@@ -82,14 +87,14 @@ def test_lock_is_lost_by_silence_and_by_tilt():
         assert velocity.velocity_mps is None
 
 
-def test_beside_the_floor_there_is_no_echo():
+def test_beside_the_floor_there_is_no_echo() -> None:
     world, _ = moving()
     sonar = next(one for one in sensors(world, QUIET, 1) if one.source == "ping1d")
     world.plant.place((0.0, 0.0, 0.9), (2.0, 0.0, 0.0))
     assert sonar.sample(world) == ()
 
 
-def test_noise_has_the_spread_that_is_asked_for():
+def test_noise_has_the_spread_that_is_asked_for() -> None:
     world = World(VEHICLE, 1, CALM)
     noise = replace(QUIET, pressure_Pa=300.0)
     sensor = next(one for one in sensors(world, noise, 1) if one.source == "ms5837")
@@ -98,13 +103,13 @@ def test_noise_has_the_spread_that_is_asked_for():
     assert math.sqrt(sum(one * one for one in off) / len(off)) == pytest.approx(300.0, rel=0.05)
 
 
-def test_one_seed_one_story():
+def test_one_seed_one_story() -> None:
     stories = [[one for _, one in moving(Noise(), seed=seed)[1]] for seed in (3, 3, 4)]
     assert stories[0] == stories[1]
     assert stories[0] != stories[2]
 
 
-def test_draws_depend_on_name_and_seed_alone():
+def test_draws_depend_on_name_and_seed_alone() -> None:
     first, again, other = NormalDraws("a", 1), NormalDraws("a", 1), NormalDraws("b", 1)
     values = [first.normal() for _ in range(3000)]
     assert values == [again.normal() for _ in range(3000)]

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_sim.physics.quaternion import quaternion, rotate
 from hindrax_sim.world import Conditions, World
@@ -17,17 +20,17 @@ STOP = [1500.0] * 8
 angle = st.floats(-0.6, 0.6)
 
 
-def under_water(world: World, attitude=(0.0, 0.0, 0.0), nu=(0.0,) * 6) -> World:
+def under_water(world: World, attitude: Vec3 = (0.0, 0.0, 0.0), nu: Vec6 = (0.0,) * 6) -> World:
     world.plant.place((0.0, 0.0, 0.9), attitude)
     world.plant.u, world.plant.v, world.plant.w, world.plant.p, world.plant.q, world.plant.r = nu
     return world
 
 
-def mount(**changes) -> Mount:
+def mount(**changes: Vec3) -> Mount:
     return Mount("x", **changes)
 
 
-def test_it_starts_afloat_in_the_middle_and_stays():
+def test_it_starts_afloat_in_the_middle_and_stays() -> None:
     world = World(VEHICLE, conditions=CALM)
     world.advance(stamp_from_s(20.0))
     assert world.depth_m == pytest.approx(0.4 * VEHICLE.weight_N / VEHICLE.buoyancy_N - 0.2, abs=1e-3)
@@ -36,7 +39,7 @@ def test_it_starts_afloat_in_the_middle_and_stays():
     assert (world.box.wall_hits, world.box.floor_hits) == (0, 0)
 
 
-def test_time_is_met_exactly_and_never_runs_back():
+def test_time_is_met_exactly_and_never_runs_back() -> None:
     world = World(VEHICLE, conditions=CALM)
     world.advance(Stamp(1_234_567_891))
     assert world.stamp == 1_234_567_891
@@ -44,7 +47,7 @@ def test_time_is_met_exactly_and_never_runs_back():
     assert world.stamp == 1_234_567_891
 
 
-def test_the_same_seed_is_the_same_world():
+def test_the_same_seed_is_the_same_world() -> None:
     ends = []
     for seed in (1, 1, 2):
         world = World(VEHICLE, seed)
@@ -60,7 +63,7 @@ def test_the_same_seed_is_the_same_world():
     ([1200, 1200, 1500, 1500], "x", -5.0 + 0.295),
     ([1800, 1500, 1800, 1500], "y", 3.0 - 0.235),
 ])  # fmt: skip
-def test_walls_stop_it_and_are_counted_once(pulses, coordinate, limit):
+def test_walls_stop_it_and_are_counted_once(pulses: list[int], coordinate: str, limit: float) -> None:
     world = under_water(World(VEHICLE, conditions=CALM))
     vertical = [1500.0] * 4
     world.drive([*pulses, *vertical])
@@ -70,7 +73,7 @@ def test_walls_stop_it_and_are_counted_once(pulses, coordinate, limit):
     assert world.box.clearance_m(world.plant) == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_floor_stops_it_too():
+def test_the_floor_stops_it_too() -> None:
     world = under_water(World(replace(VEHICLE, mass_kg=16.0), conditions=CALM))
     world.advance(stamp_from_s(20.0))
     assert world.altitude_m == pytest.approx(0.2, abs=1e-3)
@@ -78,7 +81,7 @@ def test_the_floor_stops_it_too():
     assert world.box.wall_hits == 0
 
 
-def test_at_rest_the_specific_force_points_up_with_one_g():
+def test_at_rest_the_specific_force_points_up_with_one_g() -> None:
     world = World(VEHICLE, conditions=CALM)
     world.advance(stamp_from_s(1.0))
     force, rate = world.inertial(world.mounting(mount()))
@@ -90,7 +93,7 @@ def test_at_rest_the_specific_force_points_up_with_one_g():
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(angle, angle, angle), st.tuples(angle, angle, angle, angle, angle, angle))
-def test_inertial_truth_is_the_second_derivative_of_where_the_sensor_is(attitude, nu):
+def test_inertial_truth_is_the_second_derivative_of_where_the_sensor_is(attitude: Vec3, nu: tuple[float, ...]) -> None:
     world = under_water(World(VEHICLE, conditions=CALM), attitude, nu)
     world.plant.current_mps = (0.1, 0.05, 0.0)
     at = world.mounting(mount(position_m=(0.2, -0.1, 0.15), rotation_deg=(10.0, 20.0, 30.0)))
@@ -108,7 +111,7 @@ def test_inertial_truth_is_the_second_derivative_of_where_the_sensor_is(attitude
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(angle, angle, angle), st.tuples(angle, angle, angle, angle, angle, angle))
-def test_dvl_truths_agree_with_each_other(attitude, nu):
+def test_dvl_truths_agree_with_each_other(attitude: Vec3, nu: tuple[float, ...]) -> None:
     world = under_water(World(VEHICLE, conditions=CALM), attitude, nu)
     at = world.mounting(mount(position_m=(0.1, 0.05, 0.15), rotation_deg=(0.0, 0.0, 45.0)))
     world.advance(stamp_from_s(0.5))
@@ -118,7 +121,7 @@ def test_dvl_truths_agree_with_each_other(attitude, nu):
     assert [(b - a) / 0.002 for a, b in zip(before, after, strict=True)] == pytest.approx(velocity, abs=0.01)
 
 
-def test_pressure_and_ranges_see_the_position_of_the_sensor():
+def test_pressure_and_ranges_see_the_position_of_the_sensor() -> None:
     world = under_water(World(VEHICLE, conditions=CALM), (0.0, 0.3, 0.0))
     ahead = world.mounting(mount(position_m=(0.2, 0.0, 0.1)))
     deeper = -0.2 * math.sin(0.3) + 0.1 * math.cos(0.3)
@@ -133,12 +136,12 @@ def test_pressure_and_ranges_see_the_position_of_the_sensor():
     )
 
 
-def test_there_is_no_range_beside_the_floor():
+def test_there_is_no_range_beside_the_floor() -> None:
     world = under_water(World(VEHICLE, conditions=CALM), (1.5, 0.0, 0.0))
     assert world.range_m(world.mounting(mount())) is None
 
 
-def test_the_compass_shows_the_heading_until_the_motors_run():
+def test_the_compass_shows_the_heading_until_the_motors_run() -> None:
     world = under_water(World(VEHICLE, conditions=replace(CALM, heading_rad=0.7)), (0.0, 0.0, 0.5))
     at = world.mounting(mount())
     x, y, _ = world.magnetic_T(at)
@@ -149,7 +152,7 @@ def test_the_compass_shows_the_heading_until_the_motors_run():
     assert math.hypot(disturbed_x - x, disturbed_y - y) > 1e-6
 
 
-def test_thrust_sags_with_the_supply():
+def test_thrust_sags_with_the_supply() -> None:
     stiff, soft = (
         World(VEHICLE, conditions=CALM),
         World(VEHICLE, conditions=replace(CALM, sizes={"supply_resistance": 0.1})),
@@ -161,7 +164,7 @@ def test_thrust_sags_with_the_supply():
     assert abs(soft.plant.targets_N[0]) < 0.9 * abs(stiff.plant.targets_N[0])
 
 
-def test_thrusters_fail_by_name():
+def test_thrusters_fail_by_name() -> None:
     world = World(VEHICLE, conditions=CALM)
     world.drive([1700.0] * 8)
     world.fail_thruster("T3")
@@ -171,7 +174,7 @@ def test_thrusters_fail_by_name():
         world.fail_thruster("T9")
 
 
-def test_gusts_are_a_share_of_the_thrust():
+def test_gusts_are_a_share_of_the_thrust() -> None:
     world = under_water(World(VEHICLE, 3))
     world.drive([1700.0] * 8)
     seen = []
@@ -184,7 +187,7 @@ def test_gusts_are_a_share_of_the_thrust():
     assert spread == pytest.approx(0.02, rel=0.2)
 
 
-def test_mountings_turn_there_and_back():
+def test_mountings_turn_there_and_back() -> None:
     world = World(VEHICLE)
     at = world.mounting(mount(rotation_deg=(10.0, -20.0, 30.0)))
     assert at.into_body(at.into_sensor((1.0, 2.0, 3.0))) == pytest.approx((1.0, 2.0, 3.0))

@@ -6,6 +6,7 @@ import functools
 import math
 import operator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -35,7 +36,7 @@ def reading(line: str, kind: type) -> object:
 
 
 @pytest.mark.parametrize("case", named("velocities"))
-def test_position_deltas(case):
+def test_position_deltas(case: dict[str, Any]) -> None:
     found = reading(case["line"], BottomVelocity)
     assert (found.device_us, found.interval_s, found.confidence) == pytest.approx(
         (case["device_us"], case["interval_s"], case["confidence"])
@@ -48,7 +49,7 @@ def test_position_deltas(case):
 
 
 @pytest.mark.parametrize("case", named("tracks"))
-def test_extended_data(case):
+def test_extended_data(case: dict[str, Any]) -> None:
     found = reading(case["line"], BottomTrack)
     attitude = (found.roll_rad, found.pitch_rad, found.heading_rad)
     assert found.locked is case["locked"]
@@ -73,18 +74,18 @@ def test_a_place_of_nmea_0183() -> None:
 
 
 @pytest.mark.parametrize("case", named("refused"))
-def test_refused(case):
+def test_refused(case: dict[str, Any]) -> None:
     assert [one.reason for one in outputs(case["line"]) if isinstance(one, Rejected)] == [case["reason"]]
     assert not [one for one in outputs(case["line"]) if isinstance(one, Stamped)]
 
 
 @pytest.mark.parametrize("case", [*named("velocities"), *named("tracks")])
-def test_the_folded_checksum_is_the_plain_xor(case):
+def test_the_folded_checksum_is_the_plain_xor(case: dict[str, Any]) -> None:
     body, _, digits = case["line"][1:].encode().partition(b"*")
     assert checksum(body) == functools.reduce(operator.xor, body) == int(digits, 16)
 
 
-def test_configuration_names_the_device():
+def test_configuration_names_the_device() -> None:
     case = CASES["configuration"]
     plain = functools.reduce(operator.xor, case["line"][1:].encode())
     driver = Dvl75()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -23,18 +24,18 @@ def named(kind: str) -> list[object]:
 
 
 @pytest.mark.parametrize("case", named("host") + named("device"))
-def test_encoding(case):
+def test_encoding(case: dict[str, Any]) -> None:
     assert protocol.encode(case["message"], bytes.fromhex(case["payload"])) == bytes.fromhex(case["frame"])
 
 
 @pytest.mark.parametrize("case", named("device"))
-def test_decoding(case):
+def test_decoding(case: dict[str, Any]) -> None:
     wanted = protocol.Frame(case["message"], bytes.fromhex(case["payload"]))
     assert protocol.FrameSplitter().feed(bytes.fromhex(case["frame"])) == [wanted]
 
 
 @pytest.mark.parametrize("case", named("hostile"))
-def test_hostile_streams_swallow_nothing(case):
+def test_hostile_streams_swallow_nothing(case: dict[str, Any]) -> None:
     stream = bytes.fromhex(case["stream"].replace("F", FRAMES["distance_simple"].hex(" ")))
     pieces = protocol.FrameSplitter().feed(stream)
     assert [one.id for one in pieces if isinstance(one, protocol.Frame)] == [1211] * case["wanted"]
@@ -51,7 +52,7 @@ def running() -> tuple[Ping1d, list[object]]:
     return driver, outputs
 
 
-def test_the_identity():
+def test_the_identity() -> None:
     _, outputs = running()
     assert [one.text for one in outputs if isinstance(one, Identity)] == [
         CASES["readings"]["device_information"]["text"]
@@ -60,7 +61,7 @@ def test_the_identity():
 
 
 @pytest.mark.parametrize("name", ["distance_simple", "distance", "profile"])
-def test_readings(name):
+def test_readings(name: str) -> None:
     driver, _ = running()
     found = [one.reading for one in driver.feed(FRAMES[name], Stamp(10**9)) if isinstance(one, Stamped)]
     wanted = dict(CASES["readings"][name])
@@ -68,11 +69,3 @@ def test_readings(name):
     if "strength" in wanted:
         wanted["strength"] = bytes.fromhex(wanted["strength"])
     assert asdict(found[-1]) == pytest.approx(wanted)
-
-
-def test_supply_and_temperatures() -> None:
-    driver, _ = running()
-    wanted = dict(CASES["health"])
-    data = b"".join(FRAMES[name] for name in wanted.pop("frames"))
-    (found,) = [one.reading for one in driver.feed(data, Stamp(10**9)) if isinstance(one, Stamped)]
-    assert asdict(found) == pytest.approx(wanted)

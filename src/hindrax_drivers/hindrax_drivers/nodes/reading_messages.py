@@ -23,7 +23,6 @@ from hindrax_core.readings import (
     Magnetic,
     Position,
     Pressure,
-    SonarHealth,
 )
 from hindrax_core.topics import TOPICS, Topic
 from hindrax_core.vehicle import Vehicle
@@ -96,7 +95,7 @@ def _pressure(frame: str, _vehicle: Vehicle) -> Write:
 
 
 def _temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.temperature_C, frame)
+    return lambda one: convert.temperature_to_msg(one, frame)
 
 
 def _echo(frame: str, _vehicle: Vehicle) -> Write:
@@ -119,18 +118,6 @@ def _profile(frame: str, _vehicle: Vehicle) -> Write:
         return message
 
     return write
-
-
-def _supply(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.supply_to_msg(one.stamp, one.reading.supply_V, frame)
-
-
-def _processor_temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.processor_C, frame)
-
-
-def _board_temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.board_C, frame)
 
 
 def _velocity(frame: str, _vehicle: Vehicle) -> Write:
@@ -192,9 +179,6 @@ _MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     "temperature": ((Pressure,), _temperature),
     "range": ((Echo,), _echo),
     "profile": ((EchoProfile,), _profile),
-    "supply": ((SonarHealth,), _supply),
-    "processor_temperature": ((SonarHealth,), _processor_temperature),
-    "board_temperature": ((SonarHealth,), _board_temperature),
     "velocity": ((BottomVelocity,), _velocity),
     "attitude": ((BottomTrack,), _attitude),
     "altitude": ((BottomTrack, Echo), _altitude),

@@ -20,6 +20,7 @@ from concurrent.futures import TimeoutError as NoAnswerError
 from typing import Any
 
 from rclpy.node import Node
+from sensor_msgs.msg import BatteryState
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
@@ -34,7 +35,7 @@ from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import stamp_from_msg, supply_to_msg
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs, text
@@ -119,7 +120,7 @@ class ThrustersNode(DeviceNode):
         for output in () if self.finalized else outputs:
             reading = output.reading if isinstance(output, Stamped) else None
             if isinstance(reading, Battery) and isinstance(output, Stamped) and self._battery is not None:
-                self._battery.publish(supply_to_msg(output.stamp, reading.voltage_V, current_A=reading.current_A))
+                self._battery.publish(_battery(output.stamp, reading))
             elif not isinstance(reading, AppliedPulses):
                 super().deliver([output])
 
@@ -163,6 +164,12 @@ class ThrustersNode(DeviceNode):
     def _beat(self) -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, b"!")
+
+
+def _battery(stamp: Stamp, battery: Battery) -> BatteryState:
+    message = BatteryState(voltage=battery.voltage_V, current=-battery.current_A, present=True)
+    message.header.stamp = stamp_to_msg(stamp)
+    return message
 
 
 def watch_parent(life: int, node: ThrustersNode) -> None:
