@@ -8,7 +8,7 @@ from typing import Any
 from contract.serial_bench import Bench, world_s
 from register_rig import START, STEP_S, Rig
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
@@ -22,12 +22,10 @@ Truth = Callable[[float], Any]
 
 
 def mount_of(name: str) -> tuple[Vehicle, Mount]:
-    """Vehicle and mount of a sensor: a sensor that no vehicle carries cannot be tried."""
-    for file in sorted(default_vehicle().parent.glob("*.yaml")):
-        vehicle = load_vehicle(file)
-        if name in vehicle.sensors:
-            return vehicle, vehicle.sensors[name]
-    raise AssertionError(f"{name}: is in no vehicle file, wanted a block under sensors in {default_vehicle()}")
+    """Vehicle and mount of a sensor, which is on board or among the optional ones."""
+    on_board = load_vehicle(default_vehicle())
+    vehicle = on_board if name in on_board.sensors else hindrax_with(name)
+    return vehicle, vehicle.sensors[name]
 
 
 class Tapped:

@@ -1,11 +1,12 @@
 """What programs of others do on an I2C adapter, through the kernel: by smbus2, by plain calls, sleeping by the wall.
 
 Steps and waiting times are those of the data sheets: TE MS5837-30BA rev. C2 (conversions), TDK DS-000189 r1.3
-(bypass), NXP PCA9685 rev. 4 section 7.3.
+(bypass), NXP PCA9685 rev. 4 section 7.3, Bosch BST-BME280-DS002 section 5.3, TI SBOS547 tables 1 and 2.
 """
 
 import fcntl
 import os
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -14,9 +15,8 @@ from pathlib import Path
 import pytest
 from smbus2 import SMBus, i2c_msg
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import HindraxError
-from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.mock_vehicle import MockVehicle
 
 POSSIBLE = os.geteuid() == 0 and Path("/dev/fuse").exists()
@@ -30,7 +30,7 @@ def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MockVehic
     """The whole mock vehicle, stepped by a thread, with its bus as a file."""
     folder = tmp_path_factory.mktemp("mock")
     over = threading.Event()
-    with MockVehicle(load_vehicle(default_vehicle()), folder, seed=1, rate=1.0) as mock:
+    with MockVehicle(hindrax_with("bme280", "ina226"), folder, seed=1, rate=1.0) as mock:
         try:
             file = mock.offer_file(str(folder / "i2c-9"))
         except HindraxError as error:
@@ -111,3 +111,27 @@ def test_nobody_waits_for_a_program_of_others_as_for_a_control_loop(mocked: tupl
         bus.write_i2c_block_data(0x40, 0x06, [0, 0, 0x33, 1])
     assert mock.hardware.output.pulse_us(0) is not None
     assert mock.last_write is None, "time would nearly stand still between two of its writes"
+
+
+def test_the_barometer_is_measured_once_by_plain_calls(path: str) -> None:
+    with SMBus(path) as bus:
+        assert bus.read_byte_data(0x77, 0xD0) == 0x60
+        bus.write_byte_data(0x77, 0xF2, 0x01)
+        bus.write_byte_data(0x77, 0xF4, 0x25)
+        time.sleep(0.0093)
+        block = bus.read_i2c_block_data(0x77, 0xF3, 12)
+        assert block[0] & 0x08 == 0
+        first, second, third = struct.unpack("<H2h", bytes(bus.read_i2c_block_data(0x77, 0x88, 6)))
+        raw = int.from_bytes(bytes(block[7:10]), "big") >> 4
+        off = raw / 16384.0 - first / 1024.0
+        celsius = (off * second + (off / 8.0) ** 2 * third) / 5120.0
+        assert celsius == pytest.approx(30.0, abs=0.1)
+
+
+def test_the_supply_is_measured_as_the_data_sheet_does(path: str) -> None:
+    with SMBus(path) as bus:
+        assert bus.read_i2c_block_data(0x41, 0xFE, 2) == [0x54, 0x49]
+        assert bus.read_i2c_block_data(0x41, 0x00, 2) == [0x41, 0x27]
+        time.sleep(0.0025)
+        volts = int.from_bytes(bytes(bus.read_i2c_block_data(0x41, 0x02, 2)), "big") * 1.25e-3
+        assert volts == pytest.approx(14.8, abs=0.02)

@@ -34,13 +34,15 @@ SWEEP = [
 ]
 QUIET = {"bytewise", "merged", "unplug_replug"}
 """Faults the driver has nothing to say of: the time of arrival alone changes, or the owner of the port tells it."""
-FAULTS_OF_A_LINE = {
-    *("absent", "wrong_identity", "cut_frames", "bytewise", "merged", "garbage", "bit_flips", "baud_mismatch"),
-    *("unplug_replug", "reset", "saturated", "repeated"),
+EVERYWHERE = {"absent", "wrong_identity", "reset"}
+FAULTS_OF = {
+    "serial": EVERYWHERE
+    | {"cut_frames", "bytewise", "merged", "garbage", "bit_flips", "baud_mismatch", "unplug_replug"}
+    | {"saturated", "repeated"},
+    "i2c": EVERYWHERE | {"nack", "bus_stuck", "short_read", "bit_flips", "saturated", "repeated"},
+    "gpio": EVERYWHERE | {"nack"},
 }
-FAULTS_OF_A_BUS = {
-    *("absent", "wrong_identity", "nack", "bus_stuck", "short_read", "bit_flips", "reset", "saturated", "repeated"),
-}
+"""By wire. A line of a GPIO chip has one bit: it comes whole, has no scale, and is the same for years."""
 
 
 def kinds(plugged: Plugged, since_s: float, until_s: float) -> Counter[type]:
@@ -75,9 +77,7 @@ def test_golden_cases_are_there(name: str) -> None:
 
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: sensor.name)
 def test_every_fault_of_its_wire_falls_on_it(sensor: Sensor) -> None:
-    assert {fault for name, fault in SWEEP if name == sensor.name} >= (
-        FAULTS_OF_A_LINE if sensor.serial else FAULTS_OF_A_BUS
-    )
+    assert {fault for name, fault in SWEEP if name == sensor.name} >= FAULTS_OF[sensor.wire]
 
 
 @pytest.mark.parametrize("name", NAMES)

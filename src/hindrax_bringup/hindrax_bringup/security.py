@@ -24,6 +24,7 @@ from hindrax_core.topics import (
     HOLD_SETPOINT,
     HOLD_STATUS,
     JOYSTICK,
+    LEAK,
     LIGHTS,
     MANEUVER,
     MEASURED,
@@ -37,6 +38,7 @@ from hindrax_core.topics import (
     THRUSTER_HEALTH_ORDER,
     THRUSTER_STATE,
     TOPICS,
+    TOPICS_OF,
     TWIST,
     WRENCH,
     Topic,
@@ -84,7 +86,7 @@ class Role:
 
 
 def _sensor(name: str) -> Role:
-    own = (topic for key, topic in MEASURED.items() if key.startswith(f"{name}/"))
+    own = TOPICS_OF[name].values()
     dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in MEASURED else ()
     profile = (f"{name}/request_profile",) if f"{name}/profile" in MEASURED else ()
     return Role(name, "sensors", publishes=(*own, _raw(name), DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
@@ -122,7 +124,7 @@ ROLES: tuple[Role, ...] = (
         publishes=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
         subscribes=(
             *(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
-            *(ODOMETRY, ALTITUDE, ALLOCATION),
+            *(ODOMETRY, ALTITUDE, ALLOCATION, LEAK),
         ),
         executes=(FLY,),
     ),
@@ -205,7 +207,7 @@ def policies() -> str:
             if path(role.enclave) == enclave:
                 _profile(profiles, role)
     ET.indent(document)
-    head = "<!-- Made by `python -m hindrax_bringup.security` from the roles in it; a test compares. -->"
+    head = "<!-- Made by `./hindrax reference` from the roles of hindrax_bringup.security; a test compares. -->"
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}\n{ET.tostring(document, encoding="unicode")}\n'
 
 
@@ -231,7 +233,3 @@ def _allow(profile: ET.Element, kind: str, verb: str, names: list[str]) -> None:
         group = ET.SubElement(profile, f"{kind}s", {verb: "ALLOW"})
         for name in dict.fromkeys(names):
             ET.SubElement(group, kind).text = name
-
-
-if __name__ == "__main__":
-    (share_folder("security") / "policies.xml").write_text(policies(), encoding="utf-8")

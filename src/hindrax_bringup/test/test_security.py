@@ -115,7 +115,7 @@ def test_every_process_has_an_enclave_with_every_node_of_it() -> None:
 
 def test_the_policies_are_up_to_date() -> None:
     written = (share_folder("security") / "policies.xml").read_text(encoding="utf-8")
-    assert written == policies(), "run: python -m hindrax_bringup.security"
+    assert written == policies(), "run: ./hindrax reference --write"
 
 
 def test_the_policies_allow_by_full_name_and_deny_nothing() -> None:

@@ -83,6 +83,8 @@ class Pilot:
         self._disabled: frozenset[str] = frozenset()
         self._refused: dict[str, tuple[Stamp, str]] = {}
         self._stamp = Stamp(0)
+        self.water_in_hull = False
+        """As a leak sensor has it: no maneuver begins or goes on. Holds do, and nothing disarms: it has to come up."""
 
     # ---- events
 
@@ -214,7 +216,9 @@ class Pilot:
             self._pool = PoolBounds(self._vehicle, navigation.attitude_rad[2], self._knobs.pool_bounds)
         place = self._pool.place(navigation) if self._pool else None
         walls_m = self._pool.walls_m(place) if self._pool and place else {}
-        self._guards = self._maneuver_guards.step(Situation(navigation, place, walls_m, to_s(stamp), battery_V))
+        self._guards = self._maneuver_guards.step(
+            Situation(navigation, place, walls_m, to_s(stamp), battery_V, self.water_in_hull)
+        )
         if self._armed and not armed:
             self._keeping_station = False
             self._operator_wrench = None
@@ -231,6 +235,8 @@ class Pilot:
         if maneuver is None:
             return None, ZERO6
         if not maneuver.done:
+            if self.water_in_hull:
+                maneuver.cancel(next(found for found in self._guards if found.startswith("leak")))
             output = maneuver.step(navigation, stamp, shortfall=shortfall, lost_axes=lost, battery_V=battery_V)
             for setpoint in output.setpoints:
                 self._holds.set(setpoint)

@@ -9,7 +9,9 @@ import pytest
 from ideal_vehicle import IdealVehicle
 
 from hindrax_control.hold.holds import Setpoint
+from hindrax_control.maneuver.maneuver import Goal
 from hindrax_control.pilot import REFUSAL_S, Pilot, PilotOutput
+from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
 
 
@@ -79,3 +81,19 @@ def test_a_wrench_by_hand_that_is_refused_is_shown_for_a_while(hovering: Hoverin
     hovering.pilot.set_operator_wrench((5.0,) * 6, "map", stamp, stamp)
     assert hovering.fly(armed=False).refused.startswith("wrench: found frame 'map'")
     assert hovering.fly(seconds=REFUSAL_S + 0.1).refused == ""
+
+
+def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds(hovering: Hovering) -> None:
+    hovering.fly()
+    maneuver = hovering.pilot.fly(Goal(("surge",)))
+    hovering.fly()
+    hovering.pilot.water_in_hull = True
+    hovering.fly()
+    assert hovering.pilot.flying, "it brakes, and holds where it is"
+    assert maneuver.last is not None
+    while not maneuver.done:
+        hovering.fly()
+    assert maneuver.last.aborted.startswith("leak: found water in the hull")
+    with pytest.raises(HindraxError, match=r"leak: .*surface, disarm and open the hull"):
+        hovering.pilot.fly(Goal(("surge",)))
+    assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""

@@ -36,6 +36,22 @@ class Pressure:
 
 
 @dataclass(frozen=True, slots=True)
+class Air:
+    """Air in a dry hull: absolute pressure, temperature and relative humidity (0 to 1; NaN where not measured)."""
+
+    pressure_Pa: float
+    temperature_C: float
+    humidity: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Leak:
+    """Whether the probe of a leak sensor is wet."""
+
+    wet: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Echo:
     """Distance to the strongest echo along the beam, and the instrument's own confidence in it (0 to 1)."""
 
@@ -155,6 +171,8 @@ Reading: TypeAlias = (
     Inertial
     | Magnetic
     | Pressure
+    | Air
+    | Leak
     | Echo
     | EchoProfile
     | BottomVelocity

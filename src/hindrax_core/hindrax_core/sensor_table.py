@@ -9,29 +9,48 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Wire: TypeAlias = Literal["serial", "i2c", "gpio"]
+SHARED = ("battery", "leak")
+"""Quantities of the vehicle as a whole: their topics have no name of a sensor, and one sensor measures them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One row: name, wire (a serial line, or else I2C), what it publishes and how often [Hz], meaning.
+    """One row: name, wire, what it publishes and how often [Hz], meaning.
 
     `publishes` has the quantities of `hindrax_core.topics.QUANTITIES`; a rate of 0 is: now and then.
     """
 
     name: str
-    serial: bool
+    wire: Wire
     publishes: Mapping[str, float]
     meaning: str
+
+    @property
+    def serial(self) -> bool:
+        """Whether it is on a serial line; all others are on a register bus."""
+        return self.wire == "serial"
 
 
 SENSORS: tuple[Sensor, ...] = (
     Sensor(
         "dvl75",
-        serial=True,
+        "serial",
         publishes={"velocity": 20, "attitude": 20, "detail": 20, "altitude": 20, "position": 20},
         meaning="Cerulean DVL-75",
     ),
-    Sensor("ping1d", serial=True, publishes={"range": 20, "profile": 0}, meaning="Blue Robotics Ping"),
-    Sensor("icm20948", serial=False, publishes={"data_raw": 225, "mag": 25}, meaning="TDK ICM-20948 with AK09916"),
-    Sensor("ms5837", serial=False, publishes={"pressure": 50, "temperature": 5}, meaning="TE MS5837 (Bar30, Bar02)"),
+    Sensor("ping1d", "serial", publishes={"range": 20, "profile": 0}, meaning="Blue Robotics Ping"),
+    Sensor("icm20948", "i2c", publishes={"data_raw": 225, "mag": 25}, meaning="TDK ICM-20948 with AK09916"),
+    Sensor("ms5837", "i2c", publishes={"pressure": 50, "temperature": 5}, meaning="TE MS5837 (Bar30, Bar02)"),
+    Sensor(
+        "bme280",
+        "i2c",
+        publishes={"pressure": 5, "temperature": 5, "humidity": 5},
+        meaning="Bosch BME280 or BMP280, air in the hull",
+    ),
+    Sensor("ina226", "i2c", publishes={"battery": 10}, meaning="TI INA226, supply voltage and current"),
+    Sensor("ads1115", "i2c", publishes={"battery": 10}, meaning="TI ADS1115 behind a power sense module"),
+    Sensor("sos_leak", "gpio", publishes={"leak": 10}, meaning="Blue Robotics SOS or any leak probe on a GPIO"),
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hindrax_core.sensor_table import SENSORS, Sensor
+from hindrax_core.sensor_table import SENSORS, SHARED, Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,26 +54,35 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "data_raw": ("sensor_msgs/msg/Imu", "specific force and angular rate"),
     "mag": ("sensor_msgs/msg/MagneticField", "magnetic field"),
     "pressure": ("sensor_msgs/msg/FluidPressure", "absolute pressure"),
-    "temperature": ("sensor_msgs/msg/Temperature", "water temperature"),
+    "temperature": ("sensor_msgs/msg/Temperature", "temperature at the sensor"),
+    "humidity": ("sensor_msgs/msg/RelativeHumidity", "relative humidity, 0 to 1"),
+    "battery": ("sensor_msgs/msg/BatteryState", "supply voltage and current, when measured"),
+    "leak": ("std_msgs/msg/Bool", "whether there is water in a dry hull, when measured"),
 }
-"""What a sensor can publish under its name: type and meaning."""
+"""What a sensor can publish: type and meaning."""
 
 
-def _measured(sensor: Sensor) -> dict[str, Topic]:
-    rows = ((quantity, rate, *QUANTITIES[quantity]) for quantity, rate in sensor.publishes.items())
-    made = (Topic(f"{sensor.name}/{one}", kind, SENSOR, rate, True, meaning) for one, rate, kind, meaning in rows)
-    return {topic.name: topic for topic in made}
+def _topic(sensor: Sensor, quantity: str, rate_Hz: float) -> Topic:
+    kind, meaning = QUANTITIES[quantity]
+    if quantity in SHARED:
+        return Topic(quantity, kind, STATE, 1, True, meaning)
+    return Topic(f"{sensor.name}/{quantity}", kind, SENSOR, rate_Hz, True, meaning)
 
 
-MEASURED: Mapping[str, Topic] = {name: topic for sensor in SENSORS for name, topic in _measured(sensor).items()}
-"""Topics of the sensors by name, in the order of their table."""
+TOPICS_OF: Mapping[str, Mapping[str, Topic]] = {
+    sensor.name: {quantity: _topic(sensor, quantity, rate_Hz) for quantity, rate_Hz in sensor.publishes.items()}
+    for sensor in SENSORS
+}
+"""Topics by sensor and quantity, in the order of the table."""
+MEASURED: Mapping[str, Topic] = {topic.name: topic for of in TOPICS_OF.values() for topic in of.values()}
+"""Topics of the sensors by name."""
 
 DVL_VELOCITY, DVL_ATTITUDE = MEASURED["dvl75/velocity"], MEASURED["dvl75/attitude"]
 DVL_DETAIL, DVL_ALTITUDE = MEASURED["dvl75/detail"], MEASURED["dvl75/altitude"]
 IMU, MAGNETIC = MEASURED["icm20948/data_raw"], MEASURED["icm20948/mag"]
 PRESSURE, WATER_TEMPERATURE = MEASURED["ms5837/pressure"], MEASURED["ms5837/temperature"]
 ALTITUDE, PING_PROFILE = MEASURED["ping1d/range"], MEASURED["ping1d/profile"]
-BATTERY = Topic("battery", "sensor_msgs/msg/BatteryState", STATE, 1, True, "supply voltage, when measured")
+BATTERY, LEAK = MEASURED["battery"], MEASURED["leak"]
 ODOMETRY = Topic(
     "navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, True, "pose and twist, REP-105; of one publisher"
 )
@@ -125,7 +134,6 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE
 
 TOPICS: tuple[Topic, ...] = (
     *MEASURED.values(),
-    BATTERY,
     ODOMETRY,
     NAVIGATION,
     HOLD_SETPOINT,

@@ -17,7 +17,7 @@ from hindrax_core.curve_branches import Curve, problems_of
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.sensor_table import SENSORS
+from hindrax_core.sensor_table import SENSORS, SHARED
 
 GRAVITY_mps2 = 9.80665
 
@@ -104,8 +104,10 @@ class Mount:
     """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor."""
 
     device: str = fact(meaning="kind of sensor, a name of the table of sensors")
-    port: str = knob("", meaning="where it is plugged in, such as /dev/i2c-1, or udp://0.0.0.0:27000 (a DVL)")
-    address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default [-]")
+    port: str = knob(
+        "", meaning="where it is plugged in, such as /dev/i2c-1, udp://0.0.0.0:27000 (a DVL), gpio:pinctrl-bcm2711"
+    )
+    address: int = knob(0, 0, 127, "I2C address, 0 for the device's own default; or line of a GPIO chip [-]")
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")
     calibration: Mapping[str, tuple[float, ...]] = block(dict, "as its calibration command writes it")
@@ -166,6 +168,10 @@ class Vehicle:
                 raise ValueError(f"curves.{name}: {'; '.join(problems)}")
         for name, mount in self.sensors.items():
             _check_sensor(name, mount.device)
+        for quantity in SHARED:
+            sources = self.sources_of(quantity)
+            if len(sources) > 1:
+                raise ValueError(f"sensors: {' and '.join(sources)} both measure the {quantity}, wanted one of them")
         names = [thruster.name for thruster in self.thrusters]
         for name in names:
             if names.count(name) > 1:
@@ -174,6 +180,10 @@ class Vehicle:
             if thruster.curve not in self.curves:
                 known = ", ".join(self.curves) or "none"
                 raise ValueError(f"thrusters[{index}].curve: found {thruster.curve!r}, wanted one of curves ({known})")
+
+    def sources_of(self, quantity: str) -> list[str]:
+        """Names of the sensors on board that publish a quantity."""
+        return [sensor.name for sensor in SENSORS if sensor.name in self.sensors and quantity in sensor.publishes]
 
     @property
     def weight_N(self) -> float:

@@ -114,3 +114,10 @@ def test_binary_is_named(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UsageError, match="cannot be read"):
         load_vehicle(broken)
+
+
+def test_one_sensor_measures_the_battery() -> None:
+    both = {name: {"device": name, "port": "/dev/i2c-1"} for name in ("ina226", "ads1115")}
+    with pytest.raises(UsageError, match="sensors: ina226 and ads1115 both measure the battery, wanted one of them"):
+        parse_vehicle(data() | {"sensors": both}, "here")
+    assert parse_vehicle(data() | {"sensors": {"ina226": both["ina226"]}}, "here").sources_of("battery") == ["ina226"]

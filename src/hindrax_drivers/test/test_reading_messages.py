@@ -1,14 +1,17 @@
 """What readings become that only some devices of a kind give, and what is published of them."""
 
+import math
+from typing import Any
+
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Position
+from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Echo, Leak, Position, Reading
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
@@ -40,6 +43,26 @@ def test_every_topic_has_a_name_that_messages_come_under() -> None:
     assert said == {topic.name for topic in made.topics}
     assert made.accepts(BottomVelocity)
     assert not made.accepts(str)
+
+
+def messages_of(device: str, reading: Reading) -> dict[str, Any]:
+    return dict(ReadingMessages(device, hindrax_with(device)).of(Stamped(Stamp(0), reading)))
+
+
+def test_the_battery_is_that_of_the_vehicle_and_discharges_below_zero() -> None:
+    told = messages_of("ina226", Battery(14.8, 12.5))
+    assert list(told) == ["battery"], "the topic that the allocator listens to"
+    assert told["battery"].voltage == pytest.approx(14.8)
+    assert told["battery"].current == -12.5
+    assert math.isnan(told["battery"].percentage)
+
+
+def test_the_air_in_the_hull_and_a_leak() -> None:
+    told = messages_of("bme280", Air(101_325.0, 30.0, 0.4))
+    assert list(told) == ["bme280/pressure", "bme280/temperature", "bme280/humidity"]
+    assert told["bme280/humidity"].relative_humidity == 0.4
+    assert "bme280/humidity" not in messages_of("bme280", Air(101_325.0, 30.0))
+    assert messages_of("sos_leak", Leak(wet=True))["leak"].data
 
 
 def test_of_many_messages_one_in_so_many_is_published() -> None:

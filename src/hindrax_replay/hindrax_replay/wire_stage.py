@@ -10,7 +10,7 @@ from hindrax_bag.message_comparison import ComparisonReport, flat
 from hindrax_bag.read.bag_reader import BagMessage
 from hindrax_bag.read.header_stamp import stamp_of
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import MEASURED, RAW_FRAMES, resolved
+from hindrax_core.topics import LEAK, MEASURED, RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, ReplayedDevice
 from hindrax_ros.graph import message_class
@@ -26,7 +26,8 @@ LOOK_AHEAD_S = 2.0
 """Within this part of a bag every recorded wire has carried frames."""
 SAMPLE_NS = NS_PER_S
 """Distance of the samples of a reference."""
-COMPARED = frozenset(map(resolved, MEASURED.values()))
+COMPARED = frozenset(resolved(topic) for topic in MEASURED.values() if topic is not LEAK)
+"""A leak has no stamp by which it could be found again."""
 RAW_NAMES = {resolved(topic): topic.name.partition("/")[2] for topic in RAW_FRAMES}
 AS_RECORDED, NOT_YET = b"", None
 Samples = dict[str, dict[str, Any]]

@@ -20,10 +20,32 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion as QuaternionMsg
 from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, WrenchStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import FluidPressure, Imu, MagneticField, NavSatFix, NavSatStatus, Range, Temperature
+from sensor_msgs.msg import (
+    BatteryState,
+    FluidPressure,
+    Imu,
+    MagneticField,
+    NavSatFix,
+    NavSatStatus,
+    Range,
+    RelativeHumidity,
+    Temperature,
+)
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure, Vec3, Vec6
+from hindrax_core.readings import (
+    Air,
+    Battery,
+    BottomTrack,
+    BottomVelocity,
+    Echo,
+    Inertial,
+    Magnetic,
+    Position,
+    Pressure,
+    Vec3,
+    Vec6,
+)
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
 
@@ -93,7 +115,7 @@ def magnetic_from_msg(message: MagneticField) -> Stamped[Magnetic]:
     return Stamped(stamp_from_msg(message.header.stamp), Magnetic(_plain(message.magnetic_field)))
 
 
-def pressure_to_msg(stamped: Stamped[Pressure], frame: str, sigma_Pa: float) -> FluidPressure:
+def pressure_to_msg(stamped: Stamped[Pressure | Air], frame: str, sigma_Pa: float) -> FluidPressure:
     """Absolute pressure."""
     message = FluidPressure(fluid_pressure=stamped.reading.pressure_Pa, variance=sigma_Pa * sigma_Pa)
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
@@ -105,8 +127,8 @@ def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
     return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
 
 
-def temperature_to_msg(stamped: Stamped[Pressure], frame: str) -> Temperature:
-    """Water temperature at the pressure sensor."""
+def temperature_to_msg(stamped: Stamped[Pressure | Air], frame: str) -> Temperature:
+    """Temperature at the pressure sensor: of water, or of air."""
     message = Temperature(temperature=stamped.reading.temperature_C, variance=0.0)
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
     return message
@@ -119,6 +141,24 @@ def position_to_msg(stamped: Stamped[Position], frame: str) -> NavSatFix:
     message.status.status = NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
     message.status.service = NavSatStatus.SERVICE_GPS
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def humidity_to_msg(stamped: Stamped[Air], frame: str, sigma: float) -> RelativeHumidity | None:
+    """Relative humidity, 0 to 1; None where the part measures none."""
+    if math.isnan(stamped.reading.humidity):
+        return None
+    message = RelativeHumidity(relative_humidity=stamped.reading.humidity, variance=sigma * sigma)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    return message
+
+
+def battery_to_msg(stamped: Stamped[Battery]) -> BatteryState:
+    """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
+    unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity", "percentage"), math.nan)
+    found = stamped.reading
+    message = BatteryState(voltage=found.voltage_V, current=-found.current_A, present=True, **unknown)
+    message.header.stamp = stamp_to_msg(stamped.stamp)
     return message
 
 

@@ -28,6 +28,8 @@ class NodeDiagnostics:
     last_reading: Stamp | None = None
     last_report: Stamp | None = None
     note: str = ""
+    alarm: str = ""
+    """What a device found that the operator must act on, while the device itself is well."""
     withheld: str = ""
     """Why an operator has it publish nothing; empty when he has not."""
 
@@ -70,6 +72,8 @@ class NodeDiagnostics:
             return DiagnosticStatus.ERROR, self.trouble or "has not answered yet"
         if age > stale_s:
             return DiagnosticStatus.ERROR, f"no reading for {age:.1f} s; {self.trouble or 'line is silent'}"
+        if self.alarm:
+            return DiagnosticStatus.ERROR, self.alarm
         return DiagnosticStatus.OK, self.note or "measuring"
 
 

@@ -72,6 +72,8 @@ class World:
         self.stamp = Stamp(0)
         self.dvl_silenced = False
         """Fault: the DVL finds no bottom."""
+        self.water_in_hull = False
+        """Fault: the dry hull leaks."""
         self._draws = NormalDraws("world", seed)
         self._motor_fields = [self._direction() for _ in vehicle.thrusters]
         self._failed: dict[str, float] = {}
@@ -157,6 +159,11 @@ class World:
     def altitude_m(self) -> float:
         """Height of the body origin above the floor."""
         return self.vehicle.pool.depth_m - self.depth_m
+
+    @property
+    def supply_A(self) -> float:
+        """Current that all thrusters draw."""
+        return sum(map(thruster_A, self.plant.targets_N))
 
     def point_m(self, lever_m: Vec3) -> Vec3:
         """Position of a point of the vehicle in the pool [m]."""

@@ -26,9 +26,10 @@ def stale(folder: Path) -> list[str]:
 def write(folder: Path) -> list[str]:
     """Write the pages that are stale; returns their names."""
     folder.mkdir(parents=True, exist_ok=True)
-    changed = stale(folder)
+    made = {name: page() for name, page in PAGES.items()}
+    changed = [name for name, text in made.items() if _text(folder / name) != text]
     for name in changed:
-        (folder / name).write_text(PAGES[name](), encoding="utf-8")
+        (folder / name).write_text(made[name], encoding="utf-8")
     return changed
 
 

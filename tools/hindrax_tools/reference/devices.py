@@ -6,11 +6,11 @@ import inspect
 from collections.abc import Mapping
 from importlib import import_module
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, hindrax_with, optional_sensors
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import after
 from hindrax_core.sensor_table import SENSORS, Sensor
-from hindrax_core.topics import MEASURED
+from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import Output, Vehicle, load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.faults.fault_registry import FAULTS, FaultKind
@@ -27,12 +27,14 @@ Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with t
 OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
 `output` in the vehicle file. Both report under `thrusters`."""
 LISTEN_S = 4.0
+WIRES = {"serial": "serial line", "i2c": "I2C", "gpio": "GPIO line"}
 
 
 def page() -> str:
     """Return the page."""
-    vehicle = load_vehicle(default_vehicle())
-    who = identities(vehicle)
+    who = identities(load_vehicle(default_vehicle()))
+    for name in optional_sensors():
+        who |= identities(hindrax_with(name))
     sensors = "".join(_sensor(one, who.get(one.name, "")) for one in SENSORS)
     return f"{head('Devices', ABOUT)}{sensors}{_outputs()}{_faults()}"
 
@@ -48,9 +50,9 @@ def identities(vehicle: Vehicle) -> dict[str, str]:
 
 def _sensor(sensor: Sensor, identity: str) -> str:
     row = DEVICES[sensor.name]
-    topics = [MEASURED[f"{sensor.name}/{quantity}"] for quantity in sensor.publishes]
+    topics = TOPICS_OF[sensor.name].values()
     facts = {
-        "wire": "serial line" if sensor.serial else "I2C",
+        "wire": WIRES[sensor.wire],
         "identity": code(identity),
         "driver": _about(f"hindrax_drivers.devices.{sensor.name}"),
         "emulator": _about(f"hindrax_sim.devices.{sensor.name}"),

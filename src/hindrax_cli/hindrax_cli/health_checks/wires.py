@@ -19,6 +19,7 @@ from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
+from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
 from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import DEVICES
@@ -40,7 +41,12 @@ def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
     """Every port once: whether it is there, what it is, and whether this user may open it."""
     wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
     wanted.append(instead.get("thrusters", vehicle.output.port))
-    return [address(path) if path.startswith(UDP_PREFIX) else port(path) for path in dict.fromkeys(wanted)]
+    return [_of_kind(path)(path) for path in dict.fromkeys(wanted)]
+
+
+def _of_kind(path: str) -> Callable[[str], Check]:
+    """Check of a port by its prefix."""
+    return address if path.startswith(UDP_PREFIX) else chip if path.startswith(GPIO_PREFIX) else port
 
 
 def require_ports(vehicle: Vehicle, file: str) -> None:
@@ -57,6 +63,14 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
 def address(path: str) -> Check:
     """An address of the network, which is there or not when it is listened at."""
     return good(path, "an address to listen at; whether anybody speaks is seen below")
+
+
+def chip(path: str) -> Check:
+    """A GPIO chip, found by label or name."""
+    try:
+        return good(path, f"there, it is {find_chip(path.removeprefix(GPIO_PREFIX))}")
+    except DeviceError as error:
+        return bad(path, ABSENT if "found the chips" in str(error) else str(error), f"{error}")
 
 
 def port(path: str) -> Check:
@@ -110,7 +124,7 @@ def devices(vehicle: Vehicle, instead: Ports, clock: str) -> list[Check]:
 
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
     """Ask a device; an error becomes a failed check."""
-    if not where.startswith(UDP_PREFIX) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
+    if not where.startswith((UDP_PREFIX, GPIO_PREFIX)) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
         return bad(name, f"not asked: {where} is not there", f"see {where}")
     try:
         return good(name, f"{ask()} at {where}")

@@ -25,6 +25,7 @@ REMEDIES: Mapping[str, str] = {
     "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
     "altitude_band": "let it rise (`./hindrax hold altitude`)",
     "battery": "charge the battery",
+    "leak": "surface, disarm and open the hull",
     "time_out": "look for what held it back (a current, a cable, a weak thruster) and fly it again",
     "thrusters": "mend them and `./hindrax thruster enable` them, or fly other motions",
     "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
@@ -61,6 +62,7 @@ class Situation:
     time_s: float
     battery_V: float = NAN
     """NaN where there is no battery sensor."""
+    water_in_hull: bool = False
     deadline_s: float = math.inf
     """Time at which the maneuver should long be over."""
     lost_axes: tuple[str, ...] = ()
@@ -85,6 +87,7 @@ class ManeuverGuards:
             "depth_band": self._depth_band(situation.navigation),
             "altitude_band": self._altitude_band(situation.navigation),
             "battery": self._battery(situation.battery_V),
+            "leak": "found water in the hull, wanted it dry" if situation.water_in_hull else "",
             "time_out": self._time_out(situation),
             "thrusters": self._thrusters(situation),
         }

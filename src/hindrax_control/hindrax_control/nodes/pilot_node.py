@@ -39,6 +39,7 @@ from hindrax_core.topics import (
     ESTIMATE,
     HOLD_SETPOINT,
     HOLD_STATUS,
+    LEAK,
     MANEUVER,
     ODOMETRY,
     OPERATOR_WRENCH,
@@ -126,6 +127,7 @@ class PilotNode(BatchedNode):
         subscription(self, OPERATOR_WRENCH, self._on_operator_wrench)
         subscription(self, ESTIMATE, self._on_estimate)
         subscription(self, ALLOCATION, self._on_allocation_message)
+        subscription(self, LEAK, lambda message: setattr(self._pilot, "water_in_hull", bool(message.data)))
         self.lead = subscription(self, ODOMETRY, self._on_odometry, queue=ODOMETRY.quality.depth)
         self._server = ActionServer(
             self,

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, SystemClock
+from hindrax_drivers.buses.gpio import GPIO_PREFIX, GpioBus
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.buses.mock_bus import VirtualBus, VirtualClock
 from hindrax_drivers.buses.register_bus import RegisterBus
 
 
 def open_bus(port: str, name: str = "") -> RegisterBus:
-    """Open "/dev/i2c-1" (Linux) or "mock:/path/to/socket" (mock hardware, always asked for by name).
+    """Open "/dev/i2c-1" (Linux), "gpio:CHIP" or "mock:/path/to/socket" (mock hardware, always asked for by name).
 
     DeviceError says what is missing and the remedy.
     """
     if port.startswith(MOCK_PREFIX):
         return VirtualBus(port.removeprefix(MOCK_PREFIX), name)
+    if port.startswith(GPIO_PREFIX):
+        return GpioBus(port.removeprefix(GPIO_PREFIX))
     return Smbus2Bus(port)
 
 

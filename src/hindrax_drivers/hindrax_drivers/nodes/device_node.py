@@ -17,7 +17,7 @@ from rclpy.service import Service
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
-from hindrax_core.readings import DeviceText, Inertial
+from hindrax_core.readings import DeviceText, Inertial, Leak
 from hindrax_core.topics import WATER_TEMPERATURE, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.lifecycle import State, Transition, next_transition, requested, why_not_active
@@ -31,6 +31,8 @@ from hindrax_ros.raw_frames import RECEIVED, SENT, FrameTap
 LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
 STALE_S = 1.0
+WET = "water in the hull: surface, and open it; nothing is switched off by itself"
+WAS_WET = "there was water in the hull, and the probe is dry again: surface, and open it"
 TEMPERATURE_EVERY = 10
 """Every pressure comes with a temperature; one in this many temperatures is published."""
 
@@ -95,12 +97,21 @@ class DeviceNode(BatchedNode, LifecycleNode):
 
     def _reading(self, stamped: Stamped[Any]) -> None:
         self.health.reading(stamped.stamp)
+        if isinstance(stamped.reading, Leak):
+            self._leak(wet=stamped.reading.wet)
         if not self._active:
             return
         if isinstance(stamped.reading, DeviceText):
             self.get_logger().info(stamped.reading.text)
         for topic, message in self._messages.of(stamped):
             self._publish[topic](message)
+
+    def _leak(self, *, wet: bool) -> None:
+        """Report water in the hull; it remains an error when it is dry again, until the device is configured anew."""
+        if wet and self.health.alarm != WET:
+            self.get_logger().error(WET)
+        if wet or self.health.alarm:
+            self.health.alarm = WET if wet else WAS_WET
 
     def _trouble(self, text: str) -> None:
         if text != self.health.trouble:

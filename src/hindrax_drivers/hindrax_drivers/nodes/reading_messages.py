@@ -1,4 +1,4 @@
-"""Messages of readings: for each topic of a device one function, reading in, message or CDR bytes out.
+"""Messages of readings: for each quantity of the table of topics one function, reading in, message or CDR bytes out.
 
     for topic, message in messages.of(stamped): ...
 
@@ -12,19 +12,23 @@ from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
 from sensor_msgs.msg import Range
+from std_msgs.msg import Bool
 
 from hindrax_core.events import Stamped
 from hindrax_core.readings import (
+    Air,
+    Battery,
     BottomTrack,
     BottomVelocity,
     Echo,
     EchoProfile,
     Inertial,
+    Leak,
     Magnetic,
     Position,
     Pressure,
 )
-from hindrax_core.topics import TOPICS, Topic
+from hindrax_core.topics import TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.nodes import marine_acoustic
 from hindrax_msgs.msg import PingProfile
@@ -40,6 +44,8 @@ SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
 SIGMA_FORCE_mps2 = 230e-6 * 9.80665 * math.sqrt(1.57 * 50.0)
 SIGMA_FIELD_T = 0.3e-6
 SIGMA_PRESSURE_Pa = 20.0
+SIGMA_HUMIDITY = 0.03
+"""BME280 data sheet, table 2: absolute accuracy."""
 SIGMA_ATTITUDE_rad = math.radians(1.0)
 PING_LIMITS_m = (0.3, 100.0)
 PING_VIEW_rad = math.radians(25.0)
@@ -57,12 +63,10 @@ class ReadingMessages:
         self.topics: list[Topic] = []
         self._writers: dict[type, list[tuple[str, Write]]] = {}
         frame = f"{device}_link"
-        for topic in TOPICS:
-            owner, _, quantity = topic.name.partition("/")
-            if owner == device and quantity in _MAKERS:
-                self._add(topic, *_MAKERS[quantity], frame, vehicle)
-                if quantity == "detail" and marine_acoustic.dvl_class() is not None:
-                    self._add(marine_acoustic.topic_of(device), (BottomVelocity, BottomTrack), _copy, frame, vehicle)
+        for quantity, topic in TOPICS_OF.get(device, {}).items():
+            self._add(topic, *_MAKERS[quantity], frame, vehicle)
+            if quantity == "detail" and marine_acoustic.dvl_class() is not None:
+                self._add(marine_acoustic.topic_of(device), (BottomVelocity, BottomTrack), _copy, frame, vehicle)
 
     def _add(self, topic: Topic, readings: tuple[type, ...], make: Make, frame: str, vehicle: Vehicle) -> None:
         self.topics.append(topic)
@@ -96,6 +100,18 @@ def _pressure(frame: str, _vehicle: Vehicle) -> Write:
 
 def _temperature(frame: str, _vehicle: Vehicle) -> Write:
     return lambda one: convert.temperature_to_msg(one, frame)
+
+
+def _humidity(frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: convert.humidity_to_msg(one, frame, SIGMA_HUMIDITY)
+
+
+def _battery(_frame: str, _vehicle: Vehicle) -> Write:
+    return convert.battery_to_msg
+
+
+def _leak(_frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: Bool(data=one.reading.wet)
 
 
 def _echo(frame: str, _vehicle: Vehicle) -> Write:
@@ -175,8 +191,11 @@ def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], A
 _MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     "data_raw": ((Inertial,), _inertial),
     "mag": ((Magnetic,), _magnetic),
-    "pressure": ((Pressure,), _pressure),
-    "temperature": ((Pressure,), _temperature),
+    "pressure": ((Pressure, Air), _pressure),
+    "temperature": ((Pressure, Air), _temperature),
+    "humidity": ((Air,), _humidity),
+    "battery": ((Battery,), _battery),
+    "leak": ((Leak,), _leak),
     "range": ((Echo,), _echo),
     "profile": ((EchoProfile,), _profile),
     "velocity": ((BottomVelocity,), _velocity),

@@ -20,7 +20,6 @@ from concurrent.futures import TimeoutError as NoAnswerError
 from typing import Any
 
 from rclpy.node import Node
-from sensor_msgs.msg import BatteryState
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
@@ -35,7 +34,7 @@ from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.convert import battery_to_msg, stamp_from_msg
 from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs, text
@@ -66,7 +65,9 @@ class ThrustersNode(DeviceNode):
         self._inhibited_by = {"dead man": "", "lifecycle": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
-        self._battery = publisher(self, BATTERY) if settings.vehicle.output.device == "stm32" else None
+        self._battery = None
+        if settings.vehicle.output.device == "stm32" and not settings.vehicle.sources_of("battery"):
+            self._battery = publisher(self, BATTERY)
         self._thread = OutputThread(self._open, guard, self, self._beat)
         self.ready = lambda: self._thread.ready
         self.now = lambda: self._thread.now
@@ -120,7 +121,7 @@ class ThrustersNode(DeviceNode):
         for output in () if self.finalized else outputs:
             reading = output.reading if isinstance(output, Stamped) else None
             if isinstance(reading, Battery) and isinstance(output, Stamped) and self._battery is not None:
-                self._battery.publish(_battery(output.stamp, reading))
+                self._battery.publish(battery_to_msg(Stamped(output.stamp, reading)))
             elif not isinstance(reading, AppliedPulses):
                 super().deliver([output])
 
@@ -164,12 +165,6 @@ class ThrustersNode(DeviceNode):
     def _beat(self) -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, b"!")
-
-
-def _battery(stamp: Stamp, battery: Battery) -> BatteryState:
-    message = BatteryState(voltage=battery.voltage_V, current=-battery.current_A, present=True)
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
 
 
 def watch_parent(life: int, node: ThrustersNode) -> None:

@@ -6,14 +6,10 @@ line has died.
 
 from __future__ import annotations
 
-import importlib
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
-
-CONSUMER = "hindrax thrusters"
-DEVICES = Path("/dev")
+from hindrax_drivers.buses.gpio import library, request_line
 
 
 class EnableLine(Protocol):
@@ -37,44 +33,25 @@ class NoLine:
 
 
 class GpioLine:
-    """One line of a chip that is found by its label or name, because the numbers of chips change between kernels."""
+    """One line of a chip, found by the label or name of the chip."""
 
     def __init__(self, chip: str, line: int) -> None:
-        self._gpiod = _gpiod()
-        self._line = line
-        settings = self._gpiod.LineSettings(
-            direction=self._gpiod.line.Direction.OUTPUT,
+        self._value, self._line = library().line.Value, line
+        self._request = request_line(
+            chip,
+            line,
+            direction=library().line.Direction.OUTPUT,
             active_low=True,
-            output_value=self._gpiod.line.Value.INACTIVE,
+            output_value=self._value.INACTIVE,
         )
-        path = self._find(chip)
-        try:
-            self._request = self._gpiod.request_lines(path, consumer=CONSUMER, config={line: settings})
-        except OSError as error:
-            raise DeviceError(
-                f"output.enable_line {chip}:{line}: cannot be had ({error.strerror or error}); "
-                "find who uses it with `gpioinfo`, and add the user to the group gpio"
-            ) from error
 
     def set(self, *, enabled: bool) -> None:
         """Low enables."""
-        value = self._gpiod.line.Value
-        self._request.set_value(self._line, value.ACTIVE if enabled else value.INACTIVE)
+        self._request.set_value(self._line, self._value.ACTIVE if enabled else self._value.INACTIVE)
 
     def close(self) -> None:
         """Give the line back."""
         self._request.release()
-
-    def _find(self, chip: str) -> str:
-        labels = []
-        for path in sorted(DEVICES.glob("gpiochip*")):
-            with self._gpiod.Chip(str(path)) as opened:
-                info = opened.get_info()
-            if chip in (info.label, info.name, str(path)):
-                return str(path)
-            labels.append(info.label)
-        found = ", ".join(labels) or "none"
-        raise DeviceError(f"output.enable_line: found the chips {found}, wanted {chip!r}; see `gpiodetect`")
 
 
 def open_enable_line(name: str) -> EnableLine:
@@ -85,10 +62,3 @@ def open_enable_line(name: str) -> EnableLine:
     if not chip or not line.isdecimal():
         raise DeviceError(f"output.enable_line: found {name!r}, wanted CHIP:LINE, such as pinctrl-bcm2711:26")
     return GpioLine(chip, int(line))
-
-
-def _gpiod() -> Any:
-    try:
-        return importlib.import_module("gpiod")
-    except ImportError as error:
-        raise DeviceError("output.enable_line: needs libgpiod 2 for Python; pip install 'gpiod>=2'") from error

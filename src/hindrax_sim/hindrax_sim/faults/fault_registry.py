@@ -17,13 +17,14 @@ from hindrax_sim.faults import bus_faults, stream_faults
 from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
-from hindrax_sim.faults.world_faults import Current, FaultInjector, LockLost, ThrusterFails, WorldFault
+from hindrax_sim.faults.world_faults import Current, FaultInjector, Leak, LockLost, ThrusterFails, WorldFault
 from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import World
 
 FaultT = TypeVar("FaultT")
 SERIAL = tuple(sensor.name for sensor in SENSORS if sensor.serial)
-SENSORS_I2C = tuple(sensor.name for sensor in SENSORS if not sensor.serial)
+SENSORS_I2C = tuple(sensor.name for sensor in SENSORS if sensor.wire == "i2c")
+GPIO = tuple(sensor.name for sensor in SENSORS if sensor.wire == "gpio")
 I2C = (*SENSORS_I2C, "thrusters")
 THRUSTERS = tuple(f"T{number}" for number in range(1, 9))
 DEFAULT_START_S, DEFAULT_DURATION_S = 10.0, 5.0
@@ -56,15 +57,15 @@ class FaultSpec:
 
 
 _KINDS = (
-    FaultKind("absent", SERIAL + I2C, stream_faults.Absent, "nothing is plugged in", bus_faults.Absent),
+    FaultKind("absent", SERIAL + I2C + GPIO, stream_faults.Absent, "nothing is plugged in", bus_faults.Absent),
     FaultKind(
         "wrong_identity",
-        SERIAL + SENSORS_I2C,
+        SERIAL + SENSORS_I2C + GPIO,
         stream_faults.WrongIdentity,
         "another device answers",
         bus_faults.WrongIdentity,
     ),
-    FaultKind("nack", I2C, None, "one transaction in ten is not acknowledged", bus_faults.Nack),
+    FaultKind("nack", I2C + GPIO, None, "one transaction in ten is not acknowledged", bus_faults.Nack),
     FaultKind("bus_stuck", I2C, None, "a line of the bus is held low", bus_faults.BusStuck),
     FaultKind("short_read", I2C, None, "one read in ten ends early", bus_faults.ShortRead),
     FaultKind("cut_frames", SERIAL, stream_faults.CutFrames, "a piece is missing from every second message"),
@@ -80,7 +81,7 @@ _KINDS = (
     ),
     FaultKind("baud_mismatch", SERIAL, stream_faults.BaudMismatch, "both ends speak at different speeds"),
     FaultKind("unplug_replug", SERIAL, stream_faults.UnplugReplug, "the port vanishes and comes back"),
-    FaultKind("reset", SERIAL + I2C, stream_faults.Reset, "the device restarts in mid-stream", bus_faults.Reset),
+    FaultKind("reset", SERIAL + I2C + GPIO, stream_faults.Reset, "the device restarts in mid-stream", bus_faults.Reset),
     FaultKind("clock_jump", ("dvl75",), stream_faults.ClockJump, "the device's clock leaps ahead, and back at the end"),
     FaultKind(
         "saturated",
@@ -98,6 +99,7 @@ _KINDS = (
     ),
     FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=ThrusterFails),
     FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=LockLost),
+    FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=Leak),
     FaultKind("current", ("water",), None, "0.15 m/s across the pool", on_world=Current),
 )
 

@@ -1,4 +1,4 @@
-"""Faults of vehicle and water: a failed thruster, a DVL without bottom lock, a current."""
+"""Faults of vehicle and water: a failed thruster, a DVL without bottom lock, a current, a leak."""
 
 from __future__ import annotations
 
@@ -47,6 +47,20 @@ class LockLost:
         """Restore the lock."""
         del target
         world.dvl_silenced = False
+
+
+class Leak:
+    """Water comes into the dry hull; at the end it dries."""
+
+    def begin(self, world: World, target: str) -> None:
+        """Let it in."""
+        del target
+        world.water_in_hull = True
+
+    def end(self, world: World, target: str) -> None:
+        """Dry the hull."""
+        del target
+        world.water_in_hull = False
 
 
 class Current:

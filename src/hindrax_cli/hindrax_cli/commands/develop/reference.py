@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root, developer_module
+from hindrax_bringup.security import policies
+from hindrax_bringup.share_files import share_folder
 from hindrax_core.errors import HindraxError
 
 NAME = "reference"
@@ -22,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Check or write, or draw, and where."""
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--check", action="store_true", help="only say what is stale (the default); exit code 1 if any")
-    what.add_argument("--write", action="store_true", help="write the pages that are stale")
+    what.add_argument("--write", action="store_true", help="write the pages that are stale, and the access policies")
     what.add_argument("--figures", action="store_true", help="draw the figures of the explanation again")
     what.add_argument("--fly", action="store_true", help="fly the runs behind the figures again, then draw them")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the pages, or of the figures")
@@ -37,6 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.write:
         for name in reference.write(folder):
             print(folder / name)
+        if arguments.out is None:
+            (share_folder("security") / "policies.xml").write_text(policies(), encoding="utf-8")
         return 0
     stale = reference.stale(folder)
     if stale:

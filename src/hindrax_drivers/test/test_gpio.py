@@ -1,4 +1,4 @@
-"""The line that enables the outputs, on a fake libgpiod 2."""
+"""Lines of a GPIO chip, the one that enables the outputs among them, on a fake libgpiod 2."""
 
 import sys
 from pathlib import Path
@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.bus_operations import DeviceError
-from hindrax_drivers.output import enable_line
+from hindrax_core.bus_operations import DeviceError, Read, Write
+from hindrax_drivers.buses import gpio
+from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.output.enable_line import open_enable_line
 
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
@@ -21,7 +22,9 @@ class FakeGpiod(ModuleType):
         super().__init__("gpiod")
         self.levels: dict[tuple[str, int], int] = {}
         self.line = SimpleNamespace(
-            Direction=SimpleNamespace(OUTPUT="output"), Value=SimpleNamespace(ACTIVE=1, INACTIVE=0)
+            Direction=SimpleNamespace(OUTPUT="output", INPUT="input"),
+            Bias=SimpleNamespace(AS_IS="none", PULL_UP="up", PULL_DOWN="down"),
+            Value=SimpleNamespace(ACTIVE=1, INACTIVE=0),
         )
         self.LineSettings = SimpleNamespace
         self.busy = False
@@ -44,14 +47,22 @@ class FakeGpiod(ModuleType):
         if self.busy:
             raise OSError(16, "Device or resource busy")
         ((line, settings),) = config.items()
+        key = (Path(path).name, line)
+        if settings.direction == "input":
+            self.levels.setdefault(key, int(settings.bias == "up"))
+            return SimpleNamespace(get_value=lambda number: self._level(key[0], number), release=lambda: None)
         assert settings.active_low
         assert settings.direction == "output"
-        key = (Path(path).name, line)
         self.levels[key] = 1 - settings.output_value
         return SimpleNamespace(
             set_value=lambda number, value: self.levels.__setitem__((key[0], number), 1 - value),
             release=lambda: self.levels.pop(key),
         )
+
+    def _level(self, chip: str, line: int) -> int:
+        if self.busy:
+            raise OSError(19, "No such device")
+        return self.levels[chip, line]
 
 
 @pytest.fixture
@@ -60,7 +71,7 @@ def gpiod(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeGpiod:
         (tmp_path / name).touch()
     fake = FakeGpiod()
     monkeypatch.setitem(sys.modules, "gpiod", fake)
-    monkeypatch.setattr(enable_line, "DEVICES", tmp_path)
+    monkeypatch.setattr(gpio, "DEVICES", tmp_path)
     return fake
 
 
@@ -101,3 +112,24 @@ def test_a_missing_library_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "gpiod", None)
     with pytest.raises(DeviceError, match="pip install"):
         open_enable_line("pinctrl-bcm2711:26")
+
+
+def test_a_chip_is_a_bus_of_lines(gpiod: FakeGpiod) -> None:
+    bus = open_bus("gpio:pinctrl-bcm2711")
+    with pytest.raises(DeviceError, match="wanted a line that is set up"):
+        bus.transfer(Read(27, 1))
+    bus.transfer(Write(27, b"\x01"))
+    assert bus.transfer(Read(27, 1)) == b"\x01", "the pull-up of a line that nothing is connected to"
+    gpiod.levels["gpiochip0", 27] = 0
+    assert bus.transfer(Read(27, 1)) == b"\x00"
+    bus.transfer(Write(27, b"\x02"))
+    gpiod.busy = True
+    with pytest.raises(DeviceError, match=r"pinctrl-bcm2711:27: cannot be read \(No such device\)"):
+        bus.transfer(Read(27, 1))
+    bus.close()
+
+
+@pytest.mark.usefixtures("gpiod")
+def test_a_chip_that_is_not_there_is_told() -> None:
+    with pytest.raises(DeviceError, match="found the chips pinctrl-bcm2711"):
+        open_bus("gpio:elsewhere")

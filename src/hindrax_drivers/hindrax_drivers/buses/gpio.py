@@ -1,0 +1,94 @@
+"""Lines of a GPIO chip by libgpiod 2: one line alone, or a chip as a register bus of one bit per line."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from hindrax_core.bus_operations import DeviceError, Read, Transaction, Write
+from hindrax_drivers.buses.clock import SystemClock
+
+GPIO_PREFIX = "gpio:"
+DEVICES = Path("/dev")
+CONSUMER = "hindrax"
+BIASES = ("AS_IS", "PULL_UP", "PULL_DOWN")
+
+
+def library() -> Any:
+    """Return libgpiod; DeviceError with the remedy where it is missing."""
+    try:
+        return importlib.import_module("gpiod")
+    except ImportError as error:
+        raise DeviceError("GPIO: needs libgpiod 2 for Python; pip install 'gpiod>=2'") from error
+
+
+def find_chip(chip: str) -> str:
+    """Path of a chip by label, name or path: the numbers of chips change between kernels. DeviceError: none such."""
+    labels = []
+    for path in sorted(DEVICES.glob("gpiochip*")):
+        try:
+            with library().Chip(str(path)) as opened:
+                info = opened.get_info()
+        except OSError as error:
+            raise DeviceError(f"GPIO {path}: {error.strerror}; add the user to the group gpio") from error
+        if chip in (info.label, info.name, str(path)):
+            return str(path)
+        labels.append(info.label)
+    raise DeviceError(f"GPIO: found the chips {', '.join(labels) or 'none'}, wanted {chip!r}; see `gpiodetect`")
+
+
+def request_line(chip: str, line: int, **settings: Any) -> Any:
+    """Request one line. DeviceError says what is wrong and the remedy."""
+    gpiod, path = library(), find_chip(chip)
+    try:
+        return gpiod.request_lines(path, consumer=CONSUMER, config={line: gpiod.LineSettings(**settings)})
+    except OSError as error:
+        raise DeviceError(
+            f"GPIO {chip}:{line}: cannot be had ({error.strerror or error}); find who uses it with `gpioinfo`, and add "
+            "the user to the group gpio"
+        ) from error
+
+
+class GpioBus(SystemClock):
+    """A chip as a register bus; the address is the line.
+
+    A write of one byte makes the line an input with a bias (0 none, 1 pull-up, 2 pull-down); a read gives its level.
+    """
+
+    def __init__(self, chip: str) -> None:
+        super().__init__()
+        self._chip = chip
+        self._lines: dict[int, Any] = {}
+        try:
+            find_chip(chip)
+        except DeviceError:
+            self.close()
+            raise
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Set up or read one line. DeviceError names chip and line."""
+        line = transaction.address
+        if isinstance(transaction, Write):
+            self._request(line, transaction.data[0])
+            return b""
+        if not isinstance(transaction, Read) or line not in self._lines:
+            raise DeviceError(f"GPIO {self._chip}:{line}: wanted a line that is set up, and a plain read")
+        try:
+            return bytes([self._lines[line].get_value(line) == library().line.Value.ACTIVE])
+        except OSError as error:
+            raise DeviceError(f"GPIO {self._chip}:{line}: cannot be read ({error.strerror or error})") from error
+
+    def close(self) -> None:
+        """Give the lines back."""
+        for request in self._lines.values():
+            request.release()
+        self._lines.clear()
+        super().close()
+
+    def _request(self, line: int, bias: int) -> None:
+        if line in self._lines:
+            self._lines.pop(line).release()
+        kind = library().line
+        settings = {"direction": kind.Direction.INPUT, "bias": getattr(kind.Bias, BIASES[bias])}
+        self._lines[line] = request_line(self._chip, line, **settings)

@@ -1,0 +1,104 @@
+"""TI ADS1115 behind a power sense module: supply voltage and current. Source: TI SBAS444E (2018), pages below.
+
+Gains of a Blue Robotics Power Sense Module, as ArduSub has them: 11 V per volt; 37.8788 A per volt above 0.33 V. The
+channels are those of a Blue Robotics Navigator. Nothing here has a checksum: a conversion is read twice.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.driver_interface import Identity
+from hindrax_core.events import Rejected, Stamp, Stamped, after
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.driver import Driver
+
+ADDRESS = 0x48
+CONVERSION, CONFIGURATION, LOW_THRESHOLD = 0x00, 0x01, 0x02
+IDLE, SINGLE_4096_mV_128_Hz = 0x8000, 0x4383
+"""Single shot of one channel against ground, 4.096 V, 128 a second, no comparator. Table 8, page 28."""
+CONVERSION_S = 0.0090
+"""1/128 s, the oscillator's 10 % (page 8), and 30 us to wake."""
+V_PER_COUNT = 125e-6
+"""Table 3, page 17."""
+END_OF_SCALE = 0x7FFF
+THRESHOLDS_AT_RESET = (0x8000, 0x7FFF)
+"""Table 9, page 29: the part has no register of identity, but nothing else has these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ads1115Knobs:
+    """How the power sense module is wired and scaled."""
+
+    period_s: float = knob(0.1, 0.03, 10.0, "time between two readings [s]")
+    voltage_channel: int = knob(3, 0, 3, "input with the divided supply voltage [-]")
+    current_channel: int = knob(2, 0, 3, "input with the current [-]")
+    volt_per_volt: float = knob(11.0, 1.0, 1000.0, "supply voltage per volt at the input [V/V]")
+    ampere_per_volt: float = knob(37.8788, 0.01, 1e4, "current per volt at the input [A/V]")
+    zero_current_V: float = knob(0.33, -4.0, 4.0, "voltage at the input without current [V]")
+
+
+class Ads1115:
+    """The converter at an address (0 for 0x48)."""
+
+    def __init__(self, knobs: Ads1115Knobs, address: int = 0) -> None:
+        self._knobs, self._address = knobs, address or ADDRESS
+
+    @property
+    def period_s(self) -> float:
+        """Time between the starts of two cycles."""
+        return self._knobs.period_s
+
+    def configure(self) -> Program[Identity]:
+        """Look at the thresholds, the only registers that tell the part from others."""
+        found = (yield from self._read(LOW_THRESHOLD)), (yield from self._read(LOW_THRESHOLD + 1))
+        if found != THRESHOLDS_AT_RESET:
+            raise self._error(f"found thresholds {found[0]:#06x} {found[1]:#06x}, wanted 0x8000 0x7fff (ADS1115)")
+        knobs = self._knobs
+        inputs = f"voltage at AIN{knobs.voltage_channel}, current at AIN{knobs.current_channel}"
+        return Identity(f"ADS1115 at {self._address:#04x}, {inputs}")
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        """Convert voltage and current; the stamp is between the two."""
+        knobs = self._knobs
+        voltage = yield from self._convert(knobs.voltage_channel)
+        current = yield from self._convert(knobs.current_channel)
+        valid, raw = after(stamp, CONVERSION_S), struct.pack(">4h", *voltage, *current)
+        if voltage[0] != voltage[1] or current[0] != current[1]:
+            return [Rejected(valid, "not twice the same", raw)]
+        if voltage[0] >= END_OF_SCALE or current[0] >= END_OF_SCALE:
+            return [Rejected(valid, "end of the scale", raw)]
+        volts, amperes = voltage[0] * V_PER_COUNT, current[0] * V_PER_COUNT
+        return [
+            Stamped(
+                valid, Battery(volts * knobs.volt_per_volt, (amperes - knobs.zero_current_V) * knobs.ampere_per_volt)
+            )
+        ]
+
+    def _convert(self, channel: int) -> Program[tuple[int, int]]:
+        """One conversion, read twice."""
+        wanted = SINGLE_4096_mV_128_Hz | channel << 12
+        yield Write(self._address, bytes([CONFIGURATION, *(IDLE | wanted).to_bytes(2, "big")]))
+        yield Pause(CONVERSION_S)
+        found = yield from self._read(CONFIGURATION)
+        if found != IDLE | wanted:
+            raise self._error(f"found settings {found:#06x}, wanted {IDLE | wanted:#06x}: not done, or lost")
+        first, again = (yield from self._read(CONVERSION)), (yield from self._read(CONVERSION))
+        return _signed(first), _signed(again)
+
+    def _read(self, register: int) -> Program[int]:
+        return int.from_bytes((yield WriteRead(self._address, bytes([register]), 2)), "big")
+
+    def _error(self, text: str) -> DeviceError:
+        return DeviceError(f"address {self._address:#04x}: {text}")
+
+
+def _signed(word: int) -> int:
+    return word - (word >> 15 << 16)
+
+
+DRIVER = Driver(Ads1115Knobs, lambda knobs, mount, _vehicle: Ads1115(knobs, mount.address))

@@ -1,0 +1,105 @@
+"""TI INA226: supply voltage and current by a shunt. Source: TI SBOS547 (June 2011), pages and tables named below.
+
+The current is that of the shunt by Ohm's law; the chip's own current register is not needed (page 15, "simple current
+shunt monitor"). One conversion is read twice, because nothing on this bus has a checksum and a current may leap.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.driver_interface import Identity
+from hindrax_core.events import Rejected, Stamp, Stamped, after
+from hindrax_core.knobs import knob
+from hindrax_core.readings import Battery, Reading
+from hindrax_drivers.driver import Driver
+
+ADDRESS = 0x41
+"""The chip's default is 0x40, which a PCA9685 has: bridge A0 to VS."""
+CONFIGURATION, SHUNT, BUS, MASK_ENABLE, MANUFACTURER, DIE = 0x00, 0x01, 0x02, 0x06, 0xFE, 0xFF
+IDENTITY, DIE_IDENTITY = 0x5449, 0x226
+RESET = 0x8000
+TRIGGERED = 0x4523
+"""16 averages of 1.1 ms, shunt and bus voltage, once per order. Tables 6 to 9, pages 18 and 19."""
+CONVERSION_S = 0.0393
+"""Longest: 16 averages of two conversions of 1.21 ms, page 5, and a reserve for the oscillator."""
+READY = 0x0008
+V_PER_COUNT, SHUNT_V_PER_COUNT = 1.25e-3, 2.5e-6
+END_OF_SCALE = 0x7FFF
+
+
+@dataclass(frozen=True, slots=True)
+class Ina226Knobs:
+    """How the supply is measured."""
+
+    period_s: float = knob(0.1, 0.05, 10.0, "time between two readings [s]")
+    shunt_ohm: float = knob(0.0005, 1e-5, 1.0, "resistance of the shunt [ohm]")
+    reversed: bool = knob(False, meaning="the shunt is wired the other way round")
+
+
+def battery_of(shunt: int, bus: int, shunt_ohm: float) -> Battery:
+    """Voltage [V] and current [A] from the two signed registers. Table 1, page 16."""
+    return Battery(bus * V_PER_COUNT, shunt * SHUNT_V_PER_COUNT / shunt_ohm)
+
+
+class Ina226:
+    """The sensor at an address (0 for 0x41)."""
+
+    def __init__(self, knobs: Ina226Knobs, address: int = 0) -> None:
+        self._knobs, self._address = knobs, address or ADDRESS
+        self._shunt_ohm = -knobs.shunt_ohm if knobs.reversed else knobs.shunt_ohm
+
+    @property
+    def period_s(self) -> float:
+        """Time between the starts of two cycles."""
+        return self._knobs.period_s
+
+    def configure(self) -> Program[Identity]:
+        """Identify and reset."""
+        maker = yield from self._read(MANUFACTURER)
+        die = yield from self._read(DIE)
+        if (maker, die >> 4) != (IDENTITY, DIE_IDENTITY):
+            raise self._error(f"found ids {maker:#06x} {die:#06x}, wanted 0x5449 0x226x (INA226)")
+        yield self._set(RESET)
+        return Identity(f"INA226 at {self._address:#04x}, shunt {self._knobs.shunt_ohm * 1e3:g} mohm")
+
+    def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
+        """Convert once and read twice; the stamp is the middle of the conversion."""
+        yield self._set(TRIGGERED)
+        yield Pause(CONVERSION_S, max(0.0, self._knobs.period_s - CONVERSION_S))
+        mask = yield from self._read(MASK_ENABLE)
+        settings = yield from self._read(CONFIGURATION)
+        if settings != TRIGGERED:
+            raise self._error(f"lost its settings: found {settings:#06x}, wanted {TRIGGERED:#06x}")
+        if not mask & READY:
+            raise self._error(f"no conversion in {CONVERSION_S:g} s")
+        first, again = (yield from self._registers()), (yield from self._registers())
+        valid, (shunt, bus) = after(stamp, 0.5 * CONVERSION_S), first
+        if first != again:
+            return [Rejected(valid, "not twice the same", struct.pack(">4h", *first, *again))]
+        if abs(shunt) >= END_OF_SCALE or not 0 <= bus < END_OF_SCALE:
+            return [Rejected(valid, "end of the scale", struct.pack(">2h", *first))]
+        return [Stamped(valid, battery_of(shunt, bus, self._shunt_ohm))]
+
+    def _registers(self) -> Program[tuple[int, int]]:
+        shunt, bus = (yield from self._read(SHUNT)), (yield from self._read(BUS))
+        return _signed(shunt), _signed(bus)
+
+    def _read(self, register: int) -> Program[int]:
+        return int.from_bytes((yield WriteRead(self._address, bytes([register]), 2)), "big")
+
+    def _set(self, value: int) -> Write:
+        return Write(self._address, bytes([CONFIGURATION, *value.to_bytes(2, "big")]))
+
+    def _error(self, text: str) -> DeviceError:
+        return DeviceError(f"address {self._address:#04x}: {text}")
+
+
+def _signed(word: int) -> int:
+    return word - (word >> 15 << 16)
+
+
+DRIVER = Driver(Ina226Knobs, lambda knobs, mount, _vehicle: Ina226(knobs, mount.address))

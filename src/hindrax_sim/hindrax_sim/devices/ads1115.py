@@ -1,0 +1,102 @@
+"""TI ADS1115 as a register model, behind a Blue Robotics Power Sense Module. Source: TI SBAS444E, section 9.6."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import Any
+
+from hindrax_sim.devices.ina226 import EMULATOR as SUPPLY
+from hindrax_sim.devices.ina226 import SupplyTruth
+from hindrax_sim.emulator import Emulator
+
+CONVERSION, CONFIGURATION, LOW, HIGH = range(4)
+FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
+RATE_Hz = (8, 16, 32, 64, 128, 250, 475, 860)
+NOISE_V = 60e-6
+AT_RESET = (0, 0x8583, 0x8000, 0x7FFF)
+V_PER_V, A_PER_V, ZERO_V = 11.0, 37.8788, 0.33
+
+
+@dataclass(frozen=True, slots=True)
+class _Conversion:
+    done_s: float
+    word: int
+
+
+class Ads1115:
+    """One converter, with the module's current at AIN2 and its voltage at AIN3."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self._draw = random.Random(f"ads1115 {seed}")  # noqa: S311  # noise, not secrets
+        self._truth = SupplyTruth()
+        self._hung = self._saturated = self._disguised = False
+        self._conversion: _Conversion | None = None
+        self.power_cycle(0.0)
+
+    def set_truth(self, truth: SupplyTruth, now_s: float) -> None:
+        """Set the truth from now on."""
+        del now_s
+        self._truth = truth
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """The register, and perhaps its two bytes; a configuration with OS starts a conversion."""
+        self._pointer = data[0] & 3
+        if len(data) < 3 or self._pointer == CONVERSION:
+            return
+        self._words[self._pointer] = int.from_bytes(data[1:3], "big")
+        if self._pointer == CONFIGURATION and (data[1] & 0x80 or not data[1] & 1):
+            self._conversion = _Conversion(now_s + 1.0 / RATE_Hz[data[2] >> 5], self._words[CONFIGURATION])
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """The register last pointed at; OS is set while no conversion runs."""
+        self._finish(now_s)
+        found = self._words[self._pointer]
+        if self._pointer == CONFIGURATION:
+            found = found & 0x7FFF | (0x8000 if self._conversion is None else 0)
+        if self._disguised:
+            found ^= 0x0A0A
+        return found.to_bytes(2, "big")[:count].ljust(count, b"\xff")
+
+    def _finish(self, now_s: float) -> None:
+        conversion = self._conversion
+        if conversion is None or now_s < conversion.done_s or self._hung:
+            return
+        volts = self._volts(conversion.word >> 12 & 7) + self._draw.gauss(0.0, NOISE_V)
+        counts = 0x7FFF if self._saturated else round(volts / FULL_SCALE_V[conversion.word >> 9 & 7] * 0x8000)
+        self._words[CONVERSION] = max(-0x8000, min(0x7FFF, counts)) & 0xFFFF
+        continuous = not conversion.word & 0x0100
+        self._conversion = (
+            _Conversion(now_s + 1.0 / RATE_Hz[conversion.word >> 5 & 7], conversion.word) if continuous else None
+        )
+
+    def _volts(self, multiplexer: int) -> float:
+        inputs = (0.0, 0.0, ZERO_V + self._truth.current_A / A_PER_V, self._truth.voltage_V / V_PER_V)
+        plus, minus = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))[multiplexer]
+        return inputs[plus] - (0.0 if minus is None else inputs[minus])
+
+    def power_cycle(self, now_s: float) -> None:
+        """Fault, and power-up: all registers as in the data sheet."""
+        del now_s
+        self._pointer, self._words, self._conversion = 0, list(AT_RESET), None
+
+    def disguise(self, on: bool) -> None:
+        """Fault: be a part with other registers."""
+        self._disguised = on
+
+    def saturate(self, on: bool) -> None:
+        """Fault: the inputs are beyond the scale."""
+        self._saturated = on
+
+    def hang(self, on: bool) -> None:
+        """Fault: conversions never end."""
+        self._hung = on
+
+
+def _agrees(truth: SupplyTruth, reading: Any) -> bool:
+    """Noise is a count: a millivolt and a half, and five milliamperes."""
+    off = abs(reading.voltage_V - truth.voltage_V), abs(reading.current_A - truth.current_A)
+    return bool(off[0] < 0.05 and off[1] < 0.2)
+
+
+EMULATOR = Emulator(Ads1115, SUPPLY.truth, SUPPLY.example, _agrees)

@@ -1,0 +1,62 @@
+"""A Blue Robotics SOS leak sensor on a line with a pull-up: low while it has power and its probes are dry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from hindrax_sim.emulator import Emulator
+
+UNPOWERED_S = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeTruth:
+    """Whether there is water at the probes."""
+
+    wet: bool = False
+
+
+class SosLeak:
+    """One board with its probes."""
+
+    def __init__(self, seed: int = 0) -> None:
+        del seed
+        self._truth = ProbeTruth()
+        self._disguised = False
+        self._turn = 0
+        self._powered_s = 0.0
+
+    def set_truth(self, truth: ProbeTruth, now_s: float) -> None:
+        """Set the truth from now on."""
+        del now_s
+        self._truth = truth
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """The bias of the line, which the board is stronger than."""
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """The level; the pull-up's alone while the board has no power."""
+        self._turn += 1
+        wet = self._truth.wet or now_s < self._powered_s
+        return bytes([self._turn // 2 % 2 if self._disguised else wet])[:count]
+
+    def power_cycle(self, now_s: float) -> None:
+        """Fault: the board is without power for a moment."""
+        self._powered_s = now_s + UNPOWERED_S
+
+    def disguise(self, on: bool) -> None:
+        """Fault: another signal is on the line."""
+        self._disguised = on
+
+
+def _agrees(truth: ProbeTruth, reading: Any) -> bool:
+    return bool(truth.wet == reading.wet)
+
+
+EMULATOR = Emulator(
+    make=SosLeak,
+    truth=lambda world, _at: ProbeTruth(world.water_in_hull),
+    example=lambda seconds: ProbeTruth(wet=seconds >= 30.0),
+    agrees=_agrees,
+)
