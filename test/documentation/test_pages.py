@@ -11,6 +11,7 @@ from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, lin
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.hardware import Hardware
 
 HOW_TO = ROOT / "docs" / "how-to"
 BY_THE_SCRIPT = ("setup",)
@@ -24,7 +25,9 @@ def name(page: Path) -> str:
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda one: f"{name(one.page)}: {one.line}")
-def test_every_command_is_taken(command: Command) -> None:
+def test_every_command_is_taken(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "myrov.yaml").touch()
+    monkeypatch.chdir(tmp_path)
     first, *rest = command.words
     if first in BY_THE_SCRIPT or first.startswith("-"):
         return
@@ -61,10 +64,23 @@ def test_the_readme_is_a_screen_and_a_half() -> None:
     assert max(map(len, lines)) <= 130
 
 
-def test_the_vehicle_file_of_the_how_to_is_a_vehicle_file(tmp_path: Path) -> None:
-    file = tmp_path / "myrov.yaml"
-    file.write_text(block_of(HOW_TO / "new-vehicle.md", "myrov.yaml"), encoding="utf-8")
+def test_the_vehicle_file_of_the_how_to_flies_in_mock_by_the_how_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Identification takes the first block; the mock takes it with the second and with what `estimate` prints."""
+    file, page = tmp_path / "myrov.yaml", HOW_TO / "new-vehicle.md"
+    text = block_of(page, "myrov.yaml")
+    file.write_text(text, encoding="utf-8")
     assert load_vehicle(file).net_buoyancy_N == pytest.approx(0.98, abs=0.01)
+    text += block_of(page, "what pushes and what measures")
+    file.write_text(text, encoding="utf-8")
+    assert main(["estimate", "--vehicle", str(file)]) == 0
+    _, key, block = capsys.readouterr().out.partition("hydrodynamics:")
+    file.write_text(text + key + block, encoding="utf-8")
+    assert main(["vehicle", "check", str(file)]) == 0
+    vehicle = load_vehicle(file)
+    hardware = Hardware(vehicle, seed=1)
+    assert set(hardware.serial) | set(hardware.registers) == set(vehicle.sensors)
 
 
 def test_the_sweep_of_the_how_to_gives_a_curve(

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import yaml
 
+from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, parse_vehicle
+
+VEHICLE = "HINDRAX_VEHICLE"
+"""Environment variable with the vehicle, by name or file, that is meant where none is named."""
 
 
 def share_folder(name: str) -> Path:
@@ -36,3 +41,34 @@ def hindrax_with(*names: str) -> Vehicle:
     data, optional = yaml.safe_load(default_vehicle().read_text(encoding="utf-8")), optional_sensors()
     data["sensors"] |= {name: optional[name] for name in names}
     return parse_vehicle(data, f"{default_vehicle()} with {', '.join(names)}")
+
+
+def own_vehicles() -> Path:
+    """Folder of this user's vehicle files."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "hindrax"
+
+
+def usual_vehicle() -> str:
+    """Return the vehicle where none is named: that of the environment variable, or the Hindrax."""
+    return os.environ.get(VEHICLE) or str(default_vehicle())
+
+
+def vehicle_file(name: str) -> Path:
+    """Return the file of a vehicle: a file as it is named, else NAME.yaml here, of this user, or of the clone.
+
+    UsageError names the vehicles that there are.
+    """
+    path = Path(name).expanduser()
+    if path.suffix or len(path.parts) != 1:
+        return path
+    folders = (Path(), own_vehicles(), share_folder("vehicles"))
+    for folder in folders:
+        if (folder / f"{name}.yaml").is_file():
+            return folder / f"{name}.yaml"
+    if path.exists():
+        return path
+    known = ", ".join(sorted({file.stem for folder in folders[1:] for file in folder.glob("*.yaml")}))
+    raise UsageError(
+        f"vehicle {name}: found no {name}.yaml here, in {own_vehicles()} or in the clone; wanted one of {known}, or a"
+        " file; `./hindrax vehicle new` makes one"
+    )

@@ -5,6 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 
+from hindrax_bringup.share_files import usual_vehicle, vehicle_file
+
+WHICH = "vehicle: its file, or its name"
+
 
 def positive(text: str) -> float:
     """Argument type: a finite number above zero."""
@@ -28,3 +32,16 @@ def seed(text: str) -> int:
     if not 0 <= number < 1 << 32:
         raise argparse.ArgumentTypeError(f"found {text}, wanted 0 to {(1 << 32) - 1}")
     return number
+
+
+def vehicle(name: str) -> str:
+    """Argument type: the file of a vehicle that is named by its file or its name."""
+    if not name:
+        raise argparse.ArgumentTypeError("found no name, wanted a vehicle")
+    return str(vehicle_file(name))
+
+
+def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH, *, default: bool = True) -> None:
+    """Which vehicle; `default`: the usual one where none is named, else None."""
+    usual = usual_vehicle() if default else None
+    parser.add_argument("--vehicle", type=vehicle, default=usual, metavar="NAME", help=meaning)

@@ -21,5 +21,7 @@ class Emulator:
     truth: Callable[[World, Mounting], Any]
     example: Callable[[float], Any]
     agrees: Callable[[Any, Any], bool]
+    address: int = 0
+    """Its I2C address where the vehicle file gives none; 0 for a part on a serial line."""
     also_at: Callable[[Any], dict[int, Any]] = lambda _part: {}
     """Further addresses on the bus that the same part answers at."""

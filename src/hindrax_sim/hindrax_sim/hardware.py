@@ -91,7 +91,7 @@ class Hardware:
             return
         self.registers[name] = device
         afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
-        self.i2c.attach(mount.address, afflicted.at(device))
+        self.i2c.attach(mount.address or row.address, afflicted.at(device))
         for address, part in row.also_at(device).items():
             self.i2c.attach(address, afflicted.at(part))
         self._tellers.append(lambda now_s: device.set_truth(row.truth(self.world, at), now_s))

@@ -8,7 +8,7 @@ Axes are SNAME (x forward, y starboard, z down); six-vectors go surge, sway, hea
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import Drag, Hydrodynamics
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 
@@ -138,6 +139,16 @@ def empirical(dimensions: Dimensions) -> EmpiricalModel:
     )
 
 
+def hydrodynamics_of(model: EmpiricalModel) -> Hydrodynamics:
+    """Return the estimate as the block of a vehicle file, with the digits that it deserves."""
+    rounded = [
+        [float(f"{one:.3g}") for one in row] for row in (model.added_mass, model.quadratic_drag, model.linear_drag)
+    ]
+    added, *drags = rounded
+    surge, sway, heave, roll, pitch, yaw = (Drag(k_q, k_l) for k_q, k_l in zip(*drags, strict=True))
+    return Hydrodynamics(_six(float, added), surge, sway, heave, roll, pitch, yaw)
+
+
 def prism_inertia(dimensions: Dimensions) -> tuple[float, float, float]:
     """Moments of inertia of a homogeneous prism about x, y, z [kg m^2]. Eidsvik 2015 eq. 3.1."""
     twelfth = dimensions.mass_kg / 12.0
@@ -205,6 +216,6 @@ def _linear_drag(quadratic: Six, added: Six, inertia: tuple[float, float, float]
     return (surge, sway, heave, roll, pitch, quadratic[5] * pitch / quadratic[4])
 
 
-def _six(change: Callable[[float], float], values: Six) -> Six:
+def _six(change: Callable[[float], float], values: Sequence[float]) -> Six:
     a, b, c, d, e, f = (change(value) for value in values)
     return (a, b, c, d, e, f)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import yaml
 
 from hindrax_analysis.exports.export_model import ExportModel, header
-from hindrax_core.vehicle import AXES, Drag
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics
 
 CONVENTIONS = (
     "Block for the vehicle file. All numbers are positive: they resist. SNAME axes, heave positive down.",
@@ -15,12 +15,17 @@ CONVENTIONS = (
 
 def write(model: ExportModel) -> str:
     """YAML text: one key, hydrodynamics."""
-    block: dict[str, object] = {"added_mass": [_rounded(value) for value in model.hydrodynamics.added_mass]}
-    block |= {axis: _drag(model.hydrodynamics.drag(axis)) for axis in AXES}
-    if model.hydrodynamics.added_mass_cross:
-        block["added_mass_cross"] = [[_rounded(value) for value in row] for row in model.hydrodynamics.added_mass_cross]
+    return "".join(f"# {line}\n" for line in header(model, CONVENTIONS)) + block_text(model.hydrodynamics)
+
+
+def block_text(hydrodynamics: Hydrodynamics) -> str:
+    """YAML text of the block, to be put into a vehicle file."""
+    block: dict[str, object] = {"added_mass": [_rounded(value) for value in hydrodynamics.added_mass]}
+    block |= {axis: _drag(hydrodynamics.drag(axis)) for axis in AXES}
+    if hydrodynamics.added_mass_cross:
+        block["added_mass_cross"] = [[_rounded(value) for value in row] for row in hydrodynamics.added_mass_cross]
     text: str = yaml.safe_dump({"hydrodynamics": block}, sort_keys=False, width=120, default_flow_style=None)
-    return "".join(f"# {line}\n" for line in header(model, CONVENTIONS)) + text
+    return text
 
 
 def _drag(drag: Drag) -> dict[str, float]:

@@ -240,5 +240,10 @@ def _agrees(truth: ImuTruth, reading: Any) -> bool:
 
 
 EMULATOR = Emulator(
-    lambda seed: Icm20948(seed=seed), _truth, _example, _agrees, also_at=lambda part: {COMPASS: part.magnetometer}
+    lambda seed: Icm20948(seed=seed),
+    _truth,
+    _example,
+    _agrees,
+    address=0x68,  # DS-000189, section 6.2, with AD0 low
+    also_at=lambda part: {COMPASS: part.magnetometer},
 )

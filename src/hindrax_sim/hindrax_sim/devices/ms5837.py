@@ -198,5 +198,9 @@ def _agrees(truth: WaterTruth, reading: Any) -> bool:
 
 
 EMULATOR = Emulator(
-    lambda seed: Ms5837(seed=seed), lambda world, at: WaterTruth(world.pressure_Pa(at), 24.0), _example, _agrees
+    lambda seed: Ms5837(seed=seed),
+    lambda world, at: WaterTruth(world.pressure_Pa(at), 24.0),
+    _example,
+    _agrees,
+    address=0x76,  # data sheet, I2C interface: 111011x with CSB
 )

@@ -31,6 +31,7 @@ from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
@@ -68,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
     parser.description = f"{HELP}\n{ABOUT}{columns}"
     parser.add_argument("records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder or CSV file")
-    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file: mass, volume and envelope are enough")
+    add_vehicle(parser, "vehicle: its file, or its name; mass, volume and envelope are enough", default=False)
     parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
     parser.add_argument(

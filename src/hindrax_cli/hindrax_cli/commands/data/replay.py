@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_replay.bag_replay import Replayed, replay
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="every reference bag of this clone, against its reference")
     parser.add_argument("--update-refs", action="store_true", help="with --all: write the references, say what changed")
     parser.add_argument("--remap", action="append", default=[], metavar="THEIRS:=OURS", help="a topic under our name")
-    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file, for bags that have none inside")
+    add_vehicle(parser, "vehicle, for bags that have no file of it inside", default=False)
     parser.add_argument("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours")
     parser.add_argument("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import sys
 
-from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical
+from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
+from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_analysis.terminal import make_table, print_json, print_table
-from hindrax_cli.argument_types import positive
+from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, load_vehicle
@@ -22,7 +23,7 @@ EXAMPLE = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Dimensions, or a vehicle file that has them."""
-    parser.add_argument("--vehicle", metavar="FILE", help="take what is not given from this vehicle file")
+    add_vehicle(parser, "take what is not given from the file of this vehicle", default=False)
     for name, unit, what in (
         ("length", "m", "along x"),
         ("width", "m", "along y"),
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(model)
     else:
         show(model)
+        print(f"\nfor the vehicle file (prior of plans, truth of the mock):\n\n{block_text(hydrodynamics_of(model))}")
     return 0
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from hindrax_analysis.identification.executor import executor_for
 from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
 from hindrax_analysis.terminal import make_table, print_table
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
@@ -45,9 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="seed of the first run; the others follow. Default 1")
     parser.add_argument("--cluster", default="", metavar="ADDRESS", help="compute on this Dask cluster")
     parser.add_argument("--workers", type=int, default=0, metavar="N", help="local processes; default: one per core")
-    parser.add_argument(
-        "--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file, with its truth"
-    )
+    add_vehicle(parser, "vehicle with its truth: file or name")
     parser.add_argument("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 

@@ -8,7 +8,7 @@ import statistics
 import sys
 from pathlib import Path
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Pressure
@@ -27,7 +27,7 @@ FEWEST = 20
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the sensor is, and whether the vehicle file shall keep it."""
     parser.add_argument("action", choices=("tare",), help="the vehicle out of the water, or its sensor at the surface")
-    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
     parser.add_argument("--seconds", type=float, default=3.0, metavar="S", help="how long to measure [s]")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")

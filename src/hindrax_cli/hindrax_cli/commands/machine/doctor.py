@@ -16,11 +16,11 @@ from rich.text import Text
 
 from hindrax_analysis.terminal import console
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import add_tether, tether_setting
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check
 from hindrax_cli.health_checks.pi import board
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mock", action="store_true", help="look at the mock vehicle that is up, or at one for this")
     parser.add_argument("--topside", action="store_true", help="look at the vehicle from here, over the tether")
     add_tether(parser)
-    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 

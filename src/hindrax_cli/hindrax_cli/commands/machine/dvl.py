@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.errors import HindraxError, UsageError
@@ -42,7 +42,7 @@ ANGLES = {"--heading-offset": HEADING_OFFSET, "--declination": "Magnetic declina
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the DVL is, and what shall hold."""
     parser.add_argument("action", choices=("show", "setup"), help="show the settings, or set those that differ")
-    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument(
         "--port", metavar="PATH", help="serial port, or udp://ADDRESS:PORT; default: of the vehicle file"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.read.bag_reader import messages
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
@@ -32,7 +32,7 @@ NEAR_GRAVITY = 0.15
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the data come from, and whether the vehicle file shall keep the result."""
     parser.add_argument("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still")
-    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
     parser.add_argument("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]")
     parser.add_argument("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one")

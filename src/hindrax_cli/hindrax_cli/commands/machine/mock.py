@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_runner import asked_to_end
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.commands.operate.up import add_mock_options, mock_options
 from hindrax_cli.mock_devices import DeviceOptions, document, plain, serve, table
 
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Vehicle, behavior, and where the ports lie."""
     parser.add_argument("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
-    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument(
         "--folder", type=Path, metavar="DIR", help="where ports and socket lie; default: stable, per user"
     )

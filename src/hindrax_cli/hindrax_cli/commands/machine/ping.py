@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import HindraxError
@@ -43,7 +43,7 @@ class SonarAnswer:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do and where the sonar is."""
     parser.add_argument("action", choices=("profile",), help="ask for one profile")
-    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 

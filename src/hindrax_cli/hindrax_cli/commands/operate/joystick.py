@@ -8,8 +8,9 @@ from typing import Any
 
 import yaml
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import adopted, environment
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
@@ -27,7 +28,7 @@ EXAMPLE = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the stack and the parameters of the node."""
     add_stack(parser)
-    parser.add_argument("--vehicle", metavar="FILE", help="vehicle file; default: that of the stack")
+    add_vehicle(parser, "vehicle: its file, or its name; default: that of the stack", default=False)
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME:=VALUE", help="parameter of the node, such as dead_man:=5"
     )
@@ -37,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the node here until a signal."""
     check(arguments.set)
     found = presence_of(arguments)
-    file = arguments.vehicle or (found.vehicle if found else str(default_vehicle()))
+    file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))
     mock = arguments.sim_time or (found is not None and found.mock)
     given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
     words = ["teleop", "--ros-args", *(word for one in given for word in ("-p", one))]

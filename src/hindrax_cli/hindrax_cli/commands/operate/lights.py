@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Set the lights of the stack that runs."""
     found = presence_of(arguments)
-    lamps = len(load_vehicle(found.vehicle if found else default_vehicle()).output.light_channels)
+    lamps = len(load_vehicle(found.vehicle if found else vehicle_file(usual_vehicle())).output.light_channels)
     levels = parse(arguments.levels, lamps)
     with operator_of(arguments) as operator:
         from hindrax_operator.nodes.orders import set_lights  # noqa: PLC0415  # arguments are checked first

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import positive
+from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import UsageError
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the action and its thrusters or sweep."""
     parser.add_argument("what", metavar="N|fit|disable|enable", help="a thruster (3 or T3), or what to do")
     parser.add_argument("which", nargs="*", metavar="SWEEP.csv|T3", help="sweep to fit, thrusters to disable or enable")
-    parser.add_argument("--vehicle", default=str(default_vehicle()), metavar="FILE", help="vehicle file")
+    add_vehicle(parser)
     add_stack(parser)
     alone = parser.add_argument_group("one thruster alone")
     alone.add_argument("--force", type=float, metavar="N", help="along its axis, negative: astern [N]")

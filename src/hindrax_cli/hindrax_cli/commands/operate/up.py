@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import FAULT_HELP, MockOptions
 from hindrax_bringup.stack_runner import UpOptions, run_up
 from hindrax_bringup.tether import add_tether, tether_setting
-from hindrax_cli.argument_types import pace, seed
+from hindrax_cli.argument_types import add_vehicle, pace, seed
 from hindrax_core.errors import UsageError
 
 NAME = "up"
@@ -21,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Vehicle or mock, and what is kept."""
     parser.add_argument("--mock", action="store_true", help="the mock vehicle instead of the one on this machine")
     parser.add_argument("--record", action="store_true", help="write a bag")
-    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for logs and bag; default runs/<time>")
     add_tether(parser)
     parser.add_argument(

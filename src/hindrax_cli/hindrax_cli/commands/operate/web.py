@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_runner import asked_to_end, report
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import AXES, load_vehicle
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hindrax_operator.web.summary import Chart  # noqa: PLC0415  # as above
 
     found = presence_of(arguments)
-    vehicle = load_vehicle(Path(found.vehicle) if found else default_vehicle())
+    vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
     report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
     chart = Chart(vehicle)
     heartbeat = ViewerHeartbeat()

@@ -13,6 +13,7 @@ from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, v
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
@@ -38,9 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run's folder")
     parser.add_argument("--to", choices=list(FORMATS), required=True, help="format")
     parser.add_argument("--out", type=Path, metavar="FILE", help="default: stdout")
-    parser.add_argument(
-        "--vehicle", metavar="FILE", help="vehicle file; also fills in what the results lack, and says so"
-    )
+    add_vehicle(parser, "vehicle; also fills in what the results lack, and says so", default=False)
 
 
 def run(arguments: argparse.Namespace) -> int:

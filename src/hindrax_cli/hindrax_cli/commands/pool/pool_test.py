@@ -6,9 +6,8 @@ import argparse
 import signal
 from pathlib import Path
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import FAULT_HELP, MockOptions
-from hindrax_cli.argument_types import pace, seed
+from hindrax_cli.argument_types import add_vehicle, pace, seed
 from hindrax_cli.health_checks.wires import require_ports
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
@@ -45,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how a guard ends it, before it is disarmed; default: neutral",
     )
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
-    parser.add_argument("--vehicle", metavar="FILE", default=str(default_vehicle()), help="vehicle file")
+    add_vehicle(parser)
     parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 

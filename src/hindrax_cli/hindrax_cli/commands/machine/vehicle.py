@@ -1,0 +1,139 @@
+"""`hindrax vehicle`: make, check and show vehicle files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bringup.share_files import own_vehicles, vehicle_file
+from hindrax_cli.vehicle_questions import ask, file_text
+from hindrax_cli.vehicle_review import findings, largest_wrench, picture
+from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_control.maneuver.servable import servable_motions
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
+
+NAME = "vehicle"
+HELP = "make a vehicle file by ten questions, check one, show its thrusters"
+EXAMPLE = "./hindrax vehicle new myrov"
+
+UPRIGHT_deg = 90.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """One word, and the vehicle."""
+    words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
+    for word, does in WORDS.items():
+        one = words.add_parser(
+            word,
+            help=does.__doc__,
+            description=does.__doc__,
+            epilog=f"example:\n  ./hindrax vehicle {word} myrov",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        one.add_argument("vehicle", metavar="NAME", help="its name, or its file")
+        if word == "new":
+            one.add_argument("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax")
+        else:
+            one.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what the word says."""
+    return WORDS[arguments.word](arguments)
+
+
+def new(arguments: argparse.Namespace) -> int:
+    """Ask ten questions and write the vehicle file; an empty line takes the answer in brackets."""
+    name = arguments.vehicle
+    if not name.replace("-", "").replace("_", "").isalnum():
+        raise UsageError(f"vehicle {name}: wanted letters, digits, - and _; --out names the file")
+    out = arguments.out or own_vehicles() / f"{name}.yaml"
+    if out.exists():
+        raise UsageError(f"{out}: is there already; take another name, or remove it")
+    text = file_text(name, ask(_line))
+    vehicle = vehicle_from_text(text, str(out))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error})") from error
+    _show_checks(vehicle)
+    print(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
+    return 0
+
+
+def _line(prompt: str) -> str:
+    print(prompt, end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline()
+    if not sys.stdin.isatty():
+        print(line.strip(), file=sys.stderr)
+    return line
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Whether a vehicle file can fly, and what looks wrong in it; exit 1 when something is to be done."""
+    vehicle = load_vehicle(vehicle_file(arguments.vehicle))
+    found = findings(vehicle)
+    if arguments.json:
+        print(
+            json.dumps(
+                {"checks": [{"name": o.what, "ok": o.good, "found": o.found, "remedy": o.remedy} for o in found]}
+            )
+        )
+    else:
+        _show_checks(vehicle)
+    return 0 if all(one.good for one in found) else 1
+
+
+def _show_checks(vehicle: Vehicle) -> None:
+    found = findings(vehicle)
+    remedies = ["to do"] if not all(one.good for one in found) else []
+    table = make_table(vehicle.name, ["check"], [], ["found", *remedies])
+    for one in found:
+        table.add_row(one.what, one.found, *([one.remedy] if remedies else []))
+    print_table(table)
+
+
+def show(arguments: argparse.Namespace) -> int:
+    """The thrusters seen from above, their poses and forces, and the largest wrench of each axis."""
+    vehicle = load_vehicle(vehicle_file(arguments.vehicle))
+    reach = largest_wrench(vehicle)
+    reasons = dict(servable_motions(AXES, vehicle).left_out) if vehicle.thrusters else {}
+    if arguments.json:
+        print(json.dumps(_document(vehicle, reach, reasons)))
+        return 0
+    print(picture(vehicle))
+    table = make_table("Thrusters", ["name", "forward, starboard, down [m]"], ["points to [deg]", "force [N]"])
+    for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
+        low, high = curve.range_N
+        position = "  ".join(f"{at:+.3f}" for at in one.position_m)
+        table.add_row(one.name, position, _pointing(one), f"{low:.1f} to {high:+.1f}")
+    print_table(table)
+    axes = make_table("Each axis alone", ["axis"], ["largest"], ["why not"] if reasons else [])
+    for axis, most in reach.items():
+        unit = "N" if axis in AXES[:3] else "Nm"
+        axes.add_row(axis, f"{most:.1f} {unit}" if most else "none", *([reasons.get(axis, "")] if reasons else []))
+    print_table(axes)
+    return 0
+
+
+def _pointing(thruster: Thruster) -> str:
+    if abs(thruster.elevation_deg) == UPRIGHT_deg:
+        return "up" if thruster.elevation_deg > 0.0 else "down"
+    return f"{thruster.azimuth_deg:g}" + (f", {thruster.elevation_deg:+g} up" if thruster.elevation_deg else "")
+
+
+def _document(vehicle: Vehicle, reach: dict[str, float], reasons: dict[str, str]) -> dict[str, Any]:
+    thrusters = [
+        {"name": one.name, "position_m": one.position_m, "direction": one.direction} for one in vehicle.thrusters
+    ]
+    return {"vehicle": vehicle.name, "thrusters": thrusters, "largest_wrench": reach, "not_served": reasons}
+
+
+WORDS: dict[str, Callable[[argparse.Namespace], int]] = {"new": new, "check": check, "show": show}

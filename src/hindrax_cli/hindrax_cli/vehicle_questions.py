@@ -1,0 +1,206 @@
+"""Ten questions about a vehicle, and the vehicle file that their answers make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from hindrax_analysis.experiments.estimate import Dimensions, empirical, hydrodynamics_of
+from hindrax_analysis.exports.vehicle_block import block_text
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import GRAVITY_mps2, Water
+
+RIGHTING_ARM_m = 0.02
+SPREAD, UPRIGHT_SPREAD = 0.8, 0.8
+"""Distance of thrusters on opposite sides over the size of the envelope, where nothing else is known."""
+STOP_us, DEAD_BAND_us, FULL_us = 1500.0, 25.0, 1100.0
+GAIN_SIGMA = 0.1
+LAYOUTS = {0: "none yet", 6: "four vectored, two vertical", 8: "four vectored, four vertical"}
+HEAD = """# {name}: made by `hindrax vehicle new`. SI units; body axes x forward, y starboard, z down.
+# Positions from the center of the envelope. docs/reference/vehicle-file.md lists every key."""
+PORTS = {"dvl75": "/dev/hindrax/dvl", "ping1d": "/dev/hindrax/ping", "icm20948": "/dev/i2c-1", "ms5837": "/dev/i2c-1"}
+BELIEVED = (
+    "# From the dimensions (full boxes: upper bounds). Prior of plans, truth of the mock; never told to the estimator."
+)
+Answers = Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One question: numbers wanted, their bounds, and what is meant where the line stays empty (none: an answer)."""
+
+    key: str
+    text: str
+    count: int
+    low: float
+    high: float
+    usual: Callable[[Answers], Sequence[float]] | None = None
+
+    def read(self, line: str, answers: Answers) -> tuple[float, ...]:
+        """Numbers of a line; UsageError with what was found and what was wanted."""
+        words = line.replace(",", " ").split()
+        if not words and self.usual is not None:
+            return tuple(self.usual(answers))
+        try:
+            found = tuple(float(word) for word in words)
+        except ValueError:
+            found = ()
+        if len(found) != self.count or not all(self.low <= one <= self.high for one in found):
+            wanted = f"{self.count} number{'s' if self.count > 1 else ''} from {self.low:g} to {self.high:g}"
+            raise UsageError(f"{self.text}: found {line.strip() or 'nothing'!r}, wanted {wanted}")
+        if self.key == "layout" and found[0] not in LAYOUTS:
+            raise UsageError(f"{self.text}: found {line.strip()!r}, wanted one of {', '.join(map(str, LAYOUTS))}")
+        return found
+
+    def prompt(self, answers: Answers) -> str:
+        """The question with its usual answer."""
+        usual = "" if self.usual is None else f" [{' '.join(f'{one:g}' for one in self.usual(answers))}]"
+        return f"{self.text}{usual}: "
+
+
+def _across(answers: Answers) -> tuple[float, float]:
+    length, width, _ = answers["size"]
+    return (round(SPREAD * length, 3), round(SPREAD * width, 3))
+
+
+def _upright(answers: Answers) -> tuple[float, float]:
+    ahead, across = _across(answers)
+    return (0.0 if answers["layout"][0] == 6 else ahead, across)  # a row of LAYOUTS
+
+
+QUESTIONS = (
+    Question("mass", "1. mass, dry, trimmed as it flies [kg]", 1, 0.1, 1e5),
+    Question(
+        "buoyancy", "2. pull on a scale when held under water, floating is positive [N]", 1, -1e4, 1e4, lambda _: (1.0,)
+    ),
+    Question("size", "3. length, width, height [m]", 3, 0.01, 50.0),
+    Question(
+        "layout", f"4. thrusters ({'; '.join(f'{n}: {text}' for n, text in LAYOUTS.items())})", 1, 0, 8, lambda _: (6,)
+    ),
+    Question("angle", "5. angle of the vectored thrusters off the x axis [deg]", 1, 1.0, 89.0, lambda _: (45.0,)),
+    Question(
+        "vectored",
+        "6. distance of the vectored thrusters, front to rear and port to starboard [m]",
+        2,
+        0.0,
+        50.0,
+        _across,
+    ),
+    Question(
+        "vertical",
+        "7. distance of the vertical thrusters, front to rear and port to starboard [m]",
+        2,
+        0.0,
+        50.0,
+        _upright,
+    ),
+    Question("thrust", "8. thrust of one thruster at full command [N]", 1, 0.1, 1e4, lambda _: (30.0,)),
+    Question(
+        "dvl",
+        "9. position of the DVL from the center of the envelope: forward, starboard, down [m]",
+        3,
+        -50.0,
+        50.0,
+        lambda answers: (0.0, 0.0, round(0.5 * answers["size"][2], 3)),
+    ),
+    Question("pool", "10. pool: length, width, depth [m]", 3, 0.5, 1e4, lambda _: (10.0, 6.0, 1.8)),
+)
+
+
+def ask(line_of: Callable[[str], str]) -> Answers:
+    """Put the questions; `line_of` shows a prompt and returns the line that was typed."""
+    answers: dict[str, tuple[float, ...]] = {}
+    for question in QUESTIONS:
+        if question.key in ("angle", "vectored", "vertical", "thrust") and answers["layout"] == (0.0,):
+            continue
+        answers[question.key] = question.read(line_of(question.prompt(answers)), answers)
+    return answers
+
+
+def file_text(name: str, answers: Answers) -> str:
+    """Vehicle file: what was answered, and for the rest assumptions that are marked as such."""
+    (mass_kg,), (pull_N,), size = answers["mass"], answers["buoyancy"], answers["size"]
+    density = Water().density_kgpm3
+    volume_m3 = (mass_kg + pull_N / GRAVITY_mps2) / density
+    if volume_m3 <= 0.0:
+        raise UsageError(f"a vehicle of {mass_kg:g} kg that pulls {pull_N:g} N displaces nothing; check both")
+    length, width, height = size
+    known: dict[str, Any] = {
+        "name": name,
+        "mass_kg": mass_kg,
+        "volume_m3": float(f"{volume_m3:.6g}"),
+        "envelope_m": list(size),
+    }
+    known["pool"] = dict(zip(("length_m", "width_m", "depth_m"), answers["pool"], strict=True))
+    positions = {
+        "dvl75": list(answers["dvl"]),
+        "ping1d": [0.0, 0.0, 0.5 * height],
+        "icm20948": [0.0] * 3,
+        "ms5837": [0.0] * 3,
+    }
+    known["sensors"] = {
+        sensor: {"device": sensor, "port": PORTS[sensor], "position_m": at} for sensor, at in positions.items()
+    }
+    if answers["layout"] != (0.0,):
+        known |= {"thrusters": _thrusters(answers), "curves": {"main": _curve(*answers["thrust"])}}
+    belief = empirical(Dimensions(length, width, height, mass_kg, density_kgpm3=density, buoyancy_arm_m=RIGHTING_ARM_m))
+    return "\n".join(
+        (
+            HEAD.format(name=name),
+            _dump(known),
+            "# Assumed: 20 mm above the center of mass, which is the center of the envelope.",
+            _dump({"center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}),
+            BELIEVED,
+            block_text(hydrodynamics_of(belief)),
+        )
+    )
+
+
+def _thrusters(answers: Answers) -> list[dict[str, Any]]:
+    """T1 to T4 vectored (front port, front starboard, rear port, rear starboard), then those that push up."""
+    (angle,), corners = answers["angle"], ((1, -1), (1, 1), (-1, -1), (-1, 1))
+    (ahead, across), (above_ahead, above_across) = answers["vectored"], answers["vertical"]
+    turns = (angle, -angle, 180.0 - angle, angle - 180.0)
+    made = [
+        {"position_m": [0.5 * x * ahead, 0.5 * y * across, 0.0], "azimuth_deg": turn}
+        for (x, y), turn in zip(corners, turns, strict=True)
+    ]
+    upright = ((0, -1), (0, 1)) if answers["layout"] == (6.0,) else corners
+    made += [
+        {"position_m": [0.5 * x * above_ahead, 0.5 * y * above_across, 0.0], "elevation_deg": 90.0} for x, y in upright
+    ]
+    return [{"name": f"T{index + 1}", "channel": index} | one for index, one in enumerate(made)]
+
+
+def _curve(full_N: float) -> dict[str, Any]:
+    """A parabola from the stop pulse to full thrust astern, mirrored: F = -T ((P0 - P) / (P0 - P1))^2."""
+    start = STOP_us - DEAD_BAND_us
+    scale = full_N / (STOP_us - FULL_us) ** 2
+    c = [-scale * STOP_us**2, 2.0 * scale * STOP_us, -scale, 0.0]
+    return {
+        "source": "assumed: a parabola to full thrust, mirrored; calibrate the thrusters (docs/how-to)",
+        "negative": {"c": [float(f"{one:.9g}") for one in c], "from_us": FULL_us, "to_us": start},
+        "stop_us": STOP_us,
+        "dead_band_us": DEAD_BAND_us,
+        "gain_sigma": GAIN_SIGMA,
+    }
+
+
+def _dump(block: dict[str, Any]) -> str:
+    """YAML with a line for each thruster, sensor and curve."""
+    return "".join(_entry(key, value) for key, value in block.items())
+
+
+def _entry(key: str, value: Any) -> str:
+    if isinstance(value, list) and isinstance(value[0], dict):
+        return f"{key}:\n" + "".join(f"  - {_flow(row)}\n" for row in value)
+    if isinstance(value, dict) and isinstance(next(iter(value.values())), dict):
+        return f"{key}:\n" + "".join(f"  {name}: {_flow(row)}\n" for name, row in value.items())
+    return f"{key}: {_flow(value)}\n"
+
+
+def _flow(value: Any) -> str:
+    return yaml.safe_dump([value], sort_keys=False, width=10_000, default_flow_style=True).strip()[1:-1]

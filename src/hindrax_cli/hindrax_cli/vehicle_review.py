@@ -1,0 +1,152 @@
+"""A vehicle file judged before it flies: what its thrusters serve and how hard, and what looks wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_control.maneuver.servable import servable_motions
+from hindrax_core.vehicle import AXES, Vehicle
+
+NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
+FLOATS_AT_MOST = 0.1
+"""Net buoyancy over weight beyond which trim is doubtful."""
+OUTSIDE = 1.5
+"""Position over half the envelope beyond which a unit or an origin is doubtful."""
+ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
+UP, DOWN = "\u2299", "\u2297"
+WIDE, TALL = 45, 15
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of a check: what was looked at, what was found, whether it is good, else what to do."""
+
+    what: str
+    found: str
+    remedy: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing is to be done."""
+        return not self.remedy
+
+
+def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
+    """Largest force [N] or moment [Nm] of each axis alone, the weaker direction; 0 where the axis is not served."""
+    if not vehicle.thrusters:
+        return dict.fromkeys(AXES, 0.0)
+    B = effectiveness(vehicle)
+    served = servable_motions(AXES, vehicle).flown
+    ranges = [min(-curve.range_N[0], curve.range_N[1]) for curve in thrust_curves(vehicle)]
+    alone = np.linalg.pinv(B)
+    found = {}
+    for axis, name in enumerate(AXES):
+        shares = np.abs(alone[:, axis]) / np.array(ranges)
+        found[name] = 1.0 / float(np.max(shares)) if name in served and np.max(shares) > 0.0 else 0.0
+    return found
+
+
+def findings(vehicle: Vehicle) -> list[Finding]:
+    """Every check of a valid file."""
+    return [*_body(vehicle), *_thrusters(vehicle), *_sensors(vehicle), _truth(vehicle)]
+
+
+def _body(vehicle: Vehicle) -> list[Finding]:
+    net_N, weight_N = vehicle.net_buoyancy_N, vehicle.weight_N
+    doubt = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
+    arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
+    upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
+    return [
+        Finding("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
+        Finding("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
+    ]
+
+
+def _thrusters(vehicle: Vehicle) -> list[Finding]:
+    if not vehicle.thrusters:
+        return [Finding("thrusters", "none", "add thrusters and curves to fly; identification does without")]
+    motions = servable_motions(AXES, vehicle)
+    found = [
+        Finding("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
+        *(Finding("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
+    ]
+    channels = [one.channel for one in vehicle.thrusters]
+    twice = sorted({one for one in channels if channels.count(one) > 1})
+    found.append(
+        Finding("channels", ", ".join(map(str, channels)), f"channel {twice[0]} is used twice" if twice else "")
+    )
+    far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
+    found.append(
+        Finding(
+            "thruster positions",
+            "within the envelope" if not far else f"{', '.join(far)} far outside of it",
+            "check unit and origin of position_m" if far else "",
+        )
+    )
+    reach_N, need_N = largest_wrench(vehicle)["heave"], abs(vehicle.net_buoyancy_N)
+    weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
+    found.append(Finding("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
+    assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
+    found += [Finding(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
+    return found
+
+
+def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:
+    return any(abs(at) > 0.5 * OUTSIDE * size for at, size in zip(position_m, vehicle.envelope_m, strict=True))
+
+
+def _sensors(vehicle: Vehicle) -> list[Finding]:
+    return [
+        Finding(name, vehicle.sensors[name].port or "no port")
+        if name in vehicle.sensors
+        else Finding(name, "missing", f"add it to sensors: it measures {what}")
+        for name, what in NEEDED.items()
+    ]
+
+
+def _truth(vehicle: Vehicle) -> Finding:
+    if vehicle.hydrodynamics is not None:
+        return Finding("hydrodynamics", "given: the mock can fly")
+    return Finding(
+        "hydrodynamics", "missing", "the mock needs it: `./hindrax estimate --vehicle FILE` prints the block"
+    )
+
+
+def picture(vehicle: Vehicle) -> str:
+    """Top view of the thrusters, bow up: an arrow along positive thrust, a dot for up, a cross for down."""
+    ahead = max([0.5 * vehicle.envelope_m[0], *(abs(one.position_m[0]) for one in vehicle.thrusters)])
+    across = max([0.5 * vehicle.envelope_m[1], *(abs(one.position_m[1]) for one in vehicle.thrusters)])
+    canvas = [[" "] * WIDE for _ in range(TALL)]
+
+    def place(x_m: float, y_m: float) -> tuple[int, int]:
+        return round((1.0 - x_m / ahead) * 0.5 * (TALL - 3)) + 1, round((1.0 + y_m / across) * 0.5 * (WIDE - 9)) + 4
+
+    (top, left), (bottom, right) = (
+        place(s * 0.5 * vehicle.envelope_m[0], -s * 0.5 * vehicle.envelope_m[1]) for s in (1, -1)
+    )
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            edge = (row in (top, bottom), column in (left, right))
+            canvas[row][column] = {(True, True): "+", (True, False): "-", (False, True): "|"}.get(edge, " ")
+    taken: set[tuple[int, int]] = set()
+    for one in vehicle.thrusters:
+        row, column = place(*one.position_m[:2])
+        while (row, column) in taken:  # one above the other
+            row += 1 if row < TALL // 2 else -1
+        taken.add((row, column))
+        label = f"{one.name}{_arrow(one.azimuth_deg, one.elevation_deg)}"
+        start = min(max(0, column - len(label) // 2), WIDE - len(label))
+        canvas[row][start : start + len(label)] = label
+    lines = ["bow".center(WIDE), *("".join(row) for row in canvas)]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _arrow(azimuth_deg: float, elevation_deg: float) -> str:
+    if abs(elevation_deg) > 45.0:  # more up than along
+        return UP if math.sin(math.radians(elevation_deg)) > 0.0 else DOWN
+    return ARROWS[round(azimuth_deg / 45.0) % 8]

@@ -1,0 +1,146 @@
+"""`hindrax vehicle`: ten answers make a file that can be flown; files are found by name, checked and shown."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hindrax_analysis.experiments.estimate import Dimensions, empirical
+from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
+from hindrax_cli.command_line import main
+from hindrax_cli.vehicle_questions import QUESTIONS
+from hindrax_cli.vehicle_review import DOWN, UP, findings, largest_wrench, picture
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, parse_vehicle
+
+MUST = {"mass": "11.5", "size": "0.457, 0.338 0.254"}
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.delenv(VEHICLE, raising=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "hindrax"
+
+
+def answer(monkeypatch: pytest.MonkeyPatch, **answers: str) -> int:
+    lines = "".join(f"{(MUST | answers).get(one.key, '')}\n" for one in QUESTIONS)
+    monkeypatch.setattr("sys.stdin", io.StringIO(lines))
+    return main(["vehicle", "new", "myrov"])
+
+
+def changed(**keys: object) -> Vehicle:
+    return parse_vehicle(yaml.safe_load(default_vehicle().read_text()) | keys, "test")
+
+
+@pytest.mark.parametrize(("layout", "flown"), [("6", 5), ("8", 6)])
+def test_ten_answers_make_a_vehicle_that_passes_its_check_and_is_found_by_name(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path, layout: str, flown: int
+) -> None:
+    assert answer(monkeypatch, layout=layout, buoyancy="2") == 0
+    assert len(QUESTIONS) == 10
+    vehicle = load_vehicle(home / "myrov.yaml")
+    assert vehicle.net_buoyancy_N == pytest.approx(2.0, abs=0.01)
+    assert vehicle.hydrodynamics is not None
+    assert all(one.good for one in findings(vehicle))
+    capsys.readouterr()
+    assert main(["vehicle", "check", "myrov", "--json"]) == 0
+    checks = {one["name"]: one["found"] for one in json.loads(capsys.readouterr().out)["checks"]}
+    assert len(checks["flies"].split(", ")) == flown
+    assert main(["allocate", "--vehicle", "myrov", "--wrench", "5", "0", "0", "0", "0", "0", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["achieved"][0] == pytest.approx(5.0, abs=0.1)
+    assert answer(monkeypatch) == 2, "a file is never written over"
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ({"mass": ""}, "found 'nothing', wanted 1 number from 0.1 to 100000"),
+        ({"size": "1 2"}, "found '1 2', wanted 3 numbers"),
+        ({"layout": "7"}, "wanted one of 0, 6, 8"),
+        ({"thrust": "nan"}, "found 'nan'"),
+        ({"buoyancy": "-9000"}, "displaces nothing"),
+    ],
+)
+def test_an_answer_that_makes_no_sense_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], home: Path, given: dict[str, str], wanted: str
+) -> None:
+    assert answer(monkeypatch, **given) == 2
+    assert wanted in capsys.readouterr().err
+    assert not home.exists()
+
+
+def test_a_vehicle_without_thrusters_is_enough_for_identification(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
+    assert answer(monkeypatch, layout="0") == 0
+    assert load_vehicle(home / "myrov.yaml").thrusters == ()
+    assert main(["vehicle", "check", "myrov"]) == 1
+    assert main(["vehicle", "show", "myrov"]) == 0
+
+
+def test_a_name_is_looked_for_here_then_among_ones_own_then_in_the_clone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, home: Path
+) -> None:
+    assert vehicle_file("hindrax") == default_vehicle()
+    assert usual_vehicle() == str(default_vehicle())
+    home.mkdir()
+    (home / "hindrax.yaml").touch()
+    assert vehicle_file("hindrax") == home / "hindrax.yaml"
+    (tmp_path / "hindrax.yaml").touch()
+    assert vehicle_file("hindrax").resolve() == tmp_path / "hindrax.yaml"
+    assert vehicle_file("elsewhere/my.yaml") == Path("elsewhere/my.yaml")
+    with pytest.raises(UsageError, match=r"vehicle nobody: found no nobody.yaml here, .* wanted one of hindrax"):
+        vehicle_file("nobody")
+    monkeypatch.setenv(VEHICLE, "nobody")
+    assert main(["allocate", "--wrench", *"100000"]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        main(["allocate", "--wrench", *"100000", "--vehicle", ""])
+
+
+def test_what_looks_wrong_is_named_with_a_remedy() -> None:
+    data = yaml.safe_load(default_vehicle().read_text())
+    thrusters = [one | {"channel": 0} for one in data["thrusters"]]
+    thrusters[0]["position_m"] = [2.95, -2.35, 1.0]
+    body = {"volume_m3": 0.02, "center_of_buoyancy_m": [0.0, 0.0, 0.02], "hydrodynamics": None}
+    wrong = changed(thrusters=thrusters, sensors={}, **body)
+    remedies = {one.what for one in findings(wrong) if not one.good}
+    assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "dvl75", "hydrodynamics"}
+
+
+def test_the_largest_wrench_of_an_axis_is_what_the_allocator_gives() -> None:
+    vehicle = load_vehicle(default_vehicle())
+    for axis, most in enumerate(largest_wrench(vehicle).values()):
+        wrench = [0.0] * 6
+        wrench[axis] = 0.99 * most
+        found = Allocator(vehicle).allocate((wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]))
+        assert found.achieved == pytest.approx(wrench, abs=0.02 * most), AXES[axis]
+
+
+def test_every_thruster_is_in_the_picture_with_its_arrow() -> None:
+    vehicle = load_vehicle(default_vehicle())
+    shown = picture(vehicle)
+    assert max(map(len, shown.splitlines())) <= 60
+    lines = shown.splitlines()
+    front = next(line for line in lines if "T1" in line)
+    rear = next(line for line in lines if "T3" in line)
+    assert front.index("T1\u2197") < front.index("T2\u2196"), "port is left, and both push forward and inwards"
+    assert lines.index(front) < lines.index(rear), "the bow is up"
+    assert all(f"T{number}{UP}" in shown for number in (5, 6, 7, 8))
+    downward = changed(thrusters=[{"name": "A", "position_m": [0, 0, 0], "elevation_deg": -90.0}])
+    assert f"A{DOWN}" in picture(downward)
+
+
+def test_the_estimate_prints_the_block_to_paste(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["estimate", "--vehicle", "hindrax"]) == 0
+    block = capsys.readouterr().out.partition("for the vehicle file")[2].partition("\n")[2]
+    pasted = changed(**yaml.safe_load(block)).hydrodynamics
+    data = load_vehicle(default_vehicle())
+    model = empirical(Dimensions(*data.envelope_m, data.mass_kg, buoyancy_arm_m=0.02))
+    assert pasted is not None
+    assert pasted.added_mass == pytest.approx(model.added_mass, rel=0.01)
+    assert [pasted.drag(axis).k_l for axis in AXES] == pytest.approx(model.linear_drag, rel=0.01)
