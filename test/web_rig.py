@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
-from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
 from hindrax_operator.web.reports import Reports
@@ -60,7 +61,10 @@ ARMED = Snapshot(
     silent_s=0.1,
     navigation=NAVIGATION,
     thrusters=THRUSTERS,
-    holds=(Hold("heading", True, math.radians(-90.0), math.radians(0.4)), Hold("altitude", True, 1.0, 0.0, "no echo")),
+    holds=(
+        HoldState("heading", True, math.radians(-90.0), math.radians(0.4)),
+        HoldState("altitude", True, 1.0, 0.0, "no echo"),
+    ),
     flight=ManeuverView("surge", "done", "", 1.0),
     health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},

@@ -11,13 +11,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.exports.export_model import drag_at, export_model, header, read_motions
+from hindrax_analysis.exports.export_model import direction, export_model, header, read_motions
 from hindrax_analysis.exports.tables import write_csv, write_latex
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 
 PRIOR = Hydrodynamics(added_mass=(10, 20, 22, 0.2, 0.4, 0.3), **{axis: Drag(7.0, 2.0) for axis in AXES})
 VEHICLE = Vehicle("hindrax", 15.22, 0.0153, (0.59, 0.47, 0.40), hydrodynamics=PRIOR)
+
+
+def drag_at(drag: Drag, speed: float) -> float:
+    k_q, k_l = direction(drag, backward=speed < 0.0)
+    return (k_q * abs(speed) + k_l) * speed
 
 
 def value(number: float, std: float = 0.1) -> dict[str, float]:

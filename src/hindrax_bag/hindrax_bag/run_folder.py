@@ -58,21 +58,21 @@ def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
     path = Path(wanted) if wanted else _dated()
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
+    folder = RunFolder(path.resolve())
     try:
         path.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path).free
-        folder = RunFolder(path.resolve())
-        if free >= FREE_BYTES_WANTED:
-            shutil.copyfile(vehicle_file, folder.vehicle)
+        if free < FREE_BYTES_WANTED:
+            path.rmdir()
+            have, want = free // 1_000_000, FREE_BYTES_WANTED // 1_000_000
+            raise HindraxError(
+                f"the disk of {path} is full: {have} MB are free, {want} MB are wanted; make room or use --out"
+            )
+        shutil.copyfile(vehicle_file, folder.vehicle)
     except OSError as error:
         raise UsageError(
             f"{path} cannot be written ({error.strerror or error}); name another folder with --out"
         ) from error
-    if free < FREE_BYTES_WANTED:
-        have, want = free // 1_000_000, FREE_BYTES_WANTED // 1_000_000
-        raise HindraxError(
-            f"the disk of {path} is full: {have} MB are free, {want} MB are wanted; make room or use --out"
-        )
     return folder
 
 

@@ -44,9 +44,9 @@ class UpOptions:
 def run_up(options: UpOptions) -> int:
     """Start everything, say how to reach it, look after it; 0 when a signal ended it."""
     vehicle = load_vehicle(options.vehicle_file)
-    folder = make_run_folder(options.out, options.vehicle_file)
     mock = options.mock is not None
     with asked_to_end() as over, own_domain(mock=mock) as domain, pulse() as beating:
+        folder = make_run_folder(options.out, options.vehicle_file)
         address = awaited(options.tether, over, beating)
         if over():
             return 0

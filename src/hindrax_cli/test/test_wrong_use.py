@@ -54,6 +54,19 @@ def test_one_sentence(capsys: pytest.CaptureFixture[str], words: list[str], sent
     assert sentence in refused(capsys, *words)
 
 
+@pytest.mark.parametrize("command", ["up", "pool-test"])
+def test_a_stack_that_is_refused_leaves_no_folder_behind(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: str
+) -> None:
+    def refuse(_domain: int, _environment: dict[str, str]) -> None:
+        raise HindraxError("ROS domain 7: found the nodes of a stack")
+
+    monkeypatch.setattr("hindrax_bringup.stack.require_no_stack", refuse)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert command_line.main([command, "--mock", "--out", str(tmp_path / "run")]) == 1
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

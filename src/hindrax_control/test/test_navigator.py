@@ -27,7 +27,7 @@ from hindrax_core.readings import (
     Reading,
     Vec3,
 )
-from hindrax_core.rotation import cross, matrix, rotate, rotate_back
+from hindrax_core.rotation import Matrix3, cross, matrix, rotate
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
 
@@ -37,6 +37,11 @@ FLOOR_m = 1.8
 FIELD_T = (17.5e-6, 0.0, -13.8e-6)
 HOVER: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
 STILL: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
+
+
+def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
+    a, b, c = zip(*turn, strict=True)
+    return rotate((a, b, c), vector)
 
 
 @dataclass

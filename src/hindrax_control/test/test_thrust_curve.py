@@ -59,7 +59,6 @@ def test_supply_that_is_not_a_voltage_is_refused() -> None:
 
 
 def test_missing_positive_branch_is_the_mirror_image() -> None:
-    assert MAIN.assumed_mirror
     assert MAIN.range_N == pytest.approx((-15.5283, 15.5283))
     for pulse in (1525.0, 1600.0, 1777.0, 1900.0):
         assert MAIN.force(pulse) == pytest.approx(-MAIN.force(3000.0 - pulse), abs=1e-9)

@@ -31,13 +31,6 @@ def rotate(turn: Matrix3, vector: Vec3) -> Vec3:
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
-def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
-    """Transposed matrix times vector: the rotation back."""
-    x, y, z = vector
-    (a, b, c), (d, e, f), (g, h, i) = turn
-    return (a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z)
-
-
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """Vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.model.motion_model import (
     MOTIONS,
@@ -14,7 +13,6 @@ from hindrax_ident.model.motion_model import (
     known_force,
     lag_s,
     model_of,
-    motion_named,
     motions_of,
     restoring,
     rigid_mass,
@@ -24,11 +22,6 @@ from hindrax_ident.model.motion_model import (
 def test_motions_are_the_rows_of_table_3() -> None:
     assert list(MOTIONS) == ["surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw"]
     assert [motion.name for motion in motions_of(2)] == ["heave_down", "heave_up"]
-
-
-def test_an_unknown_motion_is_named() -> None:
-    with pytest.raises(UsageError, match="'sideways': unknown, wanted one of surge"):
-        motion_named("sideways")
 
 
 def test_every_parameter_has_a_coefficient_with_a_unit(vehicle: Vehicle) -> None:

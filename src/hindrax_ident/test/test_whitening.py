@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.fit.noise_likelihood import fit_noise
-from hindrax_ident.fit.whitening import Chain, Noise, gains, transitions, whiten
+from hindrax_ident.fit.whitening import Chain, Noise, Whitener, gains, transitions
 
 MEMORY_S = 0.15
 
@@ -73,7 +73,7 @@ def test_innovations_are_white_and_of_unit_variance(channels: tuple[int, ...], s
     chain = chain_of(60, rng, channels, stiffness=stiffness, starts=(0, 25))
     noise = Noise(1e-4, 4e-6, 3e-4, 2e-4)
     C = covariance_of(chain, noise)
-    W = whiten(chain, noise, np.eye(60))
+    W = Whitener(chain, noise)(np.eye(60))
     assert pytest.approx(np.eye(60), abs=1e-6) == W @ C @ W.T
 
 
@@ -82,7 +82,7 @@ def test_without_unknown_forces_only_the_scale_changes() -> None:
     chain = chain_of(30, rng, (0, 1))
     table = rng.standard_normal((30, 2))
     scale = np.where(chain.channel == 0, 0.1, 0.02)
-    assert whiten(chain, Noise(0.01, 0.0004), table) == pytest.approx(table / scale[:, None])
+    assert Whitener(chain, Noise(0.01, 0.0004))(table) == pytest.approx(table / scale[:, None])
 
 
 def test_a_measurement_that_does_not_count_changes_nothing() -> None:
@@ -95,8 +95,8 @@ def test_a_measurement_that_does_not_count_changes_nothing() -> None:
     spoiled = table.copy()
     spoiled[10] = 1e6
     noise = Noise(1e-4, 1.0, 3e-4)
-    assert whiten(left_out, noise, spoiled) == pytest.approx(whiten(left_out, noise, table))
-    assert whiten(left_out, noise, table)[10] == 0.0
+    assert Whitener(left_out, noise)(spoiled) == pytest.approx(Whitener(left_out, noise)(table))
+    assert Whitener(left_out, noise)(table)[10] == 0.0
 
 
 def test_a_long_step_is_as_exact_as_a_short_one() -> None:

@@ -71,15 +71,17 @@ def run_pool_test(options: PoolOptions) -> int:
     vehicle = load_vehicle(options.vehicle_file)
     servable = motions_to_fly(options.motions, vehicle)
     options = replace(options, motions=servable.flown)
-    folder = make_run_folder(options.out, options.vehicle_file)
-    BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
-    with Progress(headless=options.headless) as progress:
-        progress.report(f"{vehicle.name} {servable}")
-        flight = fly(options, vehicle, folder, progress)
-        progress.report("identifying over the bag")
-        identified = identify_run(folder, vehicle, mock=options.mock is not None, aborted=flight.aborted)
+    mock = options.mock is not None
+    with own_domain(mock=mock) as domain:
+        folder = make_run_folder(options.out, options.vehicle_file)
+        BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
+        with Progress(headless=options.headless) as progress:
+            progress.report(f"{vehicle.name} {servable}")
+            flight = fly(options, vehicle, folder, domain, progress)
+            progress.report("identifying over the bag")
+            identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted)
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
-    document |= {"mock": flight.facts} if options.mock else {}
+    document |= {"mock": flight.facts} if mock else {}
     if options.json:
         print(json.dumps(document))
     else:
@@ -106,24 +108,23 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
         print(f"  {path}")
 
 
-def fly(options: PoolOptions, vehicle: Vehicle, folder: RunFolder, progress: Progress) -> FlownManeuver:
+def fly(
+    options: PoolOptions, vehicle: Vehicle, folder: RunFolder, domain: int | None, progress: Progress
+) -> FlownManeuver:
     """Start the stack, fly the motions, end the stack; the bag is closed and readable when this returns."""
     mock = options.mock
     flight = FlownManeuver()
     notes = f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}"
-    with own_domain(mock=mock is not None) as domain, pulse() as beating:
-        made = environment(
-            mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report)
-        )
-        with Supervisor(folder.logs, made) as supervisor:
-            beating.beat(notes, STARTING)
-            stack = Stack(folder, vehicle, supervisor, notes)
-            progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
-            stack.start(mock, record=True)
-            with announced(presence_of(stack, made)), adopted(made):
-                _operate(options, flight, supervisor, progress, Beating(beating, notes))
-            supervisor.stop("recorder")
-            flight.facts = stack.last_facts()
+    made = environment(mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report))
+    with pulse() as beating, Supervisor(folder.logs, made) as supervisor:
+        beating.beat(notes, STARTING)
+        stack = Stack(folder, vehicle, supervisor, notes)
+        progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
+        stack.start(mock, record=True)
+        with announced(presence_of(stack, made)), adopted(made):
+            _operate(options, flight, supervisor, progress, Beating(beating, notes))
+        supervisor.stop("recorder")
+        flight.facts = stack.last_facts()
     return flight
 
 

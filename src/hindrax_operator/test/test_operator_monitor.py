@@ -19,11 +19,12 @@ from types import SimpleNamespace as Message
 import pytest
 from rich.console import Console
 
+from hindrax_control.hold.holds import HoldState
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
-from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
+from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
 
 NAVIGATION = Navigation(
     attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(-90.0)),
@@ -65,11 +66,11 @@ FULL = Snapshot(
     navigation=NAVIGATION,
     thrusters=THRUSTERS,
     holds=(
-        Hold("heading", True, math.radians(-90.0), math.radians(0.4)),
-        Hold("roll", False),
-        Hold("pitch", False),
-        Hold("depth", False),
-        Hold("altitude", True, 1.0, 0.02, "no echo: holding depth"),
+        HoldState("heading", True, math.radians(-90.0), math.radians(0.4)),
+        HoldState("roll", False),
+        HoldState("pitch", False),
+        HoldState("depth", False),
+        HoldState("altitude", True, 1.0, 0.02, "no echo: holding depth"),
     ),
     flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312),
     health={
@@ -247,7 +248,7 @@ def test_a_picture_is_copied_out_of_messages() -> None:
     assert found.time_s == 5.0
     assert (found.thrusters.names, found.thrusters.forces_N) == (("L", "R"), (0.0, 3.0))
     assert found.thrusters.disabled == ("L",)
-    assert found.holds == (Hold("depth", True, 1.0, 0.1),)
+    assert found.holds == (HoldState("depth", True, 1.0, 0.1),)
     assert found.health == {"dvl75": NodeHealth("warning", "slow", 7.5)}
     assert found.flight is None
     assert found.estimates["surge"] is ESTIMATE

@@ -50,17 +50,6 @@ class ExportModel:
             matrix += cross - np.diag(np.diag(cross))
         return matrix
 
-    def resisting_force(self, velocity: Array) -> Array:
-        """Drag force on the vehicle (6) [N, Nm] at a velocity (6) [m/s, rad/s], SNAME: against every component."""
-        pairs = zip(AXES, velocity, strict=True)
-        return np.array([-drag_at(self.hydrodynamics.drag(axis), float(speed)) for axis, speed in pairs])
-
-
-def drag_at(drag: Drag, speed: float) -> float:
-    """k_q |x| x + k_l x, with the coefficients of the direction of motion."""
-    k_q, k_l = direction(drag, backward=speed < 0.0)
-    return (k_q * abs(speed) + k_l) * speed
-
 
 def direction(drag: Drag, *, backward: bool) -> tuple[float, float]:
     """Quadratic and linear coefficient for motion forward or backward along the axis."""

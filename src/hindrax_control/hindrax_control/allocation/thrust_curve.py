@@ -38,8 +38,7 @@ class ThrustCurve:
     that of the curve at the pulse reflected about the stop.
 
     `pulse` is the inverse of `force`: see `PulseLaw`. `range_N` holds the largest force in each direction, `gap_N` the
-    smallest running one, `range_us` the pulses of the largest ones; `assumed_mirror` says that the positive branch was
-    not measured.
+    smallest running one.
     """
 
     __slots__ = (
@@ -49,12 +48,10 @@ class ThrustCurve:
         "_low_N",
         "_lower",
         "_upper",
-        "assumed_mirror",
         "gain_sigma",
         "gap_N",
         "pulse",
         "range_N",
-        "range_us",
         "stop_us",
         "supply_V",
     )
@@ -68,7 +65,6 @@ class ThrustCurve:
         if not (math.isfinite(self.supply_V) and self.supply_V > 0.0):
             raise UsageError(f"{label}: found a supply of {self.supply_V:g} V, wanted more than zero")
         self.stop_us, self.gain_sigma = curve.stop_us, curve.gain_sigma
-        self.assumed_mirror = curve.positive is None
         gain = float((self.supply_V / curve.supply_V) ** curve.supply_exponent)
         self._set_branches(*(scaled(branch, gain) for branch in running_branches(curve)), mirrored=mirrored)
 
@@ -83,7 +79,6 @@ class ThrustCurve:
         self.range_N, self.gap_N = (strong_back, strong_forth), (weak_back, weak_forth)
         self._low_N, self._high_N = self.gap_N
         self.pulse: PulseLaw = _law(back, forth, self.gap_N, self._near_stop)
-        self.range_us = (self._lower.from_us, self._upper.to_us)
 
     def force(self, pulse_us: float) -> float:
         """Steady thrust [N] of a pulse [us]: zero within the dead band, that of the end beyond an end."""

@@ -164,11 +164,6 @@ class Whitener:
         return array((table - _predicted(self._chain, self._A, self._K, table)) * self._weight)
 
 
-def whiten(chain: Chain, noise: Noise, table: Array) -> Array:
-    """Innovations of each column, for a single use: (n, m) to (n, m) [-]."""
-    return Whitener(chain, noise)(table)
-
-
 def _predicted(chain: Chain, A: Array, K: Array, table: Array) -> Array:
     """Predicted measurements for all columns, from one banded system: (n, m)."""
     n, m = table.shape

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Thruster, Vehicle
 from hindrax_ident.arrays import Array
@@ -44,14 +43,6 @@ MOTIONS: dict[str, Motion] = {
         Motion("yaw", 5),
     )
 }
-
-
-def motion_named(name: str) -> Motion:
-    """Motion by name; UsageError when unknown."""
-    try:
-        return MOTIONS[name]
-    except KeyError as error:
-        raise UsageError(f"motion {name!r}: unknown, wanted one of {', '.join(MOTIONS)}") from error
 
 
 def motions_of(axis: int) -> tuple[Motion, ...]:

@@ -9,8 +9,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_operator.monitor.snapshot import Hold, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.progress import units
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
@@ -60,7 +61,7 @@ def state(navigation: Navigation | None) -> RenderableType:
     return table
 
 
-def holds(found: tuple[Hold, ...]) -> RenderableType:
+def holds(found: tuple[HoldState, ...]) -> RenderableType:
     """Every hold with setpoint and error, or off."""
     if not found:
         return Text("no word from the pilot yet", style=DIM)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import NAN, Estimate, Navigation
 
 LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
@@ -25,17 +26,6 @@ class Thrusters:
     saturated: tuple[bool, ...] = ()
     disabled: tuple[str, ...] = ()
     lost_axes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Hold:
-    """One hold: setpoint and error [rad or m], and why it acts less."""
-
-    axis: str
-    engaged: bool
-    setpoint: float = NAN
-    error: float = NAN
-    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +59,7 @@ class Snapshot:
     silent_s: float = math.inf
     navigation: Navigation | None = None
     thrusters: Thrusters = Thrusters()
-    holds: tuple[Hold, ...] = ()
+    holds: tuple[HoldState, ...] = ()
     flight: ManeuverView | None = None
     health: Mapping[str, NodeHealth] = field(default_factory=dict)
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
@@ -108,11 +98,11 @@ def _thrusters(state: Any, allocation: Any) -> Thrusters:
     )
 
 
-def _holds(status: Any) -> tuple[Hold, ...]:
+def _holds(status: Any) -> tuple[HoldState, ...]:
     if status is None:
         return ()
     rows = zip(status.axes, status.engaged, status.setpoints, status.errors, status.notes, strict=True)
-    return tuple(Hold(*row) for row in rows)
+    return tuple(HoldState(*row) for row in rows)
 
 
 def _flight(status: Any) -> ManeuverView | None:

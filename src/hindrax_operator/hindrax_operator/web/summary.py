@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hindrax_control.hold.holds import HoldState
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.monitor.draw import ANGLES, BAND
-from hindrax_operator.monitor.snapshot import Hold, ManeuverView, Snapshot, Thrusters
+from hindrax_operator.monitor.snapshot import ManeuverView, Snapshot, Thrusters
 
 Json = dict[str, Any]
 
@@ -101,7 +102,7 @@ def _thrusters(found: Thrusters) -> list[Json]:
     ]
 
 
-def _hold(hold: Hold) -> Json:
+def _hold(hold: HoldState) -> Json:
     angle = hold.axis in ANGLES
     setpoint, error = (math.degrees(one) if angle else one for one in (hold.setpoint, hold.error))
     return {
