@@ -16,6 +16,7 @@ import yaml
 
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
+from hindrax_core.yaml_text import read_yaml
 from hindrax_ident.assess.results import MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
@@ -141,11 +142,9 @@ class SavedCoefficients:
 def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
     """Read a file. HindraxError names the file, the key, what was found and what was wanted."""
     try:
-        data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        data = read_yaml(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
         raise HindraxError(f"{file}: cannot be read ({error}); name a run folder or a coefficients.yaml") from error
-    except yaml.YAMLError as error:
-        raise HindraxError(f"{file}: is not YAML ({' '.join(str(error).split())})") from error
     if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
         raise HindraxError(f"{file}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
     motions = {str(name): _motion(body, f"{file}: motions.{name}") for name, body in data["motions"].items()}

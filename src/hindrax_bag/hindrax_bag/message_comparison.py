@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import yaml
-
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.yaml_text import read_yaml
 
-Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Ten times as fast where libyaml is there."""
 TOLERANCES = Path(__file__).parent / "tolerances.yaml"
 MOST_PADDING = 64
@@ -95,8 +93,8 @@ def _tolerance(block: Mapping[str, Any], where: str) -> Tolerance:
 def load_rules(path: Path = TOLERANCES, section: str = "pure") -> Rules:
     """Read a section of a file of tolerances: `pure`, `reference` or `ros`; UsageError when it is none."""
     try:
-        return Rules(yaml.load(path.read_text(encoding="utf-8"), Loader)[section])  # noqa: S506  # a safe one
-    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        return Rules(read_yaml(path.read_text(encoding="utf-8"), str(path))[section])
+    except (OSError, UsageError, AttributeError, KeyError, TypeError) as error:
         raise UsageError(f"{path}: cannot be read as tolerances ({error})") from error
 
 

@@ -9,8 +9,10 @@ from typing import Any
 
 import yaml
 
+from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import Quality
+from hindrax_core.yaml_text import read_yaml
 
 METADATA_VERSION = 9
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -112,8 +114,8 @@ def qos_map(quality: Quality) -> dict[str, Any]:
 def qualities_of(text: str) -> tuple[Quality, ...]:
     """Qualities from the text that rosbag2 writes to a channel; none if the text is unknown."""
     try:
-        return tuple(_quality(one) for one in yaml.safe_load(text) or ())
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+        return tuple(_quality(one) for one in read_yaml(text, "qualities") or ())
+    except (UsageError, AttributeError, KeyError, TypeError, ValueError):
         return ()
 
 

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import os
 import random
+import struct
+import tracemalloc
 from pathlib import Path
 
+import lz4.frame
 import pytest
 from bag_samples import LEVEL, level, small_bag, writer
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Chunk
+from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
+from hindrax_bag.read import mcap_records
 from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import UsageError
@@ -28,8 +34,7 @@ def no_waiting_for_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _chunk_ends(path: Path) -> list[int]:
     with path.open("rb") as stream:
-        records = StreamReader(stream, emit_chunks=True).records
-        return [stream.tell() for record in records if isinstance(record, Chunk)]
+        return [stream.tell() for record in StreamReader(stream, emit_chunks=True).records if isinstance(record, Chunk)]
 
 
 def test_cut_at_any_byte(tmp_path: Path) -> None:
@@ -112,3 +117,47 @@ def test_output_is_never_overwritten(tmp_path: Path) -> None:
     path = small_bag(tmp_path / "bag", count=3)
     with pytest.raises(UsageError, match="exists already"):
         recover(path, path.parent)
+
+
+def _zstd_of_zeros(size: int, claimed: int | None = None) -> bytes:
+    """A frame of RLE blocks (RFC 8878, 3.1.1): four bytes for each 128 KiB of zeros; it may claim another size."""
+    head = b"\x28\xb5\x2f\xfd" + (b"\x00\x38" if claimed is None else b"\xc0\x38" + struct.pack("<Q", claimed))
+    block = 2**17
+    blocks = [min(block, size - at) for at in range(0, size, block)]
+    parts = [
+        (length << 3 | 1 << 1 | (i == len(blocks) - 1)).to_bytes(3, "little") + b"\x00"
+        for i, length in enumerate(blocks)
+    ]
+    return head + b"".join(parts)
+
+
+@pytest.mark.parametrize(
+    ("compression", "data", "claimed"),
+    [
+        ("zstd", _zstd_of_zeros(2**32), 2**32),
+        ("zstd", _zstd_of_zeros(2**32), 100),
+        ("zstd", _zstd_of_zeros(2**20, claimed=2**40), 2**40),
+        ("zstd", _zstd_of_zeros(2**20), 2**63),
+        ("lz4", lz4.frame.compress(bytes(2**24)), 2**24),
+        ("lz4", lz4.frame.compress(bytes(2**24)), 2**63),
+        ("", bytes(2**21), 2**21),
+        ("brotli", bytes(100), 100),
+    ],
+)
+def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(tmp_path, monkeypatch, compression, data, claimed):
+    path = small_bag(tmp_path / "bag")
+    monkeypatch.setattr(mcap_records, "MOST_B", 2**20)
+    whole, end = path.read_bytes(), _chunk_ends(path)[0]
+    body = (
+        struct.pack("<QQQII", 0, 0, claimed, 0, len(compression)) + compression.encode() + struct.pack("<Q", len(data))
+    )
+    record = struct.pack("<BQ", Opcode.CHUNK, len(body) + len(data)) + body + data
+    path.write_bytes(whole[:end] + record + whole[end:])
+    tracemalloc.start()
+    damage = Damage()
+    found = sum(isinstance(one, Message) for one in records(path, damage))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == len(list(messages(small_bag(tmp_path / "same"))))
+    assert damage.left_out == 1
+    assert peak < 2**24

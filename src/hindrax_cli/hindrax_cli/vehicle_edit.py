@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import parse_vehicle
+from hindrax_core.vehicle import vehicle_from_text
 
 
 def set_key(file: Path, keys: Sequence[str], value: object) -> None:
@@ -20,7 +20,7 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
     try:
         text = file.read_text(encoding="utf-8")
         changed = edited(text, keys, value, str(file))
-        parse_vehicle(yaml.safe_load(changed), str(file))
+        vehicle_from_text(changed, str(file))
         file.write_text(changed, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{file}: cannot be changed ({error.strerror})") from error

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.cubic import inverse, stationary_points
-from hindrax_core.curve_branches import Branch, Curve, problems_of, reflected
+from hindrax_core.curves.cubic import inverse, stationary_points
+from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected
 from hindrax_core.errors import UsageError
 
 # COB-2023-1394 Table 2.

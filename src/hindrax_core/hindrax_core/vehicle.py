@@ -11,16 +11,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import yaml
-
-from hindrax_core.curve_branches import Curve, problems_of
+from hindrax_core.curves.curve_branches import Curve, problems_of
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS, SHARED
+from hindrax_core.yaml_text import read_yaml
 
 GRAVITY_mps2 = 9.80665
-
+MOST_THRUSTERS = 16
+"""Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
 
@@ -172,6 +172,8 @@ class Vehicle:
             sources = self.sources_of(quantity)
             if len(sources) > 1:
                 raise ValueError(f"sensors: {' and '.join(sources)} both measure the {quantity}, wanted one of them")
+        if len(self.thrusters) > MOST_THRUSTERS:
+            raise ValueError(f"thrusters: found {len(self.thrusters)}, wanted at most {MOST_THRUSTERS}")
         names = [thruster.name for thruster in self.thrusters]
         for name in names:
             if names.count(name) > 1:
@@ -251,9 +253,4 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
 def vehicle_from_text(text: str, source: str) -> Vehicle:
     """Check the text of a vehicle file; errors name `source`."""
-    try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        where = " ".join(str(error).split())
-        raise UsageError(f"vehicle file {source}: is not YAML ({where})") from error
-    return parse_vehicle(data, source)
+    return parse_vehicle(read_yaml(text, f"vehicle file {source}"), source)

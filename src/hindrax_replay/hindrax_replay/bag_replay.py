@@ -13,12 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from hindrax_bag.message_comparison import ComparisonReport, Loader, Rules, load_rules
+from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle, parse_vehicle
+from hindrax_core.vehicle import Vehicle, vehicle_from_text
 from hindrax_replay import allocation_stage, state_stage
 from hindrax_replay.allocation_stage import AllocationStage
 from hindrax_replay.pipelined_stages import SecondStage, SettledMessage, hardly_collecting
@@ -128,4 +126,4 @@ def _vehicle_of(bag: Path, inside: dict[str, bytes]) -> Vehicle:
     text = inside.get("vehicle.yaml")
     if text is None:
         raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
-    return parse_vehicle(yaml.load(text, Loader), f"{bag}, vehicle.yaml")  # noqa: S506  # a safe one
+    return vehicle_from_text(text.decode("utf-8", "replace"), f"{bag}, vehicle.yaml")

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
-import yaml
-
-from hindrax_bag.message_comparison import Loader
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.knobs import build
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.yaml_text import read_yaml
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_replay.recorded_wires import RecordedWire, RegisterWire, SerialWire
@@ -61,7 +59,7 @@ def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:
 def parameters_of(text: str) -> dict[str, dict[str, Any]]:
     """Parameters by node, from the text of a ROS parameter file."""
     found: dict[str, dict[str, Any]] = {}
-    for node, block in (yaml.load(text, Loader) or {}).items():  # noqa: S506  # a safe one
+    for node, block in (read_yaml(text, "parameters of the bag") or {}).items():
         name = node.rpartition("/")[2]
         found.setdefault(name, {}).update(block.get("ros__parameters", {}))
     return found

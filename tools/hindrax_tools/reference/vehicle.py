@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hindrax_core.curve_branches import Branch, Curve
+from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
 from hindrax_tools.reference.knob_table import knob_table
 from hindrax_tools.reference.markdown import head

@@ -8,24 +8,28 @@ from __future__ import annotations
 
 import os
 import struct
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, Message, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
-from zstandard import ZstdError
+from mcap.stream_reader import CRCValidationError
+from zstandard import ZstdDecompressor, ZstdError
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK = 6
+MOST_B = 128 * 2**20
+"""Largest record and largest content of a chunk that are opened; writers make chunks of some megabytes."""
 _RECORD_HEAD = struct.Struct("<BQ")
 _CHUNK_TIMES = struct.Struct("<QQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -99,6 +103,12 @@ def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool
             if code == Opcode.CHUNK and not chunks:
                 stream.seek(length, os.SEEK_CUR)
                 continue
+            if length > MOST_B:
+                stream.seek(length, os.SEEK_CUR)
+                damage.skip(
+                    f"{file.name}: a record of {length} bytes, at byte {begin}, wanted at most {MOST_B}; left out"
+                )
+                continue
             body = stream.read(length)
         except BROKEN:
             _note_cut(file, stream, begin, damage)
@@ -139,13 +149,30 @@ def _opened(file: Path, record: Any, damage: Damage) -> Iterator[Any]:
         yield record
         return
     try:
-        stream, size = get_chunk_data_stream(record, validate_crc=True)
-        inner = _inside(stream.read(size))
+        inner = _inside(_content(record))
     except BROKEN as error:
         note = f"{file.name}: a chunk is damaged ({type(error).__name__}) and left out"
         damage.skip(note, record.message_start_time, record.message_end_time)
         return
     yield from inner
+
+
+def _content(chunk: Chunk) -> bytes:
+    """Content of a chunk, checked; ValueError before it takes more memory than `MOST_B`, whatever the chunk claims."""
+    if chunk.compression == "zstd":
+        # A single call would reserve what the frame claims.
+        data = ZstdDecompressor().stream_reader(chunk.data).read(min(chunk.uncompressed_size, MOST_B) + 1)
+    elif chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(chunk.data, min(chunk.uncompressed_size, MOST_B) + 1)
+    elif not chunk.compression:
+        data = chunk.data
+    else:
+        raise UnsupportedCompressionError(chunk.compression)
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"{len(data)} bytes or more, {chunk.uncompressed_size} in its head")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise CRCValidationError(chunk.uncompressed_crc, zlib.crc32(data), chunk)
+    return data
 
 
 def _inside(data: bytes) -> list[Any]:

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hindrax_bag.metadata import NAME
 from hindrax_bag.read.bag_reader import PATTERNS, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import MAGIC, Damage
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.yaml_text import read_yaml
 
 EVERY = 10_000
 SQLITE = b"SQLite format 3\x00"
@@ -122,13 +121,13 @@ def _listed(bag: Path) -> ListedBag:
     files = bag_files(bag)
     size = sum(file.stat().st_size for file in files)
     try:
-        data = yaml.safe_load((bag / NAME).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        data = read_yaml((bag / NAME).read_text(encoding="utf-8"), NAME)["rosbag2_bagfile_information"]
         listed = {Path(name).name for name in data["relative_file_paths"]}
         if any(file.name not in listed for file in files):
             return ListedBag(bag, size, finished=False, note="unfinished: bag recover")
         seconds = data["duration"]["nanoseconds"] / NS_PER_S
         return ListedBag(bag, size, finished=True, seconds=seconds, messages=int(data["message_count"]))
-    except (OSError, yaml.YAMLError, KeyError, TypeError):
+    except (OSError, UsageError, UnicodeDecodeError, KeyError, TypeError):
         whole, note = _looks(files[-1])
         return ListedBag(bag, size, whole, note=note)
 

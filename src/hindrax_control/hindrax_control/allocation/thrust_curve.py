@@ -10,7 +10,7 @@ import math
 from typing import Protocol
 
 from hindrax_core import cubic
-from hindrax_core.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
+from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 

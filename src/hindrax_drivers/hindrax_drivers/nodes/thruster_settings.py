@@ -17,6 +17,7 @@ import yaml
 
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.yaml_text import read_yaml
 
 NODE = "/hindrax/thrusters"
 
@@ -55,8 +56,8 @@ def _parameters(arguments: Sequence[str]) -> Iterator[Mapping[str, Any]]:
 
 def _of_file(path: str) -> Iterator[Mapping[str, Any]]:
     try:
-        blocks = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        blocks = read_yaml(Path(path).read_text(encoding="utf-8"), f"parameter file {path}")
+    except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"parameter file {path}: cannot be read ({' '.join(str(error).split())})") from error
     for node, block in blocks.items() if isinstance(blocks, Mapping) else ():
         values = block.get("ros__parameters") if isinstance(block, Mapping) else None

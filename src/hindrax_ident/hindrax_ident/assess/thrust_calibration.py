@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.curve_branches import Branch, Curve
+from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.delay import per_step

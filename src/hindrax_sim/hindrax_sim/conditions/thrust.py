@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hindrax_core import cubic
-from hindrax_core.curve_branches import Branch, Curve, scaled
+from hindrax_core.curves.curve_branches import Branch, Curve, scaled
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization, unit

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import rclpy
-import yaml
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
@@ -22,7 +21,7 @@ from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp, to_s
 from hindrax_core.topics import BATTERY, ESTIMATE, MANEUVER, NAVIGATION, THRUSTER_HEALTH, THRUSTER_STATE, resolved
-from hindrax_core.vehicle import Vehicle, load_vehicle, parse_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
@@ -114,7 +113,7 @@ def vehicle_of(words: argparse.Namespace) -> Vehicle:
     text = attachments(words.bag).get("vehicle.yaml")
     if text is None:
         raise UsageError(f"{words.bag}: has no vehicle file inside; name one with --vehicle")
-    return parse_vehicle(yaml.safe_load(text), f"{words.bag}, vehicle.yaml")
+    return vehicle_from_text(text.decode("utf-8", "replace"), f"{words.bag}, vehicle.yaml")
 
 
 def run(words: argparse.Namespace, folder: Path) -> int:

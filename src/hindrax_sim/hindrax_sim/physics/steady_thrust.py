@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from hindrax_core.curve_branches import Branch, Curve
+from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import Thruster, Vehicle
 

@@ -12,7 +12,7 @@ from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, Directio
 from hindrax_analysis.terminal import print_json, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
-from hindrax_core.curve_branches import Curve, problems_of
+from hindrax_core.curves.curve_branches import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
 

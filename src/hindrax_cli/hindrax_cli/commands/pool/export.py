@@ -7,15 +7,14 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import yaml
-
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.yaml_text import read_yaml
 
 NAME = "export"
 HELP = "coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX"
@@ -79,11 +78,9 @@ def _unknown_format(document: object, vehicle: Vehicle) -> str:
 
 def _read(file: Path) -> object:
     try:
-        return yaml.safe_load(file.read_text(encoding="utf-8"))
+        return read_yaml(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{file}: cannot be read ({error})") from error
-    except yaml.YAMLError as error:
-        raise HindraxError(f"{file}: is not YAML ({' '.join(str(error).split())})") from error
 
 
 def _vehicle_beside(file: Path) -> Vehicle:

@@ -1,0 +1,1 @@
+"""Curves of thrusters: cubic branches, their inverses, and what makes them valid."""
