@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from typing import Any
+import tracemalloc
 
 import pytest
 
@@ -115,3 +116,13 @@ def test_what_means_nothing_is_left_alone(header: str) -> None:
 def test_a_column_that_says_too_little_is_told_what_it_lacks(header: str, remedy: str) -> None:
     with pytest.raises(HindraxError, match=remedy):
         read_csv(f"{header}\n0,1,2\n", "x.csv")
+
+
+def test_a_record_of_a_million_lines_is_refused_before_it_takes_memory() -> None:
+    text = "t,u,X\n" + "0,1,2\n" * 1_000_000
+    tracemalloc.start()
+    with pytest.raises(HindraxError, match="found 1000001 lines, wanted at most 250000; keep"):
+        read_csv(text, "long.csv")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < len(text)

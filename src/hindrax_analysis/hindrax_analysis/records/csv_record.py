@@ -16,6 +16,8 @@ from hindrax_ident.arrays import Array, array
 
 PREAMBLE = 40
 """Lines searched for the header line."""
+MOST_LINES = 250_000
+"""More than an hour at 60 Hz; the identification of as many takes 2 GB."""
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
 REAL_FORCES = "forces are assumed to be those achieved by the thrusters, about the center of mass"
@@ -53,6 +55,11 @@ def read_csv(text: str, source: str, frame: str = "") -> Recording:
 
 def _rows(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Cells of the header line, and line number and cells of each line below it."""
+    count = text.count("\n")
+    if count > MOST_LINES:
+        raise HindraxError(
+            f"{source}: found {count} lines, wanted at most {MOST_LINES}; keep the maneuvers only, or every nth line"
+        )
     numbered = [(n, line) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1)]
     lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
     first = next((i for i, (_, line) in enumerate(lines[:PREAMBLE]) if _is_header(line)), 0)
