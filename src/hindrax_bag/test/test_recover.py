@@ -144,7 +144,9 @@ def _zstd_of_zeros(size: int, claimed: int | None = None) -> bytes:
         ("brotli", bytes(100), 100),
     ],
 )
-def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(tmp_path, monkeypatch, compression, data, claimed):
+def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str, data: bytes, claimed: int
+) -> None:
     path = small_bag(tmp_path / "bag")
     monkeypatch.setattr(mcap_records, "MOST_B", 2**20)
     whole, end = path.read_bytes(), _chunk_ends(path)[0]

@@ -172,6 +172,9 @@ class Vehicle:
             sources = self.sources_of(quantity)
             if len(sources) > 1:
                 raise ValueError(f"sensors: {' and '.join(sources)} both measure the {quantity}, wanted one of them")
+        self._check_thrusters()
+
+    def _check_thrusters(self) -> None:
         if len(self.thrusters) > MOST_THRUSTERS:
             raise ValueError(f"thrusters: found {len(self.thrusters)}, wanted at most {MOST_THRUSTERS}")
         names = [thruster.name for thruster in self.thrusters]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from hindrax_core import cubic
+from hindrax_core.curves import cubic
 from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from hindrax_core import cubic
+from hindrax_core.curves import cubic
 from hindrax_core.knobs import fact, knob
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from hindrax_core import cubic
+from hindrax_core.curves import cubic
 from hindrax_core.curves.curve_branches import Branch, Curve, scaled
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import ZERO6
