@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from hindrax_core.sensor_table import SENSORS, Sensor
+from hindrax_core.sensor_table import SENSORS, Sensor, Wire
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.driver import Driver
+
+PORTS: Mapping[Wire, str] = {"serial": "/dev/ttyUSB0", "i2c": "/dev/i2c-1", "gpio": "gpio:pinctrl-bcm2711"}
+"""Port of a device that stands alone, where nobody names one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,13 +21,18 @@ class Row:
 
     knobs: type[Any]
     make: Callable[[Any, Mount, Vehicle], Any]
-    serial: bool
+    wire: Wire
     meaning: str
+
+    @property
+    def serial(self) -> bool:
+        """Whether it is on a serial line; all others are on a register bus."""
+        return self.wire == "serial"
 
 
 def _row(sensor: Sensor) -> Row:
     driver: Driver = import_module(f"hindrax_drivers.devices.{sensor.name}").DRIVER
-    return Row(driver.knobs, driver.make, sensor.serial, sensor.meaning)
+    return Row(driver.knobs, driver.make, sensor.wire, sensor.meaning)
 
 
 DEVICES: dict[str, Row] = {sensor.name: _row(sensor) for sensor in SENSORS}

@@ -28,7 +28,7 @@ class ReplayedDevice:
         row = DEVICES[mount.device]
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)
         self.wire: RecordedWire = SerialWire(device) if row.serial else RegisterWire(name, device)
-        self._messages = ReadingMessages(name, vehicle)
+        self._messages = ReadingMessages(name, vehicle, str(parameters.get(name, {}).get("frame_id", "")))
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
 

@@ -25,6 +25,12 @@ def text(node: Node, name: str, default: str, meaning: str) -> str:
     return str(node.declare_parameter(name, default, descriptor).value)
 
 
+def whole(node: Node, name: str, default: int, meaning: str) -> int:
+    """Declare one whole number, fixed at start, and return its value."""
+    descriptor = ParameterDescriptor(description=meaning, read_only=True)
+    return int(node.declare_parameter(name, default, descriptor).value)
+
+
 def knobs(node: Node, cls: type[T]) -> T:
     """Declare every knob of a dataclass as a parameter of the node and make a checked instance of their values.
 

@@ -18,14 +18,15 @@ from rclpy.service import Service
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import DeviceText, Inertial, Leak
-from hindrax_core.topics import WATER_TEMPERATURE, Topic
+from hindrax_core.topics import TOPICS_OF, WATER_TEMPERATURE, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.lifecycle import State, Transition, next_transition, requested, why_not_active
-from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.deferred_publisher import PublishQueue
 from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
 from hindrax_ros.graph import publisher
+from hindrax_ros.parameters import text
 from hindrax_ros.raw_frames import RECEIVED, SENT, FrameTap
 
 LIFECYCLE_PERIOD_S = 0.2
@@ -56,7 +57,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
         )
         self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
-        self._messages = ReadingMessages(name, vehicle)
+        frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if name in TOPICS_OF else ""
+        self._messages = ReadingMessages(name, vehicle, frame)
         self._publish = {topic.name: self._publisher(topic) for topic in self._messages.topics}
         self._reporter = DiagnosticsPublisher(self)
         self._active = False

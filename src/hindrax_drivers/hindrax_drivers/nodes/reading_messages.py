@@ -53,16 +53,21 @@ DVL_LIMITS_m = (0.15, 75.0)
 DVL_VIEW_rad = math.radians(22.5)
 
 
+def frame_of(device: str) -> str:
+    """Frame of the messages of a device, unless a parameter names another."""
+    return f"{device}_link"
+
+
 class ReadingMessages:
     """Messages of the readings of one device; `topics` are all `DEVICE/...` rows of the table that it can make.
 
     Equal readings give equal messages, except the DVL's detail: it has the beams of the previous sentence.
     """
 
-    def __init__(self, device: str, vehicle: Vehicle) -> None:
+    def __init__(self, device: str, vehicle: Vehicle, frame: str = "") -> None:
         self.topics: list[Topic] = []
         self._writers: dict[type, list[tuple[str, Write]]] = {}
-        frame = f"{device}_link"
+        frame = frame or frame_of(device)
         for quantity, topic in TOPICS_OF.get(device, {}).items():
             self._add(topic, *_MAKERS[quantity], frame, vehicle)
             if quantity == "detail" and marine_acoustic.dvl_class() is not None:

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -27,7 +28,7 @@ from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.deferred_publisher import PublishQueue
-from hindrax_ros.parameters import knobs, text
+from hindrax_ros.parameters import knobs, text, whole
 from hindrax_ros.process import spin
 
 RETRY_S = 1.0
@@ -52,11 +53,14 @@ class WireHosts:
         self._buses: dict[str, list[tuple[DeviceNode, RegisterDevice]]] = defaultdict(list)
 
     def add(self, name: str, mount: Mount, vehicle: Vehicle) -> None:
-        """Make the node of one sensor; its port may be overridden by the parameter `port`."""
+        """Make the node of one sensor; its port and address may be overridden by parameters of that name."""
         node = DeviceNode(name, vehicle, publish_queue=self._publish_queue)
         port = text(node, "port", mount.port, "port of the device, or mock:SOCKET [-]")
         clock = text(node, "clock", "system", "clock of a serial port: system, or mock:SOCKET [-]")
         row = DEVICES[mount.device]
+        if not row.serial:
+            meaning = "I2C address, 0 for the device's own default; or line of a GPIO chip [-]"
+            mount = replace(mount, address=whole(node, "address", mount.address, meaning))
         device: Any = row.make(knobs(node, row.knobs), mount, vehicle)
         self.nodes.append(node)
         if row.serial:

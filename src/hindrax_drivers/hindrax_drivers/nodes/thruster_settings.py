@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.knobs import build, knob
+from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
 from hindrax_core.yaml_text import read_yaml
 
 NODE = "/hindrax/thrusters"
@@ -29,6 +31,16 @@ class Settings:
     vehicle: Vehicle
     port: str
     clock: str = "system"
+    alone: bool = False
+    """Whether there is no vehicle file."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutputAlone:
+    """An output without a vehicle file: the parameter `channels` instead of `vehicle`."""
+
+    channels: tuple[int, ...] = knob((0, 1, 2, 3, 4, 5, 6, 7), 0, 15, "output channels of the thrusters, in order [-]")
+    output: Output = field(default_factory=Output)
 
 
 def read_settings(arguments: Sequence[str]) -> Settings:
@@ -37,10 +49,27 @@ def read_settings(arguments: Sequence[str]) -> Settings:
     for values in _parameters(arguments):
         found |= values
     file = str(found.get("vehicle", ""))
-    if not file:
-        raise UsageError("thrusters: no vehicle file; give one with --ros-args -p vehicle:=FILE")
-    vehicle = load_vehicle(file)
-    return Settings(vehicle, str(found.get("port") or vehicle.output.port), str(found.get("clock") or "system"))
+    if not file and "channels" not in found:
+        raise UsageError("thrusters: no vehicle file; give one with --ros-args -p vehicle:=FILE, or -p channels:=[0,1]")
+    vehicle = load_vehicle(file) if file else _vehicle_of(found)
+    port, clock = str(found.get("port") or vehicle.output.port), str(found.get("clock") or "system")
+    return Settings(vehicle, port, clock, alone=not file)
+
+
+def _vehicle_of(found: Mapping[str, Any]) -> Vehicle:
+    """A vehicle of which nothing is known but its output."""
+    output = {name.removeprefix("output."): value for name, value in found.items() if name.startswith("output.")}
+    alone = build(OutputAlone, {"channels": found["channels"], "output": output}, "thrusters")
+    named = enumerate(alone.channels, 1)
+    return Vehicle(
+        "no vehicle",
+        mass_kg=1.0,
+        volume_m3=1e-3,
+        envelope_m=(0.1, 0.1, 0.1),
+        thrusters=tuple(Thruster(f"T{number}", (0.0, 0.0, 0.0), channel=channel) for number, channel in named),
+        curves={"main": Curve(Branch((-150.0, 0.1, 0.0, 0.0), 1100.0, 1475.0))},
+        output=alone.output,
+    )
 
 
 def _parameters(arguments: Sequence[str]) -> Iterator[Mapping[str, Any]]:

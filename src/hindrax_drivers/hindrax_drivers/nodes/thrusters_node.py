@@ -27,7 +27,7 @@ from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import OutputAlone, Settings, read_settings
 from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
@@ -58,6 +58,8 @@ class ThrustersNode(DeviceNode):
             ("clock", settings.clock, "clock of a serial port: system, or mock:SOCKET [-]"),
         ):
             text(self, name, value, meaning)
+        if settings.alone:
+            knobs(self, OutputAlone)
         guard = OutputGuard(
             len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, OutputGuardKnobs)
         )

@@ -1,0 +1,90 @@
+"""Launch descriptions of single devices; imported by the files in `launch/` alone, for launch is not among the wheels.
+
+Every setting is an argument: `ros2 launch hindrax_drivers dvl75.launch.py --show-args` lists the driver's knobs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from hindrax_core.knobs import knob_of
+from hindrax_core.vehicle import Output
+from hindrax_drivers.driver_registry import DEVICES, PORTS
+from hindrax_drivers.nodes.thruster_settings import OutputAlone
+from hindrax_drivers.output.output_guard import OutputGuardKnobs
+from launch import LaunchDescription
+
+Argument = tuple[Any, str]
+"""Default and meaning."""
+
+
+def device(kind: str) -> LaunchDescription:
+    """One sensor of the table."""
+    row = DEVICES[kind]
+    arguments: dict[str, Argument] = {
+        "port": (PORTS[row.wire], "where it is plugged in"),
+        "frame_id": (f"{kind}_link", "frame of its messages"),
+    }
+    if not row.serial:
+        arguments["address"] = (0, "I2C address, 0 for the device's own default; or line of a GPIO chip")
+    return _described("device", [kind], arguments | _knobs(row.knobs()))
+
+
+def thrusters() -> LaunchDescription:
+    """A PCA9685 behind the output guard and its dead man."""
+    alone = OutputAlone()
+    arguments: dict[str, Argument] = {
+        "port": (alone.output.port, "where it is plugged in"),
+        "channels": (list(alone.channels), "output channels of the thrusters, in the order of the commands"),
+    }
+    chip = {f"output.{name}": one for name, one in _knobs(Output()).items() if name not in ("device", "port")}
+    return _described("thrusters", [], arguments | chip | _knobs(OutputGuardKnobs()))
+
+
+def _knobs(defaults: Any) -> dict[str, Argument]:
+    return {one.name: (getattr(defaults, one.name), knob_of(one).meaning) for one in fields(defaults)}
+
+
+def _described(executable: str, words: list[str], arguments: Mapping[str, Argument]) -> LaunchDescription:
+    """A process of this package with its arguments as parameters; respawned, as its port may come later."""
+    parameters = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=_kind(default))
+        for name, (default, _) in arguments.items()
+    }
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("namespace", default_value="/", description="namespace of its topics and services"),
+            *(
+                DeclareLaunchArgument(name, default_value=_text(default), description=meaning)
+                for name, (default, meaning) in arguments.items()
+            ),
+            Node(
+                package="hindrax_drivers",
+                executable=executable,
+                arguments=words,
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[parameters],
+                respawn=True,
+                respawn_delay=1.0,
+                output="screen",
+            ),
+        ]
+    )
+
+
+def _kind(default: Any) -> Any:
+    return list[type(default[0])] if isinstance(default, list | tuple) else type(default)  # type: ignore[misc]  # at run time
+
+
+def _text(default: Any) -> str:
+    """As YAML, which launch reads it as."""
+    if isinstance(default, bool):
+        return str(default).lower()
+    return str(list(default)) if isinstance(default, list | tuple) else str(default)

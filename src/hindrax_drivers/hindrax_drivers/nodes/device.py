@@ -1,0 +1,42 @@
+"""One sensor alone, without a vehicle file: `ros2 run hindrax_drivers device dvl75 --ros-args -p port:=/dev/ttyUSB0`.
+
+The same node as in the process of all sensors; port, address and frame come from its parameters. The folder `launch`
+has a file for each device.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+from rclpy.node import Node
+
+from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_drivers.driver_registry import DEVICES, PORTS
+from hindrax_drivers.nodes.sensors import WireHosts
+from hindrax_ros.process import spin
+
+NOWHERE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
+"""A driver asks it only for the water, and that is a knob of the driver as well."""
+
+
+def make_nodes(kind: str) -> Sequence[Node]:
+    """Make the node of one device."""
+    wires = WireHosts()
+    wires.add(kind, Mount(kind, PORTS[DEVICES[kind].wire]), NOWHERE)
+    wires.open_buses()
+    return wires.nodes
+
+
+def main() -> int:
+    """Run one device until a signal."""
+    kind = sys.argv[1] if len(sys.argv) > 1 else ""
+    if kind not in DEVICES:
+        print(f"device: found {kind!r}, wanted one of {', '.join(DEVICES)}", file=sys.stderr)  # noqa: T201  # wrong use
+        return 2
+    return spin(partial(make_nodes, kind))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
