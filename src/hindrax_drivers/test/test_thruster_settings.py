@@ -55,7 +55,7 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
         read_settings([])
     with pytest.raises(UsageError, match="cannot be read"):
         read_settings(["--ros-args", "--params-file", str(tmp_path / "nothing.yaml")])
-    with pytest.raises(UsageError, match="cannot be read"):
+    with pytest.raises(UsageError, match="is not YAML"):
         read(tmp_path, "{")
     with pytest.raises(UsageError, match="no vehicle file"):
         read(tmp_path, "[1, 2]")
