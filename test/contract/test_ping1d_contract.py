@@ -10,7 +10,7 @@ from contract.serial_bench import Bench, world_s
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_core.readings import Echo, EchoProfile
+from hindrax_core.readings import Echo, EchoProfile, SonarHealth
 from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
 from hindrax_sim.devices.ping1d import Ping1d as Emulator
 from hindrax_sim.devices.ping1d import PingTruth
@@ -86,3 +86,17 @@ def test_readings_are_ordered_and_new() -> None:
     assert numbers == sorted(set(numbers))
     stamps = [one.stamp for one in log.of(Echo)]
     assert stamps == sorted(stamps)
+
+
+def test_a_sonar_that_refuses_to_stream_is_polled_at_the_same_rate() -> None:
+    line = Bench(Ping1d(Ping1dKnobs()), Emulator(noise=0.0, continuous=False), lambda _: PingTruth(2.0))
+    log = line.run(5.0)
+    assert len(log.of(Echo, 2.0)) >= 50
+    assert [one.text for _, one in log.troubles] == ["Ping: continuous start refused (bad value)"]
+
+
+def test_a_supply_out_of_its_range_is_told() -> None:
+    line = Bench(Ping1d(Ping1dKnobs()), Emulator(supply_V=4.2), lambda _: PingTruth(2.0))
+    log = line.run(12.0)
+    assert [one.reading.supply_V for one in log.of(SonarHealth)] == pytest.approx([4.2, 4.2])
+    assert [one.text.split(";")[0] for _, one in log.troubles] == ["Ping: supply 4.20 V, wanted 4.5 to 5.5 V"]

@@ -58,11 +58,21 @@ def test_a_profile_is_drawn(sonar: str, capsys: pytest.CaptureFixture[str]) -> N
     assert float(longest.split()[0]) == pytest.approx(1.8, abs=0.2)
 
 
+def test_the_device_itself_is_shown_and_gets_a_number(sonar: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["ping", "show", "--port", sonar, "--device-id", "7", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["device_id"], found["supply_V"], found["processor_C"], found["board_C"]) == (7, 5.0, 30.0, 25.0)
+    assert main(["ping", "show", "--port", sonar]) == 0
+    assert "device_id: 7" in capsys.readouterr().out
+    assert main(["ping", "show", "--port", sonar, "--device-id", "255"]) == 2
+    assert "found 255, wanted 0 to 254" in capsys.readouterr().err
+
+
 def test_silence_is_told_with_its_remedy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hindrax_cli.commands.machine.ping.PATIENCE_S", 0.3)
     port = Pty(tmp_path / "ping")
     assert main(["ping", "profile", "--port", str(port.path)]) == 1
-    assert "no profile in 0.3 s (silence); check power, cable and speed" in capsys.readouterr().err
+    assert "no answer in 0.3 s (silence); check power, cable and speed" in capsys.readouterr().err
     port.close()

@@ -74,6 +74,16 @@ class EchoProfile:
 
 
 @dataclass(frozen=True, slots=True)
+class SonarHealth:
+    """Number, supply and temperatures of an echo sounder; None or NaN where it does not tell one."""
+
+    device_id: int | None
+    supply_V: float
+    processor_C: float
+    board_C: float
+
+
+@dataclass(frozen=True, slots=True)
 class BottomVelocity:
     """Velocity over ground of the DVL in its own frame (x forward, y starboard, z down), mean over the interval.
 
@@ -175,6 +185,7 @@ Reading: TypeAlias = (
     | Leak
     | Echo
     | EchoProfile
+    | SonarHealth
     | BottomVelocity
     | BottomTrack
     | Position

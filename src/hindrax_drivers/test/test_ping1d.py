@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,14 +11,16 @@ import pytest
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import DeviceText, Echo, EchoProfile
-from hindrax_drivers.devices.ping1d import HELLO, Ping1d, Ping1dKnobs
+from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
+from hindrax_drivers.devices.ping1d import HEALTH, HELLO, Ping1d, Ping1dKnobs
 from hindrax_drivers.devices.ping1d_settings import device_settings
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import encode, request
 
 INFORMATION = encode(protocol.DEVICE_INFORMATION, bytes([1, 2, 3, 28, 0, 0]))
 START, LENGTH = 100, 4900
+TOLD = dict(zip(HEALTH, (b"\x07", *(struct.pack("<H", one) for one in (4987, 3612, 2850))), strict=True))
+ASK_HEALTH = b"".join(map(request, HEALTH))
 
 
 def distance(number: int, mm: int = 2000, percent: int = 100) -> bytes:
@@ -41,6 +44,8 @@ def obedient(sent: bytes) -> bytes:
             ordered = payload
         elif wanted == protocol.DEVICE_INFORMATION:
             answers += INFORMATION
+        elif wanted in HEALTH:
+            answers += encode(wanted, TOLD[wanted])
         elif ordered:
             answers += encode(wanted, ordered)
         if message == protocol.CONTINUOUS_START:
@@ -88,7 +93,8 @@ def test_orders_are_given_one_by_one_and_proved() -> None:
     driver = Ping1d(Ping1dKnobs(mode_auto=True))
     outputs = set_up(driver)
     names = ("speed of sound", "mode", "ping interval", "ping enable", "continuous start")
-    assert [one.data for one in sends(outputs)][1:] == [order.frames for order in device_settings(Ping1dKnobs())]
+    orders = [order.frames for order in device_settings(Ping1dKnobs())]
+    assert [one.data for one in sends(outputs)][1:] == [*orders, ASK_HEALTH]
     assert tuple(order.name for order in device_settings(Ping1dKnobs())) == names
     assert troubles(outputs) == []
     assert [one.text for one in outputs if isinstance(one, Identity)]
@@ -176,6 +182,68 @@ def test_a_refusal_is_told_with_the_device_s_words_and_the_rest_goes_on() -> Non
     assert driver.ready
     late = driver.feed(encode(protocol.NACK, struct.pack("<H", 1300)), Stamp(0))
     assert troubles(late) == ["Ping: message 1300 refused (no reason given)"]
+
+
+@pytest.mark.parametrize("refused", [True, False], ids=["refused", "unanswered"])
+def test_a_sonar_without_a_continuous_mode_is_polled(refused: bool) -> None:
+    def without(sent: bytes) -> bytes:
+        if sent[4:6] != struct.pack("<H", protocol.CONTINUOUS_START):
+            return obedient(sent)
+        return encode(protocol.NACK, sent[4:6] + b"unsupported") if refused else b""
+
+    driver = Ping1d(Ping1dKnobs(tries=1, answer_s=0.3, interval_s=0.1))
+    outputs = set_up(driver, without)
+    found: list[Echo] = []
+    for index in range(1, 31):
+        stamp = stamp_from_s(index * 0.1)
+        said = driver.tick(stamp)
+        outputs += said
+        asked = [one.data for one in sends(said) if one.data == request(protocol.DISTANCE)]
+        found += [one for _ in asked for one in readings(driver.feed(distance(index), stamp)) if isinstance(one, Echo)]
+    assert driver.ready
+    assert len(found) > 20
+    (trouble,) = troubles(outputs)
+    assert trouble.startswith("Ping: continuous start")
+
+
+def test_supply_and_temperatures_are_asked_for_now_and_then() -> None:
+    driver = Ping1d(Ping1dKnobs(continuous=False))
+    assert readings(set_up(driver)) == [SonarHealth(7, pytest.approx(4.987), pytest.approx(36.12), pytest.approx(28.5))]
+    asked = 0
+    for index in range(1, 251):
+        driver.feed(distance(index), stamp_from_s(index * 0.1))
+        asked += sum(one.data == ASK_HEALTH for one in sends(driver.tick(stamp_from_s(index * 0.1))))
+    assert asked == 2
+
+
+def test_a_part_of_the_health_that_a_firmware_does_not_know_is_left_out() -> None:
+    driver = ready(continuous=False)
+    nack = encode(protocol.NACK, struct.pack("<H", protocol.BOARD_cC))
+    assert troubles(driver.feed(nack, Stamp(0))) == ["Ping: message 1214 refused (no reason given)"]
+    driver.feed(distance(1), stamp_from_s(9.9))
+    (asked,) = [one for one in sends(driver.tick(stamp_from_s(10.0))) if len(one.data) > 30]
+    assert asked.data == b"".join(map(request, HEALTH[:-1]))
+    (health,) = readings(driver.feed(obedient(asked.data), stamp_from_s(10.0)))
+    assert math.isnan(health.board_C)
+    assert health.processor_C == pytest.approx(36.12)
+
+
+def test_a_supply_that_sags_is_told_once() -> None:
+    driver = ready(continuous=False)
+    low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200)) + encode(protocol.BOARD_cC, struct.pack("<H", 2500))
+    assert troubles(driver.feed(low + low, Stamp(0))) == [
+        "Ping: supply 4.20 V, wanted 4.5 to 5.5 V; check cable and regulator"
+    ]
+
+
+def test_a_corrupt_length_does_not_delay_the_echoes_behind_it() -> None:
+    driver = ready(continuous=False)
+    corrupt = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
+    stamps = []
+    for index in range(1, 4):
+        arrival = stamp_from_s(float(index))
+        stamps += [one.stamp for one in driver.feed(corrupt + distance(index), arrival) if isinstance(one, Stamped)]
+    assert [round(one * 1e-9) for one in stamps] == [1, 2, 3]
 
 
 def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked() -> None:

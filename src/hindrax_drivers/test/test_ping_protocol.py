@@ -12,8 +12,19 @@ from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import Frame, FrameSplitter, Refused, encode
 
 SIMPLE = encode(protocol.DISTANCE_SIMPLE, struct.pack("<IB", 1234, 95))
+LONG_TEXT = b"BR\x00\x01\x03\x00"
 PART = st.sampled_from(
-    [SIMPLE, SIMPLE[:9], SIMPLE[:-1] + b"\xff", b"B", b"R", b"BR", b"\x00" * 70, b"BR\x18\x00\xbc\x04"]
+    [
+        SIMPLE,
+        SIMPLE[:9],
+        SIMPLE[:-1] + b"\xff",
+        b"B",
+        b"R",
+        b"BR",
+        b"\x00" * 70,
+        b"BR\x18\x00\xbc\x04",
+        b"BR\x00\x01\x03\x00",
+    ]
 )
 
 
@@ -74,3 +85,12 @@ def test_clear_forgets_half_a_frame() -> None:
     splitter.feed(b"junk" + SIMPLE[:5])
     splitter.clear()
     assert splitter.feed(SIMPLE) == split(SIMPLE)
+
+
+def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
+    splitter = FrameSplitter()
+    header = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
+    arrived = [splitter.feed(part) for part in (header + bytes(40), SIMPLE, SIMPLE)]
+    frame = Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
+    assert [[one for one in pieces if isinstance(one, Frame)] for pieces in arrived] == [[], [frame], [frame]]
+    assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == ["length", "garbage"]

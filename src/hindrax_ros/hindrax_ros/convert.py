@@ -127,10 +127,10 @@ def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
     return Stamped(stamp_from_msg(message.header.stamp), Pressure(message.fluid_pressure, math.nan))
 
 
-def temperature_to_msg(stamped: Stamped[Pressure | Air], frame: str) -> Temperature:
-    """Temperature at the pressure sensor: of water, or of air."""
-    message = Temperature(temperature=stamped.reading.temperature_C, variance=0.0)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
+    """Temperature of the water or inside a device."""
+    message = Temperature(temperature=temperature_C, variance=0.0)
+    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), frame
     return message
 
 

@@ -69,3 +69,11 @@ def test_readings(name: str) -> None:
     if "strength" in wanted:
         wanted["strength"] = bytes.fromhex(wanted["strength"])
     assert asdict(found[-1]) == pytest.approx(wanted)
+
+
+def test_supply_and_temperatures() -> None:
+    driver, _ = running()
+    wanted = dict(CASES["health"])
+    data = b"".join(FRAMES[name] for name in wanted.pop("frames"))
+    (found,) = [one.reading for one in driver.feed(data, Stamp(10**9)) if isinstance(one, Stamped)]
+    assert asdict(found) == pytest.approx(wanted)

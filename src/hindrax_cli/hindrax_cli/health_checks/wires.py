@@ -16,6 +16,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send, SerialDevice, Trouble
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, seconds_between
+from hindrax_core.readings import SonarHealth
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
@@ -163,7 +164,7 @@ def _serial(path: str, device: SerialDevice, clock: Clock) -> str:
         if identified is None:
             raise DeviceError(f"{path}: {talk.silence(device.baud)}")
         rate = talk.readings / max(TURN_S, seconds_between(identified, clock.now()))
-        return f"{talk.identity}, {rate:.0f} readings/s{'; ' if talk.trouble else ''}{talk.trouble}"
+        return "; ".join(filter(None, (f"{talk.identity}, {rate:.0f} readings/s{talk.supply}", talk.trouble)))
 
 
 class _Talk:
@@ -171,7 +172,7 @@ class _Talk:
 
     def __init__(self, line: Line, device: SerialDevice) -> None:
         self._line, self._device = line, device
-        self.identity, self.trouble = "", ""
+        self.identity, self.trouble, self.supply = "", "", ""
         self.readings, self.bytes = 0, 0
 
     def note(self, outputs: Iterable[Output]) -> None:
@@ -184,6 +185,8 @@ class _Talk:
                 self.trouble = output.text
             elif isinstance(output, Stamped):
                 self.readings += 1
+                if isinstance(output.reading, SonarHealth):
+                    self.supply = f", supply {output.reading.supply_V:.2f} V"
 
     def silence(self, baud: int) -> str:
         """Reason for a missing identity."""

@@ -3,7 +3,8 @@
 After opening the port: wake the sonar and request its identity (repeatedly, its automatic baud rate fails now
 and then), send the settings one by one, then measure. A setting holds when the device reports the wanted
 value or has acknowledged it; a refused one is reported and skipped. A sonar that lost its power may have lost its
-settings, so all of this is repeated whenever it falls silent or its ping numbers restart.
+settings, so all of this is repeated whenever it falls silent or its ping numbers restart. A sonar that does not ping
+by itself is polled. Supply and temperatures are asked for now and then.
 
 A distance is stamped with the time of the echo. The sonar sends after the whole scan, so the
 echo is older than the message by the rest of the scan and by the message's time on the wire. When it is polled, the
@@ -13,12 +14,13 @@ several messages arrive at once.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
-from hindrax_core.readings import DeviceText, Echo, EchoProfile
+from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
 from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
 from hindrax_drivers.driver import Driver, in_water
 from hindrax_drivers.protocols import ping_protocol as protocol
@@ -30,10 +32,14 @@ __all__ = ["HELLO", "DeviceSetting", "Ping1d", "Ping1dKnobs", "device_settings"]
 HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
 HALF_COUNT = 1 << 31
 FARTHEST_mm = 140_000
+HEALTH = (protocol.DEVICE_ID, protocol.SUPPLY_mV, protocol.PROCESSOR_cC, protocol.BOARD_cC)
+HEALTH_EVERY_S = 10.0
+SUPPLY_V = (4.5, 5.5)
+"""What the sonar runs on. Blue Robotics, Ping2 and Ping Sonar, technical details: supply voltage."""
 
 
 class Ping1d:
-    """Serial device: frames in, Echo (and EchoProfile where asked) out."""
+    """Serial device: frames in; Echo, SonarHealth (and EchoProfile where asked) out."""
 
     def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> None:
         self._knobs = knobs
@@ -49,16 +55,22 @@ class Ping1d:
             protocol.DISTANCE_SIMPLE: self._on_simple,
             protocol.DISTANCE: self._on_echo,
             protocol.PROFILE: self._on_echo,
+            **dict.fromkeys(HEALTH, self._on_health),
         }
         self._lost = 0
         self._profile_wanted = knobs.profile
         self._round_trip_s: float | None = None
         self._told_stranger = False
+        self._told_supply = False
         self._last_stamp = Stamp(0)
         self._reset(Stamp(0))
 
     def _reset(self, stamp: Stamp) -> None:
         self._running = self._known = self._acked = False
+        self._streaming = self._knobs.continuous
+        self._health: dict[int, int] = {}
+        self._health_wanted: tuple[int, ...] = HEALTH
+        self._health_asked = stamp
         self._orders: deque[DeviceSetting] = deque()
         self._tries = 0
         self._asked = stamp
@@ -90,8 +102,7 @@ class Ping1d:
     def request_profile(self) -> list[Output]:
         """Return the request for a profile with the next echo, for the port to send."""
         self._profile_wanted = True
-        streaming = self._running and self._knobs.continuous
-        return [] if streaming else [Send(protocol.request(protocol.PROFILE))]
+        return [] if self._running and self._streaming else [Send(protocol.request(protocol.PROFILE))]
 
     def start(self, stamp: Stamp) -> list[Output]:
         """Wake the sonar and request its identity."""
@@ -159,11 +170,13 @@ class Ping1d:
             self._running = True
             self._fresh = stamp
             self._waiting = False
-            return []
+            return self._ask_health(stamp)
         return self._ask(Send(self._orders[0].frames), stamp)
 
-    def _next_order(self, stamp: Stamp) -> list[Output]:
-        self._orders.popleft()
+    def _next_order(self, stamp: Stamp, *, given_up: bool = False) -> list[Output]:
+        order = self._orders.popleft()
+        if given_up and order.message == protocol.CONTINUOUS_START:
+            self._streaming = False
         return self._send_order(stamp)
 
     def _on_ack(self, frame: Frame, stamp: Stamp) -> list[Output]:
@@ -174,10 +187,37 @@ class Ping1d:
 
     def _on_nack(self, frame: Frame, stamp: Stamp) -> list[Output]:
         reason = frame.payload[2:].decode("ascii", "replace").strip("\0 ") or "no reason given"
-        if self._orders and protocol.about(frame) == self._orders[0].message:
-            name = self._orders[0].name
-            return [Trouble(stamp, f"Ping: {name} refused ({reason})"), *self._next_order(stamp)]
-        return [Trouble(stamp, f"Ping: message {protocol.about(frame)} refused ({reason})")]
+        refused = protocol.about(frame)
+        if self._orders and refused == self._orders[0].message:
+            trouble = Trouble(stamp, f"Ping: {self._orders[0].name} refused ({reason})")
+            return [trouble, *self._next_order(stamp, given_up=True)]
+        if refused in self._health_wanted:
+            self._health_wanted = tuple(one for one in self._health_wanted if one != refused)
+        return [Trouble(stamp, f"Ping: message {refused} refused ({reason})")]
+
+    def _ask_health(self, stamp: Stamp) -> list[Output]:
+        self._health_asked, self._health = stamp, {}
+        data = b"".join(map(protocol.request, self._health_wanted))
+        return [Send(data)] if data else []
+
+    def _on_health(self, frame: Frame, stamp: Stamp) -> list[Output]:
+        """Collect what was asked for; the last answer completes the reading."""
+        self._health[frame.id] = int.from_bytes(frame.payload, "little")
+        if not self._running or self._health_wanted[-1:] != (frame.id,):
+            return []
+        millivolts, *hundredths = (self._health.get(one, math.nan) for one in HEALTH[1:])
+        health = SonarHealth(
+            self._health.get(protocol.DEVICE_ID), 0.001 * millivolts, *(0.01 * one for one in hundredths)
+        )
+        return [Stamped(stamp, health), *self._check_supply(health.supply_V, stamp)]
+
+    def _check_supply(self, supply_V: float, stamp: Stamp) -> list[Output]:
+        """Report a supply that the sonar is not made for, once until it is well again."""
+        low, high = SUPPLY_V
+        told, self._told_supply = self._told_supply, supply_V < low or supply_V > high
+        if told or not self._told_supply:
+            return []
+        return [Trouble(stamp, f"Ping: supply {supply_V:.2f} V, wanted {low} to {high} V; check cable and regulator")]
 
     def _check_setting(self, frame: Frame, stamp: Stamp) -> list[Output]:
         """Compare a reported setting with the wanted one; a mismatch is sent again after the timeout."""
@@ -206,7 +246,7 @@ class Ping1d:
     def _on_echo(self, frame: Frame, stamp: Stamp) -> list[Output]:
         if not self._running:
             return []
-        if not self._knobs.continuous:
+        if not self._streaming:
             self._answered(stamp)
         message = protocol.echo(frame)
         if message is None:
@@ -262,7 +302,7 @@ class Ping1d:
         if ahead >= HALF_COUNT:
             sentence = f"Ping: the sonar has restarted (ping {before}, then {message.ping_number}); setting it up again"
             return [Trouble(stamp, sentence), *self._wake(stamp)]
-        if ahead == 1 or not self._knobs.continuous:
+        if ahead == 1 or not self._streaming:
             return []
         self._lost += ahead - 1
         if seconds_between(self._gap_reported, stamp) < 10.0:
@@ -283,6 +323,8 @@ class Ping1d:
             return [*outputs, *(self._repeat_order(stamp) if waited_s >= self._knobs.answer_s else [])]
         if not self._known:
             return [*outputs, *(self._wake(stamp) if waited_s >= self._knobs.answer_s else [])]
+        if seconds_between(self._health_asked, stamp) >= HEALTH_EVERY_S:
+            outputs += self._ask_health(stamp)
         return [*outputs, *self._poll(stamp, waited_s)]
 
     def _repeat_order(self, stamp: Stamp) -> list[Output]:
@@ -293,12 +335,12 @@ class Ping1d:
             found = "no answer" if self._found is None else self._found
             wanted = int.from_bytes(order.payload, "little")
             sentence = f"{order.name} after {self._tries} tries: found {found}, wanted {wanted}; check the firmware"
-            return [Trouble(stamp, f"Ping: {sentence}"), *self._next_order(stamp)]
+            return [Trouble(stamp, f"Ping: {sentence}"), *self._next_order(stamp, given_up=True)]
         self._tries += 1
         return self._ask(Send(order.frames), stamp)
 
     def _poll(self, stamp: Stamp, waited_s: float) -> list[Output]:
-        if self._knobs.continuous or waited_s < (self._knobs.answer_s if self._waiting else self._knobs.interval_s):
+        if self._streaming or waited_s < (self._knobs.answer_s if self._waiting else self._knobs.interval_s):
             return []
         message = protocol.PROFILE if self._profile_wanted else protocol.DISTANCE
         return self._ask(Send(protocol.request(message)), stamp)

@@ -27,6 +27,7 @@ from hindrax_core.readings import (
     Magnetic,
     Position,
     Pressure,
+    SonarHealth,
 )
 from hindrax_core.topics import TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
@@ -104,7 +105,7 @@ def _pressure(frame: str, _vehicle: Vehicle) -> Write:
 
 
 def _temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one, frame)
+    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.temperature_C, frame)
 
 
 def _humidity(frame: str, _vehicle: Vehicle) -> Write:
@@ -139,6 +140,18 @@ def _profile(frame: str, _vehicle: Vehicle) -> Write:
         return message
 
     return write
+
+
+def _supply(_frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: convert.battery_to_msg(Stamped(one.stamp, Battery(one.reading.supply_V)))
+
+
+def _processor_temperature(frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.processor_C, frame)
+
+
+def _board_temperature(frame: str, _vehicle: Vehicle) -> Write:
+    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.board_C, frame)
 
 
 def _velocity(frame: str, _vehicle: Vehicle) -> Write:
@@ -203,6 +216,9 @@ _MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     "leak": ((Leak,), _leak),
     "range": ((Echo,), _echo),
     "profile": ((EchoProfile,), _profile),
+    "supply": ((SonarHealth,), _supply),
+    "processor_temperature": ((SonarHealth,), _processor_temperature),
+    "board_temperature": ((SonarHealth,), _board_temperature),
     "velocity": ((BottomVelocity,), _velocity),
     "attitude": ((BottomTrack,), _attitude),
     "altitude": ((BottomTrack, Echo), _altitude),

@@ -16,8 +16,11 @@ HEADER = struct.Struct("<2sHHBB")
 CHECKSUM = struct.Struct("<H")
 
 ACK, NACK, TEXT, DEVICE_INFORMATION, PROTOCOL_VERSION, GENERAL_REQUEST = 1, 2, 3, 4, 5, 6
+SET_DEVICE_ID = 1000
 SET_RANGE, SET_SPEED_OF_SOUND, SET_MODE_AUTO, SET_INTERVAL, SET_GAIN, SET_PING_ENABLE = range(1001, 1007)
+DEVICE_ID, SUPPLY_mV = 1201, 1202
 SPEED_OF_SOUND, RANGE, MODE_AUTO, INTERVAL, GAIN = range(1203, 1208)
+PROCESSOR_cC, BOARD_cC = 1213, 1214
 DISTANCE_SIMPLE, DISTANCE, PING_ENABLE, PROFILE = 1211, 1212, 1215, 1300
 CONTINUOUS_START, CONTINUOUS_STOP = 1400, 1401
 PING1D_TYPE = 1
@@ -34,8 +37,8 @@ _LENGTHS = {
     DEVICE_INFORMATION: (6, 6),
     PROTOCOL_VERSION: (4, 4),
     1200: (6, 6),
-    1201: (1, 1),
-    1202: (2, 2),
+    DEVICE_ID: (1, 1),
+    SUPPLY_mV: (2, 2),
     SPEED_OF_SOUND: (4, 4),
     RANGE: (8, 8),
     MODE_AUTO: (1, 1),
@@ -45,8 +48,8 @@ _LENGTHS = {
     1210: (10, 10),
     DISTANCE_SIMPLE: (5, 5),
     DISTANCE: (24, 24),
-    1213: (2, 2),
-    1214: (2, 2),
+    PROCESSOR_cC: (2, 2),
+    BOARD_cC: (2, 2),
     PING_ENABLE: (1, 1),
     PROFILE: (26, 26 + LONGEST_PROFILE),
 }
@@ -130,7 +133,8 @@ class FrameSplitter:
 
     A frame that turns out to be none costs its first two bytes; the search goes on inside it, so neither a false mark
     nor a corrupt length can swallow the frames behind. Lengths are checked against the message's own limits before
-    any waiting. Bytes between frames come back as Refused, 64 at a time at most.
+    any waiting, and the wait ends with the first whole frame inside: what a corrupt length covers comes through when
+    it arrives, and is stamped then. Bytes between frames come back as Refused, 64 at a time at most.
     """
 
     def __init__(self) -> None:
@@ -168,17 +172,34 @@ class FrameSplitter:
         if not shortest <= length <= longest:
             self._refuse("length" if message in _LENGTHS else "unknown", HEADER.size, pieces)
             return True
-        end = HEADER.size + length
-        if len(self._bytes) < end + CHECKSUM.size:
+        end = HEADER.size + length + CHECKSUM.size
+        if self._covers_a_frame(end):
+            self._refuse("length", HEADER.size, pieces)
+            return True
+        if len(self._bytes) < end:
             return False
-        if sum(self._bytes[:end]) & 0xFFFF != int.from_bytes(self._bytes[end : end + 2], "little"):
-            self._refuse("checksum", end + CHECKSUM.size, pieces)
+        if not _sum_holds(self._bytes[:end]):
+            self._refuse("checksum", end, pieces)
             return True
         self._flush(pieces)
-        pieces.append(Frame(message, self._bytes[HEADER.size : end]))
-        self._bytes = self._bytes[end + CHECKSUM.size :]
-        self._excused = max(0, self._excused - end - CHECKSUM.size)
+        pieces.append(Frame(message, self._bytes[HEADER.size : end - CHECKSUM.size]))
+        self._bytes = self._bytes[end:]
+        self._excused = max(0, self._excused - end)
         return True
+
+    def _covers_a_frame(self, end: int) -> bool:
+        """Whether a whole frame lies behind the mark of one that is said to end there."""
+        at = self._bytes.find(MARK, len(MARK), end)
+        while at >= 0:
+            inside = self._bytes[at:end]
+            if len(inside) >= HEADER.size:
+                _, length, message, _, _ = HEADER.unpack_from(inside)
+                size = HEADER.size + length + CHECKSUM.size
+                shortest, longest = _LENGTHS.get(message, (1, 0))
+                if shortest <= length <= longest and size <= len(inside) and _sum_holds(inside[:size]):
+                    return True
+            at = self._bytes.find(MARK, at + len(MARK), end)
+        return False
 
     def _refuse(self, reason: str, size: int, pieces: list[Piece]) -> None:
         """Report an invalid frame once, then continue after its mark; its bytes are not reported again."""
@@ -200,3 +221,7 @@ class FrameSplitter:
         if self._junk:
             pieces.append(Refused("garbage", self._junk))
             self._junk = b""
+
+
+def _sum_holds(frame: bytes) -> bool:
+    return sum(frame[: -CHECKSUM.size]) & 0xFFFF == int.from_bytes(frame[-CHECKSUM.size :], "little")

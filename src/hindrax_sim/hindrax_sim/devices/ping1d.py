@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_core.readings import DeviceText, Echo
+from hindrax_core.readings import DeviceText, Echo, SonarHealth
 from hindrax_sim.emulator import Emulator
 from hindrax_sim.serial_emulator import BaudRateLine
 
@@ -72,9 +72,12 @@ class _Ping:
 
 
 class Ping1d:
-    """One sonar; distances are noisy by half a percent (1 sigma)."""
+    """One sonar; distances are noisy by half a percent (1 sigma). It may know no `continuous` mode."""
 
-    def __init__(self, *, seed: int = 0, noise: float = 0.005, baud: int = 115200) -> None:
+    def __init__(
+        self, *, seed: int = 0, noise: float = 0.005, baud: int = 115200, continuous: bool = True, supply_V: float = 5.0
+    ) -> None:
+        self._continuous, self._supply_V = continuous, supply_V
         self._random = np.random.default_rng(seed)
         self._noise = noise
         self._baud = baud
@@ -171,20 +174,20 @@ class Ping1d:
         return _frame(message, maker())
 
     def _makers(self) -> dict[int, Callable[[], bytes]]:
-        settings, last = self._settings, self._last
+        settings, last, supply_mV = self._settings, self._last, round(1000.0 * self._supply_V)
         return {
             4: lambda: bytes([PING360 if self._disguised else PING1D, 2, 3, 28, 0, 0]),
             5: lambda: bytes([1, 0, 0, 0]),
             1200: lambda: struct.pack("<BBHH", PING1D, 2, 3, 28),
             1201: lambda: bytes([settings.device_id]),
-            1202: lambda: struct.pack("<H", 5000),
+            1202: lambda: struct.pack("<H", supply_mV),
             1203: lambda: struct.pack("<I", settings.speed_mmps),
             1204: lambda: struct.pack("<II", settings.start_mm, settings.length_mm),
             1205: lambda: bytes([settings.auto]),
             1206: lambda: struct.pack("<H", settings.interval_ms),
             1207: lambda: struct.pack("<I", settings.gain),
             1208: lambda: struct.pack("<H", 52),
-            1210: lambda: struct.pack("<HHHHBB", 3, 28, 5000, settings.interval_ms, settings.gain, settings.auto),
+            1210: lambda: struct.pack("<HHHHBB", 3, 28, supply_mV, settings.interval_ms, settings.gain, settings.auto),
             1211: lambda: struct.pack("<IB", last.distance_mm, last.confidence),
             1212: lambda: last.head,
             1213: lambda: struct.pack("<H", 3000),
@@ -247,7 +250,7 @@ class Ping1d:
             self._settings.gain = value
         elif message == 1006 and value in (0, 1):
             self._settings.enabled = value
-        elif message == 1400 and value in (1211, 1212, 1300):
+        elif message == 1400 and self._continuous and value in (1211, 1212, 1300):
             self._settings.stream = value
         elif message == 1401:
             self._settings.stream = 0
@@ -292,7 +295,7 @@ def _example(seconds: float) -> PingTruth:
 def _agrees(truth: PingTruth, reading: Any) -> bool:
     """Five sigma of half a percent, and the way of the bottom within a ping interval."""
     if not isinstance(reading, Echo):
-        return isinstance(reading, DeviceText)
+        return isinstance(reading, DeviceText | SonarHealth)
     return truth.distance_m is not None and abs(reading.range_m - truth.distance_m) < 0.025 * truth.distance_m + 0.03
 
 

@@ -4,47 +4,51 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from contextlib import closing
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, Generic, TypeVar
 
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamped, after
-from hindrax_core.readings import EchoProfile
+from hindrax_core.readings import EchoProfile, SonarHealth
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.serial_port import SerialPort
 from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
 from hindrax_drivers.driver import in_water
+from hindrax_drivers.protocols import ping_protocol as protocol
 
 NAME = "ping"
-HELP = "one echo profile of the sonar: distance, confidence, and how strong each part of the scan sounds"
+HELP = "the sonar asked by hand: one echo profile, or its number, supply and temperatures"
 EXAMPLE = "./hindrax ping profile --port /dev/hindrax/ping"
 PATIENCE_S = 8.0
 TICK_S = 0.05
 ROWS = 20
 WIDTH = 50
 LOUDEST = 255
+ReadingT = TypeVar("ReadingT")
 
 
 @dataclass(frozen=True, slots=True)
-class SonarAnswer:
+class SonarAnswer(Generic[ReadingT]):
     """What the sonar said, and how long it took to say it."""
 
     identity: str
-    profile: EchoProfile
+    reading: ReadingT
     round_trip_s: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do and where the sonar is."""
-    parser.add_argument("action", choices=("profile",), help="ask for one profile")
+    parser.add_argument("action", choices=("profile", "show"), help="one profile, or the device itself")
     add_vehicle(parser)
     parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
+    parser.add_argument("--device-id", type=int, metavar="N", help="give the sonar this number first, 0 to 254")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 
 
@@ -53,13 +57,31 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or mount_of(vehicle, "ping1d")[1].port
     knobs = in_water(Ping1dKnobs(continuous=False, profile=True, min_confidence=0.0), vehicle)
-    answer = ask(port, Ping1d(knobs))
-    print(json.dumps(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer)))
+    sonar, order = Ping1d(knobs), number_order(arguments.device_id)
+    if arguments.action == "profile":
+        answer = ask(port, sonar, EchoProfile, order)
+        print(json.dumps(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer)))
+        return 0
+    health = ask(port, sonar, SonarHealth, order)
+    told = {
+        key: value if value is None or math.isfinite(value) else None for key, value in asdict(health.reading).items()
+    }
+    report = {"port": port, "identity": health.identity} | told
+    print(json.dumps(report) if arguments.json else "\n".join(f"{key}: {value}" for key, value in report.items()))
     return 0
 
 
-def ask(path: str, sonar: Ping1d) -> SonarAnswer:
-    """Wake the sonar, set it up and wait for a profile. HindraxError with the last trouble when none comes."""
+def number_order(device_id: int | None) -> bytes:
+    """Message that gives the sonar a number, if one is wanted; 255 is everybody (ping-protocol, docs/index.md)."""
+    if device_id is None:
+        return b""
+    if not 0 <= device_id <= 254:
+        raise UsageError(f"--device-id: found {device_id}, wanted 0 to 254")
+    return protocol.encode(protocol.SET_DEVICE_ID, bytes([device_id]))
+
+
+def ask(path: str, sonar: Ping1d, wanted: type[ReadingT], order: bytes = b"") -> SonarAnswer[ReadingT]:
+    """Wake the sonar, give it the order, set it up and wait for a reading. HindraxError when none comes."""
     identity, trouble = "", "silence"
     try:
         with closing(SystemClock()) as clock, closing(SerialPort(path, sonar.baud, clock)) as port:
@@ -71,21 +93,22 @@ def ask(path: str, sonar: Ping1d) -> SonarAnswer:
                         port.send(one)
                     elif isinstance(one, Identity):
                         identity = one.text
+                        port.send(Send(order))
                     elif isinstance(one, Trouble):
                         trouble = one.text
-                    elif isinstance(one, Stamped) and isinstance(one.reading, EchoProfile):
+                    elif isinstance(one, Stamped) and isinstance(one.reading, wanted):
                         return SonarAnswer(identity, one.reading, sonar.round_trip_s or 0.0)
                 port.wait(after(clock.now(), TICK_S))
                 data, stamp = port.read()
                 outputs = [*sonar.feed(data, stamp), *sonar.tick(stamp)]
     except DeviceError as error:
         raise HindraxError(str(error)) from error
-    raise HindraxError(f"{path}: no profile in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
+    raise HindraxError(f"{path}: no answer in {PATIENCE_S:g} s ({trouble}); check power, cable and speed")
 
 
-def document(port: str, answer: SonarAnswer) -> dict[str, Any]:
+def document(port: str, answer: SonarAnswer[EchoProfile]) -> dict[str, Any]:
     """Return the answer for a program; strengths from 0 to 255, evenly over the scan."""
-    echo = answer.profile
+    echo = answer.reading
     return {
         "port": port,
         "identity": answer.identity,
@@ -98,9 +121,9 @@ def document(port: str, answer: SonarAnswer) -> dict[str, Any]:
     }
 
 
-def drawn(port: str, answer: SonarAnswer) -> list[str]:
+def drawn(port: str, answer: SonarAnswer[EchoProfile]) -> list[str]:
     """Return the answer for a person: one row per part of the scan, as long as its loudest echo."""
-    echo = answer.profile
+    echo = answer.reading
     head = f"{answer.identity} on {port}, answered in {answer.round_trip_s * 1e3:.0f} ms"
     found = f"{echo.range_m:.3f} m, confidence {echo.confidence:.0%}, gain {echo.gain}"
     count = len(echo.strength)
