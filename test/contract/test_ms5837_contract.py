@@ -96,3 +96,29 @@ def test_depth_is_measured_from_the_tare() -> None:
     outputs = readings(rig(WaterTruth(101_325.0 + 0.9 * 997.0 * 9.80665)).run(0.3), Pressure)
     assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0) == pytest.approx(0.9, abs=0.003)
     assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0, 1029.0) == pytest.approx(0.9 * 997 / 1029, abs=0.003)
+
+
+def refusals(before: WaterTruth, then: WaterTruth, knobs: Ms5837Knobs) -> list[str]:
+    """Reasons of refusal when the water changes at once after 3.1 s; in the end the new water is read."""
+    emulator = Emulator("30BA", noise=0.02)
+    bench = Rig(
+        Ms5837(knobs),
+        {0x76: emulator},
+        lambda elapsed_s, now_s: emulator.set_truth(before if elapsed_s < 3.1 else then, now_s),
+    )
+    outputs = bench.run(8.1)
+    assert readings(outputs, Pressure)[-1].reading.pressure_Pa == pytest.approx(then.pressure_Pa, abs=50.0)
+    return reasons(outputs)
+
+
+@pytest.mark.parametrize(("period_s", "refused"), [(0.02, 3), (1.0, 0)])
+def test_what_a_step_may_be_follows_the_period(period_s: float, refused: int) -> None:
+    """Half a metre of water in a second is a dive, in a fiftieth of one it is damage, until it stays."""
+    found = refusals(WaterTruth(150_000.0), WaterTruth(155_000.0), Ms5837Knobs(period_s=period_s))
+    assert len([reason for reason in found if reason.startswith("leap of +")]) == len(found) == refused
+
+
+@pytest.mark.parametrize(("every", "refused"), [(1, 3), (50, 0)])
+def test_a_slow_temperature_may_change_with_its_own_period(every: int, refused: int) -> None:
+    knobs = Ms5837Knobs(temperature_every=every)
+    assert len(refusals(WaterTruth(temperature_C=25.0), WaterTruth(temperature_C=20.0), knobs)) == refused

@@ -47,7 +47,12 @@ SENSORS: tuple[Sensor, ...] = (
         publishes={"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1},
         meaning="Blue Robotics Ping",
     ),
-    Sensor("icm20948", "i2c", publishes={"data_raw": 225, "mag": 25}, meaning="TDK ICM-20948 with AK09916"),
+    Sensor(
+        "icm20948",
+        "i2c",
+        publishes={"data_raw": 225, "mag": 25, "die_temperature": 1},
+        meaning="TDK ICM-20948 with AK09916",
+    ),
     Sensor("ms5837", "i2c", publishes={"pressure": 50, "temperature": 5}, meaning="TE MS5837 (Bar30, Bar02)"),
     Sensor(
         "bme280",

@@ -51,6 +51,7 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "position": ("sensor_msgs/msg/NavSatFix", "place by the DVL's own dead reckoning, and whether a GPS gives it"),
     "range": ("sensor_msgs/msg/Range", "distance to the bottom, sonar"),
     "profile": ("hindrax_msgs/msg/PingProfile", "echo profile, on request"),
+    "die_temperature": ("sensor_msgs/msg/Temperature", "temperature of the die"),
     "supply": ("sensor_msgs/msg/BatteryState", "supply voltage of the device"),
     "processor_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's processor"),
     "board_temperature": ("sensor_msgs/msg/Temperature", "temperature of the device's board"),

@@ -186,6 +186,25 @@ def test_a_single_damaged_sample_is_refused_and_a_real_step_is_believed(sensor: 
     assert [isinstance(one, Rejected) for one in outputs] == [True] * 3 + [False] * 2
 
 
+@pytest.mark.parametrize(("divider", "believed"), [(4, False), (44, True)])
+def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, believed: bool) -> None:
+    """20 m/s^2 in 40 ms is a vehicle that is set down, in 4 ms it is damage."""
+    sensor = Icm20948(Icm20948Knobs(divider=divider, magnetometer=False))
+    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    chip.fill(LEVEL, (1, 0, 8192, 0, 0, 0), (0, 0, 8192 + 16706, 0, 0, 0))
+    assert (reasons(cycle(sensor, chip, 1)) == []) is believed
+
+
+def test_samples_that_burst_mode_has_skipped_widen_the_step() -> None:
+    ready, count = (WriteRead(0x68, b"\x1a", 1), b"\x01"), 16706
+    for late_s, believed in ((0.0045, False), (0.045, True)):
+        sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
+        for at, z in ((START, 8192), (after(START, late_s), 8192 + count)):
+            newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", 0, 0, z, 0, 0, 0))
+            outputs = rehearse(sensor.cycle(at), [ready, newest])
+        assert isinstance(outputs[0], Stamped) is believed
+
+
 def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
     calibration = {"accel_offset_mps2": (0.1, 0.0, 0.0), "accel_scale": (1.0, 1.0, 0.5)}
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), 0, calibration)
@@ -250,6 +269,16 @@ def test_a_magnetometer_that_hangs_is_set_up_again() -> None:
     assert list(rehearse(mag.read(START), [(BLOCK, bytes(9))])) == []
     (silent,) = rehearse(mag.read(Stamp(START + 600_000_000)), [(BLOCK, bytes(9))])
     assert "no sample for 0.5 s" in silent.reason  # type: ignore[union-attr]
+
+
+def test_a_turn_between_two_fields_that_lie_far_apart_is_believed() -> None:
+    for span_s, believed in ((0.04, False), (0.2, True)):
+        mag = Ak09916(Correction())
+        rehearse(mag.configure(), SET_UP)
+        north, east = (b"\x01" + struct.pack("<3h", *field) + bytes(2) for field in ((200, 0, 50), (0, 200, 50)))
+        rehearse(mag.read(START), [(BLOCK, north)])
+        (output,) = rehearse(mag.read(after(START, span_s)), [(BLOCK, east)])
+        assert isinstance(output, Stamped) is believed
 
 
 def test_another_chip_in_place_of_the_magnetometer_is_named() -> None:

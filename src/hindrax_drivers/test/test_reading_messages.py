@@ -11,7 +11,7 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Echo, Leak, Position, Reading
+from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Echo, Inertial, Leak, Position, Reading
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
@@ -71,3 +71,11 @@ def test_of_many_messages_one_in_so_many_is_published() -> None:
     for number in range(1, 8):
         publish(number)
     assert said == [3, 6]
+
+
+def test_the_temperature_of_the_die_comes_once_a_second() -> None:
+    made = ReadingMessages("icm20948", load_vehicle(default_vehicle()))
+    samples = [Stamped(Stamp(index * 10_000_000), Inertial((0.0,) * 3, (0.0,) * 3, 24.5)) for index in range(250)]
+    told = [message for one in samples for name, message in made.of(one) if name == "icm20948/die_temperature"]
+    assert [message.header.stamp.sec for message in told] == [0, 1, 2]
+    assert {message.temperature for message in told} == {24.5}

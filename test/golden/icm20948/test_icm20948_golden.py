@@ -15,6 +15,7 @@ from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices import icm20948_registers as r
 from hindrax_drivers.devices.ak09916 import Ak09916
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948_selftest import SelfTest
 from hindrax_drivers.imu_calibration import Correction
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
@@ -150,3 +151,17 @@ def test_an_overflow_of_the_magnetometer_is_no_reading() -> None:
 def test_another_chip_at_the_address_is_named() -> None:
     with pytest.raises(DeviceError, match="found WHO_AM_I 0x68, wanted 0xea"):
         rehearse(Icm20948().configure(), [write(0x7F, 0x00), read(0x00, "68")])
+
+
+def test_the_delay_of_each_filter_is_that_of_its_corner() -> None:
+    for config, corner_Hz in enumerate(CASES["gyro_corners_Hz"]):
+        lag_s = 1.0 / (2.0 * math.pi * corner_Hz)
+        assert Icm20948Knobs(filter=config).filter_delay_s == pytest.approx(lag_s, abs=0.00026)
+
+
+def test_limits_of_the_magnetometer_s_self_test() -> None:
+    limits = CASES["mag_self_test"]
+    for at, (low, high) in enumerate(limits):
+        for count, passed in ((low - 1, False), (low, True), (high, True), (high + 1, False)):
+            x, y, z = (count if axis == at else sum(limits[axis]) // 2 for axis in range(3))
+            assert SelfTest((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (x, y, z)).passed is passed

@@ -19,13 +19,16 @@ SILENT_S = 0.5
 REPEATS = 20
 """The field is noisy to about two counts per axis, so this many equal samples in a row are a device that has hung."""
 
-LARGEST_STEP_LSB = 130
-"""20 uT from one reading to the next: more than a turn of 8 rad/s does in 40 ms, and so damage on the wire."""
+LEAST_STEP_LSB = 130
+FASTEST_LSBps = 3250
+"""20 uT in 40 ms: more than a turn of 8 rad/s does, and so damage on the wire."""
 BELIEVE_AFTER = 3
 """A leap this often confirmed was real, however large."""
 
 # Mode 100 Hz: a sample is at most 10 ms old when it is read, and the measurement before it took 7.2 ms.
 MEAN_AGE_S = 0.5 * 0.01 + 0.5 * 0.0072
+
+SELF_TEST_TRIES = 5
 
 _FIELD = struct.Struct("<3h")
 
@@ -38,7 +41,7 @@ class Ak09916:
     def __init__(self, correction: Correction) -> None:
         self._correction = correction
         self._ready = False
-        self._tried = self._heard = Stamp(0)
+        self._tried = self._heard = self._believed_at = Stamp(0)
         self._last = b""
         self._believed: tuple[int, ...] | None = None
         self._repeats = self._doubted = 0
@@ -91,17 +94,18 @@ class Ak09916:
         if self._repeats >= REPEATS:
             return self._lost(stamp, f"magnetometer: {self._repeats} equal samples", block)
         counts = _FIELD.unpack(field)
-        if self._jumps(counts):
+        if self._jumps(counts, stamp):
             return (Rejected(stamp, "magnetometer: leap, no vehicle turns like that", block),)
         return (Stamped(after(stamp, -MEAN_AGE_S), self._magnetic(*counts)),)
 
-    def _jumps(self, counts: tuple[int, ...]) -> bool:
-        last = self._believed
-        far = last is not None and any(abs(a - b) > LARGEST_STEP_LSB for a, b in zip(counts, last, strict=True))
+    def _jumps(self, counts: tuple[int, ...], stamp: Stamp) -> bool:
+        last, span_s = self._believed, seconds_between(self._believed_at, stamp)
+        most = max(LEAST_STEP_LSB, FASTEST_LSBps * span_s)
+        far = last is not None and any(abs(a - b) > most for a, b in zip(counts, last, strict=True))
         if far and self._doubted < BELIEVE_AFTER:
             self._doubted += 1
             return True
-        self._believed, self._doubted = counts, 0
+        self._believed, self._believed_at, self._doubted = counts, stamp, 0
         return False
 
     def _magnetic(self, x: int, y: int, z: int) -> Magnetic:
@@ -112,3 +116,24 @@ class Ak09916:
     def _lost(self, stamp: Stamp, reason: str, data: bytes = b"") -> MagOutputs:
         self._ready, self._tried = False, stamp
         return (Rejected(stamp, reason, data),)
+
+
+def self_test() -> Program[tuple[int, int, int] | None]:
+    """Counts of the field that the die makes itself; None when none comes. The bypass must be on; resets the die.
+
+    Sequence of the data sheet of the AK09916, section 9.4.4: power down, self-test mode, data ready, read.
+    """
+    try:
+        yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL2, 0]))
+        yield Pause(0.001)
+        yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL2, r.MAG_SELF_TEST]))
+        for _ in range(SELF_TEST_TRIES):
+            yield Pause(0.01)
+            block = yield WriteRead(r.MAG_ADDRESS, bytes([r.MAG_ST1]), r.MAG_BLOCK)
+            if block[0] & r.MAG_READY:
+                yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL3, r.MAG_RESET]))
+                x, y, z = _FIELD.unpack(block[1:7])
+                return x, y, z
+    except DeviceError:
+        return None
+    return None

@@ -46,18 +46,22 @@ class Icm20948Knobs:
     gyro_range_dps: str = choice("500", r.GYRO_RANGES, "full scale of the gyroscope [dps]")
     accel_range_g: str = choice("4", r.ACCEL_RANGES, "full scale of the accelerometer [g]")
     filter: int = knob(3, 0, 7, "low-pass filter of both; 3: 51 Hz gyroscope, 50 Hz accelerometer [-]")
-    filter_delay_s: float = knob(0.003, 0.0, 0.1, "delay of the filter, taken off the stamps [s]")
     drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest believed error of the sample clock [ppm]")
     magnetometer: bool = knob(True, meaning="whether the magnetometer is used")
     magnetometer_every: int = knob(2, 1, 1000, "the magnetometer is read in every n-th cycle [-]")
     temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
-    largest_rate_step_radps: float = knob(1.0, 0.0, 100.0, "larger steps between two samples are damage [rad/s]")
-    largest_force_step_mps2: float = knob(5.0, 0.0, 500.0, "larger steps between two samples are damage [m/s^2]")
+    largest_rate_change_radps2: float = knob(225.0, 0.0, 1e5, "faster changes of the rate are damage [rad/s^2]")
+    largest_force_change_mps3: float = knob(1125.0, 0.0, 1e6, "faster changes of the specific force are damage [m/s^3]")
 
     @property
     def rate_Hz(self) -> float:
         """Nominal sample rate."""
         return r.BASE_RATE_Hz / (1 + self.divider)
+
+    @property
+    def filter_delay_s(self) -> float:
+        """Delay of the low-pass filter, taken off the stamps."""
+        return r.FILTER_DELAY_S[self.filter]
 
     def __post_init__(self) -> None:
         """Check that the FIFO cannot overflow in normal operation."""
@@ -85,8 +89,8 @@ class Icm20948:
         self._samples = Samples(
             gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
             accel_scale=r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g)),
-            largest_rate_step_radps=knobs.largest_rate_step_radps,
-            largest_force_step_mps2=knobs.largest_force_step_mps2,
+            largest_rate_step_radps=knobs.largest_rate_change_radps2 / knobs.rate_Hz,
+            largest_force_step_mps2=knobs.largest_force_change_mps3 / knobs.rate_Hz,
             correction=correction(calibration or {}, "accel", "mps2"),
             rate_Hz=knobs.rate_Hz,
             timebase=Timebase(

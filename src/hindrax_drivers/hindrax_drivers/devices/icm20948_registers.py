@@ -55,6 +55,10 @@ ACCEL_SELF_TEST = 0x1C
 FCHOICE = 0x01
 """Low-pass filter on, which also makes the sample rate divider work."""
 
+FILTER_DELAY_S = (0.001, 0.001, 0.0015, 0.003, 0.0065, 0.0135, 0.028, 0.0005)
+"""Lag of a first-order filter, 1 / (2 pi f), to half a millisecond, by the gyroscope's corner f: the data sheet has
+corners (196.6, 151.8, 119.5, 51.2, 23.9, 11.6, 5.7 and 361.4 Hz, bank 2, GYRO_CONFIG_1), but no delays."""
+
 BASE_RATE_Hz = 1125.0
 FIFO_BYTES = 512
 SAMPLE_BYTES = 12
@@ -75,6 +79,7 @@ MAG_ST1 = 0x10
 MAG_CNTL2 = 0x31
 MAG_CNTL3 = 0x32
 MAG_RESET = 0x01
+MAG_SELF_TEST = 0x10
 MAG_100_HZ = 0x08
 MAG_READY = 0x01
 MAG_OVERFLOW = 0x08

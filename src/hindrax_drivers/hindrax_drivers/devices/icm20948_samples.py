@@ -86,9 +86,11 @@ class Samples:
                 return
 
     def decode_one(self, data: bytes, stamp: Stamp) -> Outputs:
-        """Decode one sample that has its stamp already."""
+        """Decode one sample that has its stamp already; several may have been skipped before it."""
         raw = SAMPLE.unpack(data)
-        reason = self._implausible(raw)
+        periods = max(1.0, (stamp - self._stamp) / self._period_ns)
+        self._stamp = stamp
+        reason = self._implausible(raw, periods)
         return [Rejected(stamp, reason, data) if reason else self._reading(raw, stamp)]
 
     def _reading(self, raw: tuple[int, ...], stamp: Stamp) -> Stamped[Reading]:
@@ -99,8 +101,8 @@ class Samples:
             force = self._correction.apply(*force)
         return Stamped(stamp, Inertial(force, (g * gx, g * gy, g * gz), self.temperature_C))
 
-    def _implausible(self, raw: Raw) -> str:
-        """Reason why a sample is implausible; empty when it is plausible."""
+    def _implausible(self, raw: Raw, periods: float = 1.0) -> str:
+        """Reason why a sample so many periods after the one before is implausible; empty when it is plausible."""
         last = self._last
         if raw == last:
             self._repeats += 1
@@ -108,15 +110,15 @@ class Samples:
         self._repeats = 0
         if -32768 in raw or 32767 in raw:
             return "saturated: the motion exceeds the range"
-        if last is not None and self._jumps(raw, last) and self._doubted < BELIEVE_AFTER:
+        if last is not None and self._jumps(raw, last, periods) and self._doubted < BELIEVE_AFTER:
             self._doubted += 1
             return "leap: no vehicle moves like that"
         self._doubted = 0
         self._last = raw
         return ""
 
-    def _jumps(self, raw: Raw, last: Raw) -> bool:
-        force, rate = self._force_step, self._rate_step
+    def _jumps(self, raw: Raw, last: Raw, periods: float = 1.0) -> bool:
+        force, rate = self._force_step * periods, self._rate_step * periods
         return (
             abs(raw[0] - last[0]) > force
             or abs(raw[1] - last[1]) > force

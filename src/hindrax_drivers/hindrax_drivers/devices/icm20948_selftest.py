@@ -1,4 +1,4 @@
-"""Self test of the ICM-20948: the response to a built-in stimulus against the factory's measurement.
+"""Self test of the ICM-20948 and its magnetometer: the response to a built-in stimulus against the factory's limits.
 
 Procedure and limits as in TDK's embedded motion driver: full scales 250 dps and 2 g, 102 Hz, means of 200 readings
 10 ms apart without and with the stimulus. The vehicle must stand still. Not to be run while the device is in a
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from hindrax_core.bus_operations import Pause, Program, Write, WriteRead
 from hindrax_core.readings import Vec3
+from hindrax_drivers.devices import ak09916
 from hindrax_drivers.devices import icm20948_registers as r
 
 READINGS = 200
@@ -21,31 +22,44 @@ SETTLE_S = 0.02
 DIVIDER = 10
 GYRO_LEAST = 0.5
 ACCEL_SHARES = (0.5, 1.5)
+MAG_LIMITS = ((-200, 200), (-200, 200), (-1000, -200))
+"""Counts of x, y, z, with the sensitivity adjustment of 1. AKM's own self test of the AK09916 (FST_AK09916)."""
 
 _SAMPLE = struct.Struct(">6h")
 
 
 @dataclass(frozen=True, slots=True)
 class SelfTest:
-    """Response of each axis as a share of the factory's; 0 where the factory stored none."""
+    """Response of each axis as a share of the factory's; 0 where the factory stored none.
+
+    `mag` has counts of the magnetometer's own field; None where it did not answer.
+    """
 
     gyro: Vec3
     accel: Vec3
+    mag: tuple[int, int, int] | None
 
     @property
     def passed(self) -> bool:
-        """Whether all six axes respond within the limits."""
+        """Whether all nine axes respond within the limits."""
         low, high = ACCEL_SHARES
-        return min(self.gyro) >= GYRO_LEAST and all(low <= one <= high for one in self.accel)
+        magnetic = self.mag is not None and all(
+            least <= one <= most for one, (least, most) in zip(self.mag, MAG_LIMITS, strict=True)
+        )
+        return magnetic and min(self.gyro) >= GYRO_LEAST and all(low <= one <= high for one in self.accel)
 
     def __str__(self) -> str:
         gyro, accel = (", ".join(f"{one:.0%}" for one in axes) for axes in (self.gyro, self.accel))
         verdict = "passed" if self.passed else "failed"
-        return f"self test {verdict}: response of the gyroscope {gyro}, of the accelerometer {accel} of the factory's"
+        mag = "no answer" if self.mag is None else "{}, {}, {} counts".format(*self.mag)
+        return (
+            f"self test {verdict}: response of the gyroscope {gyro}, of the accelerometer {accel} of the factory's; "
+            f"magnetometer {mag}"
+        )
 
 
 def self_test(address: int = r.ADDRESS) -> Program[SelfTest]:
-    """Test a part that is awake. Takes 4 s."""
+    """Test a part that is awake and has its bypass on. Takes 4 s."""
     codes = yield from _prepare(address)
     before = yield from _mean(address)
     yield from _stimulate(address, r.GYRO_SELF_TEST, r.ACCEL_SELF_TEST)
@@ -53,7 +67,8 @@ def self_test(address: int = r.ADDRESS) -> Program[SelfTest]:
     yield from _stimulate(address, 0, 0)
     moved = [abs(b - a) for a, b in zip(before, during, strict=True)]
     ax, ay, az, gx, gy, gz = (_share(one, code) for one, code in zip(moved, codes, strict=True))
-    return SelfTest((gx, gy, gz), (ax, ay, az))
+    mag = yield from ak09916.self_test()
+    return SelfTest((gx, gy, gz), (ax, ay, az), mag)
 
 
 def factory_response(code: int) -> float:

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
 from hindrax_core.driver_interface import Identity
-from hindrax_core.events import Rejected, Stamp, Stamped, after
+from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Pressure, Reading
 from hindrax_core.vehicle import GRAVITY_mps2
@@ -39,7 +39,10 @@ C1_LOWEST, C1_BORDER, C1_HIGHEST = 26_000, 37_000, 49_000
 LIMITS_Pa = {"30BA": (0.0, 3.1e6), "02BA": (1_000.0, 250_000.0)}
 """What the part can measure at all; 30 bar and 2 bar and a margin for the weather."""
 LIMITS_C = (-40.0, 85.0)
-LARGEST_STEP_C = 2.0
+FASTEST_Kps = 10.0
+"""From air into cold water the housing takes a second or two."""
+LEAST_STEP_Pa = 500.0
+"""Three times the noise at oversampling 256: a smaller step is no damage however short the period. DS 30BA page 3."""
 REPEATS = 10
 """The noise is tens of counts, so this many equal conversions in a row are a device that has hung."""
 HUNG_AFTER = 50
@@ -57,7 +60,7 @@ class Ms5837Knobs:
     oversampling: str = choice("4096", OSRS, "samples per conversion; 4096 lets 50 Hz be reached")
     period_s: float = knob(0.02, 0.002, 1.0, "time between two readings [s]")
     temperature_every: int = knob(10, 1, 1000, "the temperature is converted for every n-th reading [-]")
-    largest_step_Pa: float = knob(1_000.0, 100.0, 1e6, "larger steps between two readings are damage [Pa]")
+    fastest_Paps: float = knob(50_000.0, 1_000.0, 1e7, "faster changes between two readings are damage [Pa/s]")
 
 
 DEFAULT_KNOBS = Ms5837Knobs()
@@ -151,7 +154,7 @@ class Ms5837:
         self._wait_s = CONVERSION_S[osr]
         self._prom: Prom | None = None
         self._d2 = self._turn = 0
-        self._last: Pressure | None = None
+        self._last: Stamped[Pressure] | None = None
         self._last_d1 = self._repeats = self._doubted = 0
 
     @property
@@ -192,7 +195,7 @@ class Ms5837:
             raise DeviceError(f"address {self._address:#04x}: gives the same conversion again and again")
         reading = to_reading(self._prom, compensate(self._prom, d1, self._d2))
         valid = after(stamp, begin_s + 0.5 * self._wait_s)
-        reason = self._implausible(self._prom, d1, reading)
+        reason = self._implausible(self._prom, d1, Stamped(valid, reading))
         if reason:
             self._turn = 0  # the temperature may be wrong
             return [Rejected(valid, reason, d1.to_bytes(3, "big") + self._d2.to_bytes(3, "big"))]
@@ -221,8 +224,9 @@ class Ms5837:
         model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
         return model, "" if told == model else f" (its calibration looks like {told or 'neither model'})"
 
-    def _implausible(self, prom: Prom, d1: int, reading: Pressure) -> str:
+    def _implausible(self, prom: Prom, d1: int, stamped: Stamped[Pressure]) -> str:
         """Reason why a reading is implausible; empty when it is plausible."""
+        reading = stamped.reading
         lowest_Pa, highest_Pa = LIMITS_Pa[prom.model]
         if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
             return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{prom.model} measures"
@@ -232,17 +236,23 @@ class Ms5837:
         self._last_d1 = d1
         if self._repeats >= REPEATS:
             return f"{self._repeats + 1} equal conversions"
-        return self._jump(reading)
+        return self._jump(stamped)
 
-    def _jump(self, reading: Pressure) -> str:
-        """Compare with the last accepted reading; a lasting jump is accepted."""
-        last = self._last
+    def _jump(self, stamped: Stamped[Pressure]) -> str:
+        """Compare with the last accepted reading over the time between; a lasting jump is accepted."""
+        reading, last = stamped.reading, self._last
         if last is not None and self._doubted < BELIEVE_AFTER:
-            step_Pa, step_C = reading.pressure_Pa - last.pressure_Pa, reading.temperature_C - last.temperature_C
-            if abs(step_Pa) > self._knobs.largest_step_Pa or abs(step_C) > LARGEST_STEP_C:
+            span_s = max(self._knobs.period_s, seconds_between(last.stamp, stamped.stamp))
+            step_Pa = reading.pressure_Pa - last.reading.pressure_Pa
+            step_C = reading.temperature_C - last.reading.temperature_C
+            slowest_s = max(span_s, self._knobs.period_s * self._knobs.temperature_every)
+            if (
+                abs(step_Pa) > max(LEAST_STEP_Pa, self._knobs.fastest_Paps * span_s)
+                or abs(step_C) > FASTEST_Kps * slowest_s
+            ):
                 self._doubted += 1
-                return f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K: no vehicle moves like that"
-        self._doubted, self._last = 0, reading
+                return f"leap of {step_Pa:+.0f} Pa, {step_C:+.1f} K in {span_s:.3f} s: no vehicle moves like that"
+        self._doubted, self._last = 0, stamped
         return ""
 
 

@@ -11,10 +11,10 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
-from sensor_msgs.msg import Range
+from sensor_msgs.msg import Range, Temperature
 from std_msgs.msg import Bool
 
-from hindrax_core.events import Stamped
+from hindrax_core.events import NS_PER_S, Stamped
 from hindrax_core.readings import (
     Air,
     Battery,
@@ -142,6 +142,18 @@ def _profile(frame: str, _vehicle: Vehicle) -> Write:
     return write
 
 
+def _die_temperature(frame: str, _vehicle: Vehicle) -> Write:
+    """Write one message a second: every sample has the last temperature that was read."""
+    told_s = -1
+
+    def write(stamped: Stamped[Inertial]) -> Temperature | None:
+        nonlocal told_s
+        before_s, told_s = told_s, stamped.stamp // NS_PER_S
+        return None if told_s == before_s else _temperature(frame, _vehicle)(stamped)
+
+    return write
+
+
 def _supply(_frame: str, _vehicle: Vehicle) -> Write:
     return lambda one: convert.battery_to_msg(Stamped(one.stamp, Battery(one.reading.supply_V)))
 
@@ -216,6 +228,7 @@ _MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
     "leak": ((Leak,), _leak),
     "range": ((Echo,), _echo),
     "profile": ((EchoProfile,), _profile),
+    "die_temperature": ((Inertial,), _die_temperature),
     "supply": ((SonarHealth,), _supply),
     "processor_temperature": ((SonarHealth,), _processor_temperature),
     "board_temperature": ((SonarHealth,), _board_temperature),

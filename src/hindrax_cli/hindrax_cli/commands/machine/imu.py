@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,7 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
     print(run_once(port, sensor.configure()).text, file=sys.stderr)
     result = run_once(port, self_test(mount.address or 0x68))
-    print(json.dumps({"passed": result.passed, "gyro": result.gyro, "accel": result.accel}) if as_json else result)
+    print(json.dumps(asdict(result) | {"passed": result.passed}) if as_json else result)
     return 0 if result.passed else 1
 
 
