@@ -27,9 +27,11 @@ class Controller:
         self._was_silent = False
 
     def receive(self, data: bytes, now_ms: int) -> bytes:
-        """Handle bytes of the host; returns the answers."""
+        """Handle bytes of the host; returns the answers. Senders of other systems are not obeyed."""
         answer = b""
-        for message, payload in self._parser.feed(data):
+        for system, message, payload in self._parser.feed(data):
+            if system != SYSTEM:
+                continue
             if message == mavlink.RC_CHANNELS_OVERRIDE:
                 self._override(payload, now_ms)
             elif message == mavlink.COMMAND_LONG:

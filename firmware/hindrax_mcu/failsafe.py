@@ -5,6 +5,8 @@ Times are milliseconds that only grow; the caller sees to that. Pulses are whole
 
 NEUTRAL, LIGHT_OFF, LOW, HIGH = 1500, 1100, 1100, 1900
 PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 800, 2200
+# Half of the band in which a Basic ESC R3 stands still (Blue Robotics, bescr3).
+AT_REST = 25
 ARM_MS = 7000
 SILENCE_MS = 300
 DISARM_MS = 2000
@@ -34,7 +36,10 @@ class Failsafe:
         self._heard = True
 
     def arm(self, now_ms: int) -> str:
-        """Arm, or return why not. The speed controllers must have seen neutral, and overrides must be fresh."""
+        """Arm, or return why not.
+
+        The speed controllers must have seen neutral, and overrides must be fresh and neutral: arming moves nothing.
+        """
         if self.armed:
             return ""
         if not self._fresh(now_ms):
@@ -42,6 +47,9 @@ class Failsafe:
         waited = now_ms - self._neutral_since
         if waited < self._arm_ms:
             return f"neutral for {waited} of {self._arm_ms} ms"
+        for index in range(self._thrusters):
+            if abs(self._wanted[index] - NEUTRAL) > AT_REST:
+                return f"override {index + 1} is {self._wanted[index]} us"
         self.armed = True
         self.reason = ""
         return ""

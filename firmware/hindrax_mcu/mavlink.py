@@ -55,8 +55,8 @@ class Parser:
         self._buffer = bytearray()
         self.rejected = 0
 
-    def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Message number and payload (padded to full length) of every complete frame of a supported message."""
+    def feed(self, data: bytes) -> list[tuple[int, int, bytes]]:
+        """Sender's system, number and payload (padded) of every complete frame of a supported message."""
         self._buffer.extend(data)
         found = []
         while len(self._buffer) >= HEAD:
@@ -65,7 +65,7 @@ class Parser:
                 break
             message = self._message() if size and self._valid(size) else -1
             if message >= 0:
-                found.append((message, self._payload(message)))
+                found.append((self._buffer[5], message, self._payload(message)))
                 self._buffer = self._buffer[size:]
             else:
                 self._skip()

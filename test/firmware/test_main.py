@@ -122,7 +122,9 @@ def test_a_flight_across_the_wrap_of_the_millisecond_counter(board: Any) -> None
         made.link.incoming = override
         made.turn()
     assert pulses() == [1500] * 8
-    made.link.incoming = override + sender.command_long_encode(1, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0).pack(sender)
+    neutral = sender.rc_channels_override_encode(1, 1, *[1500] * 8).pack(sender)
+    arm = sender.command_long_encode(1, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0).pack(sender)
+    made.link.incoming = neutral + arm + override
     made.turn()
     assert pulses() == [1900] * 8
     said = [message.get_type() for message in common.MAVLink(None).parse_buffer(made.link.sent)]

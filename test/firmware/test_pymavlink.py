@@ -35,9 +35,10 @@ def test_what_the_controller_says_is_mavlink() -> None:
 def test_what_a_host_says_is_understood() -> None:
     controller, sender = Controller(8, 2, 0), host()
     pulses = [1100, 1900, 1500, 1600, 1700, 1800, 1400, 1300, 1750, 1250]
+    neutral = sender.rc_channels_override_encode(1, 1, *[1500] * 8).pack(sender)
     override = sender.rc_channels_override_encode(1, 1, *pulses).pack(sender)
     arm = sender.command_long_encode(1, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0).pack(sender)
-    answers = decoded(controller.receive(override + arm, 7000))
+    answers = decoded(controller.receive(neutral + arm + override, 7000))
     assert [(one.get_type(), one.command, one.result) for one in answers] == [("COMMAND_ACK", 400, 0)]
     (heartbeat, *_) = [one for one in decoded(controller.step(7000)) if one.get_type() == "HEARTBEAT"]
     assert heartbeat.base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED
@@ -63,8 +64,8 @@ def test_override_arrives_channel_by_channel(channels: list[int], sequence: int)
     sender = host()
     sender.seq = sequence
     data = sender.rc_channels_override_encode(1, 1, *channels).pack(sender)
-    ((message, payload),) = mavlink.Parser().feed(data)
-    assert message == 70
+    ((system, message, payload),) = mavlink.Parser().feed(data)
+    assert (system, message) == (1, 70)
     found = [int.from_bytes(payload[at : at + 2], "little") for at in (*range(0, 16, 2), *range(18, 38, 2))]
     assert found == channels
 
@@ -78,7 +79,7 @@ def test_garbage_never_raises_and_hides_no_frame(before: bytes, after: bytes, si
     parser, found = mavlink.Parser(), []
     for start in range(0, len(data), size):
         found += parser.feed(data[start : start + size])
-    assert [message for message, _ in found] == [76]
+    assert [message for _, message, _ in found] == [76]
 
 
 @pytest.mark.parametrize("text", ["", "neutral", "x" * 80])

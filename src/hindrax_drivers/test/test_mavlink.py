@@ -56,7 +56,7 @@ def test_a_frame_after_a_stray_start_byte_and_a_false_length_is_not_lost() -> No
 
 def test_refusals_say_why() -> None:
     beat = encode(Heartbeat(12, 0, 0, 3), 1)
-    unknown = b"\xfd\x01\x00\x00\x00\x01\x01\x1e\x00\x00\x00\x00\x00"
+    unknown = b"\xfd\x01\x00\x00\x00\x01\x01\xe8\x03\x00\x00\x00\x00"
     long = b"\xfd\x30\x00\x00\x00\x01\x01\x00\x00\x00"
     damaged = beat[:-1] + bytes([beat[-1] ^ 1])
     reasons = []
@@ -66,4 +66,4 @@ def test_refusals_say_why() -> None:
         assert isinstance(second, Frame)
         assert first.data == bad
         reasons.append(first.reason)
-    assert reasons == ["unknown message 30", "impossible length for message 0", "checksum", "no start of a frame"]
+    assert reasons == ["unknown message 1000", "impossible length for message 0", "checksum", "no start of a frame"]

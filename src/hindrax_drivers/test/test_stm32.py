@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
@@ -123,6 +124,62 @@ def test_a_command_without_answer_is_repeated_then_given_up() -> None:
         "stm32: no answer to 3 requests; check line and firmware"
     ]
     assert device.refusal == "no answer to 3 requests"
+
+
+def test_in_progress_is_no_refusal_and_is_waited_for() -> None:
+    device = ready()
+    device.arm(at(0.0))
+    assert heard(device, CommandAck(400, 5), 0.15) == []
+    assert device.asking
+    assert said(device.tick(at(0.3))) == []
+    assert heard(device, CommandAck(400, 0), 0.34) == []
+    assert (device.armed, device.refusal) == (True, "")
+
+
+def test_an_answer_to_another_host_is_not_ours() -> None:
+    device = ready()
+    device.arm(at(0.0))
+    assert heard(device, CommandAck(400, 4, 255, 190), 0.1) == []
+    assert device.asking
+    assert heard(device, CommandAck(400, 0, 1, 191), 0.1) == []
+    assert device.armed
+
+
+STRANGERS = [(255, 190), (1, 191), (1, 154), (2, 1)]
+"""A ground station, a program on our own computer, a gimbal of this vehicle, another vehicle's autopilot."""
+
+
+@pytest.mark.parametrize(("system", "component"), STRANGERS)
+def test_what_others_say_changes_nothing_and_is_no_reject(system: int, component: int) -> None:
+    device = ready()
+    heard(device, Heartbeat(12, 0, 128, 4), 0.5)
+    wire = common.MAVLink(None, srcSystem=system, srcComponent=component)
+    frames = (
+        wire.heartbeat_encode(6, 8, 0, 0, 4),
+        wire.param_request_list_encode(1, 1),
+        wire.system_time_encode(1, 2),
+        wire.statustext_encode(2, b"critical"),
+        wire.command_ack_encode(400, 4),
+        wire.servo_output_raw_encode(0, 0, *[1900] * 16),
+        wire.rc_channels_override_encode(1, 1, *[1900] * 8),
+    )
+    assert list(device.feed(b"".join(bytes(one.pack(wire)) for one in frames), at(0.6))) == []
+    assert (device.armed, device.identity) == (True, "MAVLink system 1 component 1, type 12")
+
+
+def test_a_line_on_which_only_others_speak_is_not_the_controller() -> None:
+    device, wire = ready(), common.MAVLink(None, srcSystem=255, srcComponent=190)
+    troubles = []
+    for turn in range(1, 100):
+        list(device.feed(bytes(wire.heartbeat_encode(6, 8, 0, 0, 4).pack(wire)), at(turn * 0.1)))
+        troubles += [one.text for one in device.tick(at(turn * 0.1)) if isinstance(one, Trouble)]
+    assert not device.ready
+    assert ["wanted MAVLink 2 of system 1, component 1" in text for text in troubles] == [True]
+
+
+def test_messages_that_the_controller_has_beyond_ours_are_no_rejects() -> None:
+    device, wire = ready(), common.MAVLink(None, srcSystem=1, srcComponent=1)
+    assert list(device.feed(bytes(wire.attitude_encode(0, 0.1, 0.2, 0.3, 0, 0, 0).pack(wire)), at(0.1))) == []
 
 
 def test_an_answer_to_nobody_changes_nothing() -> None:

@@ -7,10 +7,11 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import common
+from pymavlink.dialects.v20 import ardupilotmega, common
 
 from hindrax_core.events import Stamp
 from hindrax_drivers.protocols.mavlink import (
+    _LAYOUTS,
     BatteryStatus,
     ChannelsOverride,
     CommandAck,
@@ -116,3 +117,22 @@ def test_signed_frames_are_refused() -> None:
     events = list(Decoder().feed(signed + bytes(64), NOW))
     assert not any(isinstance(event, Frame) for event in events)
     assert [getattr(event, "reason", "") for event in events] == ["signed, or of a later version"]
+
+
+@pytest.mark.parametrize("number", [number for number in _LAYOUTS if number in ardupilotmega.mavlink_map])
+def test_layouts_are_pymavlink_s(number: int) -> None:
+    theirs = ardupilotmega.mavlink_map[number]
+    extra, longest = _LAYOUTS[number]
+    assert extra == theirs.crc_extra
+    assert longest == theirs.unpacker.size
+
+
+def test_every_layout_is_one_of_pymavlink() -> None:
+    assert not _LAYOUTS.keys() - ardupilotmega.mavlink_map.keys()
+
+
+def test_the_target_of_an_answer_as_pymavlink() -> None:
+    theirs = sender()
+    wire = bytes(theirs.command_ack_encode(400, 5, 0, 0, 255, 190).pack(theirs))
+    assert only(wire) == CommandAck(400, 5, 255, 190)
+    assert encode(CommandAck(400, 5, 255, 190), 0, component=1) == wire

@@ -2,13 +2,14 @@
 
 The controller keeps its own failsafe: it boots disarmed at neutral, arms only after seconds of neutral, and goes
 neutral when overrides are missing for 300 ms. This end repeats the wanted pulses often enough, and reads those that are
-output. An autopilot with the same messages works too.
+output. An autopilot with the same messages works too. Others on the same network, as ground stations, are not heard:
+state comes from the controller alone, and answers to their commands are not ours.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
@@ -33,6 +34,9 @@ from hindrax_drivers.protocols.mavlink import (
 from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
+SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
+"""Our MAVLink system, the controller's component in it (MAV_COMP_ID_AUTOPILOT1) and ours (.._ONBOARD_COMPUTER)."""
+ACCEPTED, IN_PROGRESS = 0, 5
 SEVERITY_WARNING = 4
 CHANNELS = 16
 
@@ -68,7 +72,8 @@ class Stm32:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to {CHANNELS - 1}")
         self._channels = tuple(channels)
         self._knobs = Stm32Knobs() if knobs is None else knobs
-        self._silence = SilenceMonitor("stm32", f"MAVLink 2 at {self._knobs.baud} Bd", self._knobs.lost_s)
+        wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {self._knobs.baud} Bd"
+        self._silence = SilenceMonitor("stm32", wanted, self._knobs.lost_s)
         self._sequence = 0
         self._pending: _PendingCommand | None = None
         self._wanted: tuple[int, ...] = ()
@@ -135,7 +140,7 @@ class Stm32:
         for event in self._decoder.feed(data, stamp):
             if isinstance(event, Rejected):
                 outputs.append(event)
-            else:
+            elif (event.system, event.component) == (SYSTEM, AUTOPILOT):
                 self._silence.last_valid = stamp
                 outputs += self._on_frame(event, stamp)
         return outputs
@@ -172,7 +177,7 @@ class Stm32:
             return [Stamped(stamp, Battery(message.voltage_V, current))]
         if isinstance(message, StatusText):
             return [self._on_text(message, stamp)]
-        return [Rejected(stamp, f"{type(message).__name__} from the controller")]
+        return []
 
     def _on_heartbeat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
         outputs: list[Output] = []
@@ -192,10 +197,14 @@ class Stm32:
         return Stamped(stamp, DeviceText(message.text))
 
     def _on_ack(self, answer: CommandAck, stamp: Stamp) -> list[Output]:
-        if answer.command != ARM_DISARM or self._pending is None:
+        ours = answer.target_system in (0, SYSTEM) and answer.target_component in (0, ONBOARD_COMPUTER)
+        if answer.command != ARM_DISARM or self._pending is None or not ours:
+            return []
+        if answer.result == IN_PROGRESS:
+            self._pending = replace(self._pending, at=stamp)
             return []
         pending, self._pending = self._pending, None
-        if answer.result == 0:
+        if answer.result == ACCEPTED:
             self._armed, self._refusal = pending.arm, ""
             return []
         self._refusal = self._complaint or f"answered with result {answer.result}"
@@ -221,7 +230,7 @@ class Stm32:
         return self._send(Heartbeat(ONBOARD_CONTROLLER, INVALID_AUTOPILOT, 0, STATE_ACTIVE))
 
     def _send(self, message: Message) -> Send:
-        data = encode(message, self._sequence)
+        data = encode(message, self._sequence, SYSTEM, ONBOARD_COMPUTER)
         self._sequence = (self._sequence + 1) & 0xFF
         return Send(data)
 

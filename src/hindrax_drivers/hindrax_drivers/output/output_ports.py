@@ -26,6 +26,8 @@ Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
 
 FOUND_WITHIN_S = 3.0
 SERIAL_TURN_S = 0.02
+BOARD_NEUTRAL_us = 1500.0
+"""Neutral of the firmware, and of an autopilot with its factory settings."""
 
 
 class ThrusterOutput(Protocol):
@@ -169,9 +171,14 @@ class SerialOutput:
         return self._device.identity
 
     def write(self, pulses: Pulses, *, armed: bool) -> None:
-        """Send the wanted pulses; request arming once, and disarming until confirmed."""
+        """Send the wanted pulses; request arming once, and disarming until confirmed.
+
+        Until the board is armed the thrusters stay neutral: it refuses to arm otherwise.
+        """
         now = self._clock.now()
-        self._send([self._device.override(pulses.all_us, now)])
+        waiting = armed and not self._device.armed
+        thrusters = (BOARD_NEUTRAL_us,) * len(pulses.thrusters) if waiting else pulses.thrusters
+        self._send([self._device.override(thrusters + pulses.lights, now)])
         if armed and not self._asked:
             self._send([self._device.arm(now)])
         elif not armed and (self._asked or self._device.armed):

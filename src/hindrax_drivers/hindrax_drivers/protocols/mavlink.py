@@ -138,7 +138,7 @@ class CommandLong:
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """COMMAND_ACK: a command and its MAV_RESULT, 0 for accepted."""
+    """COMMAND_ACK: a command, its MAV_RESULT (0 for accepted), and who gave the command (0: not said)."""
 
     NUMBER: ClassVar[int] = 77
     CRC_EXTRA: ClassVar[int] = 143
@@ -146,15 +146,17 @@ class CommandAck:
 
     command: int
     result: int
+    target_system: int = 0
+    target_component: int = 0
 
     def values(self) -> tuple[Any, ...]:
-        """All extensions are zero."""
-        return (self.command, self.result, 0, 0, 0, 0)
+        """Progress and the second parameter of the result are zero."""
+        return (self.command, self.result, 0, 0, self.target_system, self.target_component)
 
     @classmethod
     def of(cls, values: tuple[Any, ...]) -> Self:
-        """Without the extensions."""
-        return cls(*values[:2])
+        """Without progress and second parameter."""
+        return cls(*values[:2], *values[4:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,16 +214,29 @@ _MESSAGES: tuple[type[Message], ...] = (
     StatusText,
 )
 _BY_NUMBER = {message.NUMBER: message for message in _MESSAGES}
+_OTHERS = """
+1:124:43 2:137:12 4:237:14 20:214:20 21:159:2 22:220:25 23:168:23 24:24:52 26:170:24 27:144:29 29:115:16
+30:39:28 31:246:48 32:185:28 33:104:28 35:244:22 39:254:38 40:230:5 42:28:6 43:132:3 44:221:5 45:232:3
+46:11:2 47:153:4 51:196:5 62:183:26 65:118:42 66:148:6 69:243:30 73:38:38 74:20:20 75:158:35 83:22:37
+85:140:51 87:150:51 105:93:63 109:185:9 111:34:16 116:76:24 125:203:6 129:46:24 132:85:39
+136:1:22 137:195:16 141:47:32 143:131:16 148:178:78 152:208:8 163:127:28 165:21:3 173:83:8 178:47:24
+181:174:4 193:71:26 230:163:42 241:90:32 242:104:60 244:95:6 245:130:2 251:170:18 252:44:18
+"""
+_LAYOUTS = {message.NUMBER: (message.CRC_EXTRA, message.FIELDS.size) for message in _MESSAGES} | {
+    number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _OTHERS.split())
+}
+"""CRC_EXTRA and longest payload by number: of the messages above, and of others that ground stations and autopilots
+send (message sets common and ardupilotmega), so that those verify and are no rejects."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A message whose checksum holds, and who sent it."""
+    """A message whose checksum holds, and who sent it; None for a message that is not read here."""
 
     system: int
     component: int
     sequence: int
-    message: Message
+    message: Message | None
 
 
 def encode(message: Message, sequence: int, system: int = 1, component: int = 191) -> bytes:
@@ -273,29 +288,31 @@ class Decoder:
     def _judge_head(self) -> tuple[int, str]:
         length, incompatible = self._buffer[1], self._buffer[2]
         number = int.from_bytes(self._buffer[7:10], "little")
-        message = _BY_NUMBER.get(number)
         if incompatible:
             return 0, "signed, or of a later version"
-        if message is None:
+        if number not in _LAYOUTS:
             return 0, f"unknown message {number}"
-        if not 0 < length <= message.FIELDS.size:
+        if not 0 < length <= _LAYOUTS[number][1]:
             return 0, f"impossible length for message {number}"
         return HEAD + length + CHECKSUM, ""
 
     def _judge_checksum(self, size: int) -> str:
         body = bytes(self._buffer[1 : size - CHECKSUM])
         found = int.from_bytes(self._buffer[size - CHECKSUM : size], "little")
-        return "" if checksum(body, self._message().CRC_EXTRA) == found else "checksum"
+        return "" if checksum(body, _LAYOUTS[self._number()][0]) == found else "checksum"
 
-    def _message(self) -> type[Message]:
-        return _BY_NUMBER[int.from_bytes(self._buffer[7:10], "little")]
+    def _number(self) -> int:
+        return int.from_bytes(self._buffer[7:10], "little")
 
     def _pop_frame(self, size: int) -> Frame:
         _, length, _, _, sequence, system, component = self._buffer[:7]
-        message = self._message()
-        payload = bytes(self._buffer[HEAD : HEAD + length]).ljust(message.FIELDS.size, b"\x00")
+        message = _BY_NUMBER.get(self._number())
+        payload = bytes(self._buffer[HEAD : HEAD + length])
         del self._buffer[:size]
-        return Frame(system, component, sequence, message.of(message.FIELDS.unpack(payload)))
+        if message is None:
+            return Frame(system, component, sequence, None)
+        fields = message.FIELDS.unpack(payload.ljust(message.FIELDS.size, b"\x00"))
+        return Frame(system, component, sequence, message.of(fields))
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.
