@@ -104,11 +104,11 @@ stamped() { [ -e "$1" ] && [ "$(<"$1")" = "$2" ]; }
 
 # Contents where a build depends on them; names only of files that an installed link leads to.
 build_inputs() (
-  cd "$root/src"
+  cd "$root"
   export LC_ALL=C
-  find . -type f \( -name package.xml -o -name setup.cfg -o -name setup.py -o -name CMakeLists.txt \
+  find src setup/tf2_msgs -type f \( -name package.xml -o -name setup.cfg -o -name setup.py -o -name CMakeLists.txt \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -print0 | sort -z | xargs -0 sha256sum
-  find . -name __pycache__ -prune -o -type f \( -path './*/launch/*' -o -path './*/vehicles/*' \
+  find src -name __pycache__ -prune -o -type f \( -path './*/launch/*' -o -path './*/vehicles/*' \
     -o -path './*/resource/*' \) -print | sort
 )
 
@@ -129,7 +129,7 @@ is_ready() {
 works() (
   # shellcheck source=/dev/null
   . "$state/environment.sh"
-  "$env/bin/python" -c 'import matplotlib, mcap, numpy, rclpy, scipy, hindrax_core, hindrax_msgs.msg' >>"$log" 2>&1
+  "$env/bin/python" -c 'import matplotlib, mcap, numpy, rclpy, scipy, hindrax_core, hindrax_msgs.msg, tf2_msgs.msg' >>"$log" 2>&1
 )
 
 check() {
@@ -284,7 +284,9 @@ colcon_build() (
   # Without -j colcon passes -l, and ninja then starts one job at a time for fear of the load.
   MAKEFLAGS=-j$(nproc) && export MAKEFLAGS
   [ -z "$(command -v ninja)" ] || export CMAKE_GENERATOR=Ninja
-  exec colcon build
+  # The message of /tf is in no wheel; where the machine's ROS has it, that one is used.
+  [ -e "$ros/share/tf2_msgs/package.xml" ] || set -- "$root/setup/tf2_msgs"
+  exec colcon build --base-paths src "$@"
 )
 
 build_changes() { # IDENTITY

@@ -33,6 +33,9 @@ from hindrax_core.topics import (
     ODOMETRY,
     OPERATOR_WRENCH,
     RAW_FRAMES,
+    ROBOT_DESCRIPTION,
+    TF,
+    TF_STATIC,
     THRUSTER_COMMAND,
     THRUSTER_HEALTH,
     THRUSTER_HEALTH_ORDER,
@@ -114,7 +117,7 @@ ROLES: tuple[Role, ...] = (
     Role(
         "navigator",
         "control",
-        publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, "/tf", "/tf_static"),
+        publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, TF, TF_STATIC, ROBOT_DESCRIPTION),
         subscribes=(*MEASURED.values(), ALLOCATION),
     ),
     Role("estimator_health", "control", publishes=(DIAGNOSTICS,), requests=(ARM,)),

@@ -135,6 +135,12 @@ HEARTBEAT = Topic(
     "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, True, "the operator's link"
 )
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE, 1, True, "health of every node")
+ROSOUT = Topic("/rosout", "rcl_interfaces/msg/Log", LATCHED, 0, True, "log of every node")
+TF = Topic("/tf", "tf2_msgs/msg/TFMessage", SENSOR, 10, True, "odom -> base_link")
+TF_STATIC = Topic(
+    "/tf_static", "tf2_msgs/msg/TFMessage", LATCHED, 0, True, "base_link -> base_link_fsd, sensors and thrusters"
+)
+ROBOT_DESCRIPTION = Topic("robot_description", "std_msgs/msg/String", LATCHED, 0, True, "the vehicle as URDF")
 
 TOPICS: tuple[Topic, ...] = (
     *MEASURED.values(),
@@ -157,6 +163,10 @@ TOPICS: tuple[Topic, ...] = (
     *RAW_FRAMES,
     HEARTBEAT,
     DIAGNOSTICS,
+    ROSOUT,
+    TF,
+    TF_STATIC,
+    ROBOT_DESCRIPTION,
 )
 
 NAMESPACE = "/hindrax"

@@ -203,10 +203,10 @@ def quaternion_from_sname(roll: float, pitch: float, yaw: float) -> QuaternionMs
 
 def xyzw_from_sname(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
     """Numbers of `quaternion_from_sname`."""
-    return _xyzw(roll, -pitch, math.pi / 2.0 - yaw)
+    return xyzw(roll, -pitch, math.pi / 2.0 - yaw)
 
 
-def _xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+def xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
     """Quaternion of a z-y-x rotation."""
     cr, sr = math.cos(roll / 2.0), math.sin(roll / 2.0)
     cp, sp = math.cos(pitch / 2.0), math.sin(pitch / 2.0)

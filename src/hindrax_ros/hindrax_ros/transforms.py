@@ -1,23 +1,20 @@
-"""The frames of the vehicle on /tf and /tf_static, where tf2_msgs is installed: odom -> base_link -> base_link_fsd."""
+"""The frames of the vehicle on /tf and /tf_static: odom -> base_link -> everything that is fixed to it."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Quaternion, TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
-from hindrax_core.events import Stamp, Stamped
+from hindrax_core.events import Stamped
 from hindrax_core.signals import Navigation
-from hindrax_ros.convert import FLU, FSD, odometry_to_msg, stamp_to_msg
-from hindrax_ros.optional_messages import optional_class
-
-TYPE = "tf2_msgs/msg/TFMessage"
-STATIC = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""As tf2_ros wants them: late listeners get what never changes."""
-MOVING = QoSProfile(depth=100)
+from hindrax_core.topics import ROBOT_DESCRIPTION, TF, TF_STATIC
+from hindrax_core.vehicle import Vehicle
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.convert import FLU, odometry_to_msg, xyzw
+from hindrax_ros.frames import Frame, frames_of, urdf_of
+from hindrax_ros.graph import publisher
 
 
 def base_of(odometry: Odometry) -> TransformStamped:
@@ -30,27 +27,27 @@ def base_of(odometry: Odometry) -> TransformStamped:
     return found
 
 
-def half_turn_about_x(stamp: Stamp) -> TransformStamped:
-    """From base_link (x forward, y left, z up) to base_link_fsd (x forward, y starboard, z down)."""
-    found = TransformStamped(child_frame_id=FSD)
-    found.header.stamp, found.header.frame_id = stamp_to_msg(stamp), FLU
-    found.transform.rotation.x, found.transform.rotation.w = 1.0, 0.0
+def fixed(frame: Frame) -> TransformStamped:
+    """From base_link to a frame that is fixed to it."""
+    found = TransformStamped(child_frame_id=frame.name)
+    found.header.frame_id = FLU
+    place = found.transform.translation
+    place.x, place.y, place.z = frame.position_m
+    x, y, z, w = xyzw(*frame.rpy_rad)
+    found.transform.rotation = Quaternion(x=x, y=y, z=z, w=w)
     return found
 
 
 class Transforms:
-    """Publishes the transforms of a node; does nothing where tf2_msgs is not installed."""
+    """Publishes the transforms and the description of a vehicle."""
 
-    def __init__(self, node: Node) -> None:
-        self._type = optional_class(TYPE)
-        self._out: Any = None
-        if self._type is not None:
-            self._out = Node.create_publisher(node, self._type, "/tf", MOVING)
-            self._fixed = Node.create_publisher(node, self._type, "/tf_static", STATIC)
-            now = Stamp(node.get_clock().now().nanoseconds)
-            self._fixed.publish(self._type(transforms=[half_turn_about_x(now)]))
+    def __init__(self, node: BatchedNode, vehicle: Vehicle) -> None:
+        self._moving = publisher(node, TF)
+        self._fixed = publisher(node, TF_STATIC)
+        self._fixed.publish(TFMessage(transforms=[fixed(frame) for frame in frames_of(vehicle)]))
+        self._description = publisher(node, ROBOT_DESCRIPTION)
+        self._description.publish(String(data=urdf_of(vehicle)))
 
     def publish(self, found: Stamped[Navigation]) -> None:
         """Publish the pose of base_link."""
-        if self._out is not None:
-            self._out.publish(self._type(transforms=[base_of(odometry_to_msg(found))]))
+        self._moving.publish(TFMessage(transforms=[base_of(odometry_to_msg(found))]))

@@ -50,6 +50,8 @@ SOURCES: dict[Topic, Callable[[bytes], Stamped[Any]]] = {
 }
 """In the order of subscription: the inertial samples, which complete a tick, come last."""
 REPORT_EVERY = 50
+TRANSFORM_EVERY = 5
+"""States per transform on /tf: 10 Hz, between which its listeners interpolate."""
 SETTLE_S = 0.0005
 """Within this time all inertial samples of one fetch, and the messages beside them, have arrived."""
 
@@ -69,7 +71,7 @@ class NavigatorNode(BatchedNode):
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
-        self._transforms = Transforms(self)
+        self._transforms = Transforms(self, vehicle)
         self._reporter = DiagnosticsPublisher(self)
         self._turn = 0
         subscription(self, ALLOCATION, self._on_allocation_message, raw=True)
@@ -109,8 +111,9 @@ class NavigatorNode(BatchedNode):
         self.on_state(found)
         self._status.publish(self._status_bytes(found))
         self._odometry.publish(self._odometry_bytes(found))
-        self._transforms.publish(found)
         self._turn = (self._turn + 1) % REPORT_EVERY
+        if self._turn % TRANSFORM_EVERY == 0:
+            self._transforms.publish(found)
         if self._turn == 0:
             self._report(found)
 

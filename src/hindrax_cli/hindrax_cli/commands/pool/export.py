@@ -15,9 +15,10 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_core.yaml_text import read_yaml
+from hindrax_ros.frames import urdf_of
 
 NAME = "export"
-HELP = "coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX"
+HELP = "coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF"
 EXAMPLE = "./hindrax export runs/2026-05-04_10-00-00 --to gz --out model.sdf"
 
 FORMATS: dict[str, Callable[[ExportModel], str]] = {
@@ -31,31 +32,27 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "csv": tables.write_csv,
     "latex": tables.write_latex,
 }
+URDF = "urdf"
+"""Needs no results: the vehicle as on `robot_description`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The results, the format, and where to put it."""
-    parser.add_argument("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run's folder")
-    parser.add_argument("--to", choices=list(FORMATS), required=True, help="format")
+    parser.add_argument(
+        "coefficients",
+        type=Path,
+        nargs="?",
+        metavar="COEFFICIENTS",
+        help="coefficients.yaml, or a run's folder; not needed for urdf",
+    )
+    parser.add_argument("--to", choices=[*FORMATS, URDF], required=True, help="format")
     parser.add_argument("--out", type=Path, metavar="FILE", help="default: stdout")
     add_vehicle(parser, "vehicle; also fills in what the results lack, and says so", default=False)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, convert, write; notes on what was assumed go to stderr too."""
-    path: Path = arguments.coefficients
-    file = RunFolder(path).coefficients if path.is_dir() else path
-    document = _read(file)
-    vehicle = load_vehicle(arguments.vehicle) if arguments.vehicle else _vehicle_beside(file)
-    stranger = _unknown_format(document, vehicle)
-    if stranger and not arguments.vehicle:
-        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
-    if stranger:
-        print(f"note: {stranger}", file=sys.stderr)
-    model = export_model(document, vehicle, str(file), complete=arguments.vehicle is not None)
-    for note in model.notes:
-        print(f"note: {note}", file=sys.stderr)
-    text = FORMATS[arguments.to](model)
+    text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
     if arguments.out is None:
         print(text, end="")
         return 0
@@ -65,6 +62,30 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--out {arguments.out}: cannot be written ({error})") from error
     print(f"written: {arguments.out}", file=sys.stderr)
     return 0
+
+
+def _text(path: Path | None, to: str, named: str | None) -> str:
+    if path is None and to != URDF:
+        raise UsageError(f"--to {to}: found no results, wanted a coefficients.yaml or a run's folder")
+    file = RunFolder(path).coefficients if path is not None and path.is_dir() else path
+    if file is None or (to == URDF and named):
+        return urdf_of(load_vehicle(named or default_vehicle()))
+    return urdf_of(_vehicle_beside(file)) if to == URDF else FORMATS[to](_model(file, named))
+
+
+def _model(file: Path, named: str | None) -> ExportModel:
+    """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
+    document = _read(file)
+    vehicle = load_vehicle(named) if named else _vehicle_beside(file)
+    stranger = _unknown_format(document, vehicle)
+    if stranger and not named:
+        raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
+    if stranger:
+        print(f"note: {stranger}", file=sys.stderr)
+    model = export_model(document, vehicle, str(file), complete=named is not None)
+    for note in model.notes:
+        print(f"note: {note}", file=sys.stderr)
+    return model
 
 
 def _unknown_format(document: object, vehicle: Vehicle) -> str:
