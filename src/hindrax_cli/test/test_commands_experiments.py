@@ -157,7 +157,7 @@ def test_estimate_from_dimensions(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    "kind", ["gz", "gz-plugin", "stonefish", "stonefish-quadratic", "uuv", "python", "vehicle", "csv", "latex"]
+    "kind", ["gz", "gz-plugin", "stonefish", "stonefish-quadratic", "uuv", "python", "vehicle", "csv", "latex", "urdf"]
 )
 def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
@@ -186,6 +186,7 @@ def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, caps
     [
         (["towing", "nothing.csv"], 2, "nothing.csv: cannot be read"),
         (["export", "nothing.yaml", "--to", "gz"], 2, "nothing.yaml: cannot be read"),
+        (["export", "--to", "gz"], 2, "--to gz: found no results, wanted a coefficients.yaml or a run's folder"),
         (["towing", "{}/bad.csv"], 1, "line 3, column drag_N: found 'x'"),
         (["towing", "{}/good.csv", "--plot", "{}/a.bmp"], 2, "wanted one of .png"),
         (["towing", "{}/good.csv", "--plot", "{}/no/a.png"], 2, "cannot be written"),
