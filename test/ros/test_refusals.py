@@ -91,4 +91,4 @@ def says_so(run: Path) -> None:
 def test_options_that_contradict(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = refuse(capsys, "--rate", "2")
     assert code == 2
-    assert "--fault and --rate are for --mock only" in said
+    assert "--fault, --world and --rate are for --mock only" in said

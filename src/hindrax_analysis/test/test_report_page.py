@@ -26,7 +26,7 @@ from hindrax_analysis.report.published import PUBLISHED, published_of
 from hindrax_analysis.report.report_tables import table_methods
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.assess.results import DragBand, MotionResult, Number, with_truth
+from hindrax_ident.assess.results import DragBand, MotionResult, Number, truth_of, with_truth
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Outcome, Session
 
@@ -49,7 +49,7 @@ def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
     names = ("k_q", "k_l", "b", "added_mass")
     trace = Trace(t, {name: 10.0 + np.exp(-t) for name in names}, {name: np.exp(-t) for name in names})
     told = conditions_of(vehicle, mock=True, motions=("surge",))
-    results = with_truth(outcome.results, vehicle)
+    results = with_truth(outcome.results, truth_of(vehicle))
     return RunReport(vehicle, results, outcome.assessments, told, {"surge": trace}, [a_run("last week", 66.0)])
 
 
@@ -224,7 +224,7 @@ def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:
 
 def test_every_chart_has_units_and_one_sentence(report: RunReport, vehicle: Vehicle) -> None:
     result = report.results.motions["surge"]
-    charts = charts_of(MotionFigures(vehicle, result, report.assessments[0], report.traces["surge"], mock=True))
+    charts = charts_of(MotionFigures(vehicle, result, report.assessments[0], report.traces["surge"]))
     assert len(charts) >= 11
     for chart in charts:
         assert "[" in chart.x_label, chart.title

@@ -29,16 +29,21 @@ DOMAINS = range(1, 101)
 FAULT_HELP = (
     "mock: what goes wrong, where, when [s] and for how long: garbage:dvl75@30+5; repeatable, any other word lists all"
 )
+WORLD_HELP = (
+    "mock: what the model does not know: ideal, pool (all drawn by the seed), or NAME[=SIZE],... such as tether=1; "
+    "any other word lists all"
+)
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
 @dataclass(frozen=True, slots=True)
 class MockOptions:
-    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults."""
+    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world."""
 
     seed: int = 1
     rate: float = 0.0
     faults: tuple[str, ...] = ()
+    world: str = "ideal"
 
 
 @dataclass(slots=True)
@@ -58,7 +63,8 @@ class Stack:
             self.start_mock(mock)
             parameters["/**"]["use_sim_time"] = True
             parameters |= mock_parameters(self.mock_facts)
-        parameters["/**/recorder"] = {"bag": str(self.folder.bag), "notes": self.notes}
+        truth = json.dumps(self.mock_facts.get("truth", {})) if mock is not None else ""
+        parameters["/**/recorder"] = {"bag": str(self.folder.bag), "notes": self.notes, "truth": truth}
         arguments = write_parameters(self.folder, parameters)
         for process in (RECORDER, *onboard) if record else onboard:
             self.supervisor.start(process, [*arguments, *security.arguments(process.name)])
@@ -78,6 +84,7 @@ class Stack:
         words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
         for fault in options.faults:
             words += ["--fault", fault]
+        words += ["--world", options.world]
         child = self.supervisor.start(MOCK, words, pipe=True)
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 

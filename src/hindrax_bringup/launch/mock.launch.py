@@ -25,6 +25,7 @@ def generate_launch_description() -> LaunchDescription:
     mock = [ExecutableInPackage(package=MOCK.package, executable=MOCK.executable)]
     mock += ["--vehicle", str(vehicle), "--folder", str(folder)]
     mock += ["--seed", LaunchConfiguration("seed"), "--rate", LaunchConfiguration("rate")]
+    mock += ["--world", LaunchConfiguration("world")]
     stack = [
         Node(
             package=one.package,
@@ -40,6 +41,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("seed", default_value="1", description="of the mock's noise"),
             DeclareLaunchArgument("rate", default_value="1", description="times real time at most"),
+            DeclareLaunchArgument("world", default_value="ideal", description="what the model does not know"),
             *(SetEnvironmentVariable(key, value) for key, value in made),
             ExecuteProcess(cmd=mock, output="screen"),
             OpaqueFunction(function=announce, kwargs={"mock": True, "made": made, "vehicle": str(vehicle)}),

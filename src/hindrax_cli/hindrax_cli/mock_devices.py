@@ -15,8 +15,10 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_sim.buses.udp_line import UdpLine
+from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.world import Conditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +38,12 @@ class DeviceOptions:
 def serve(options: DeviceOptions, tell: Callable[[Mapping[str, str]], None], over: Callable[[], bool]) -> None:
     """Serve until `over`; `tell` is called with every port by name once all are up."""
     vehicle = load_vehicle(options.vehicle_file)
-    faults = [parse_fault(fault) for fault in options.mock.faults]
+    mocked = options.mock
+    faults = [parse_fault(fault) for fault in mocked.faults]
+    conditions = Conditions(sizes=sizes_of(mocked.world, mocked.seed))
     with (
         _own(options.folder or runtime_folder() / "mock") as folder,
-        MockVehicle(vehicle, folder, seed=options.mock.seed, rate=options.mock.rate, faults=faults) as mock,
+        MockVehicle(vehicle, folder, seed=mocked.seed, rate=mocked.rate, conditions=conditions, faults=faults) as mock,
         mock.offer_file(options.i2c_device) if options.i2c_device else contextlib.nullcontext(),
         UdpLine(mock.ports[mount_of(vehicle, "dvl75")[0]]) if options.dvl_udp else contextlib.nullcontext() as network,
     ):

@@ -62,7 +62,7 @@ def surge(vehicle: Vehicle) -> list[Any]:
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)
 def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int) -> None:
     session, _ = run(vehicle, heard(vehicle, axis, plateau_s=3.0))
-    results = with_truth(session.finalize().results, vehicle)
+    results = with_truth(session.finalize().results, truth_of(vehicle))
     assert set(results.motions) == {motion.name for motion in motions_of(axis)}
     for result in results.motions.values():
         assert result.identifiable, result.reasons

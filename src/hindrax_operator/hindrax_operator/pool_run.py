@@ -101,6 +101,8 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
             print(f"  {line}", file=sys.stderr)
         if not identified.results.motions:
             print("nothing was flown: there is no data, so there are no coefficients", file=sys.stderr)
+    if world := flight.facts.get("world"):
+        print(f"the mock's world: {', '.join(f'{name} {size:.3g}' for name, size in world.items())}")
     if flight.facts.get("wall_hits"):
         print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
     print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")

@@ -44,7 +44,7 @@ class Hardware:
         self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
             self._attach(name, mount, seed * 101 + number)
-        self.world.advance(START)
+        self.world.settle(START)
         self._set_truths()
 
     @property

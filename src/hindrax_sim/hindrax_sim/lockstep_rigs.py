@@ -61,7 +61,7 @@ class ReadingsRig:
             if FAULTS[fault.name].on_world is None:
                 raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; use fidelity bytes")
         self.world = World(vehicle, seed, conditions)
-        self.world.advance(START)
+        self.world.settle(START)
         self._faults = fault_injector(self.world, faults, to_s(START))
         self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
         self._count = 0

@@ -17,6 +17,8 @@ from hindrax_sim.physics.quaternion import euler, quaternion, rotate
 from hindrax_sim.physics.steady_thrust import thruster_A
 
 GUST_PERIOD_S = 0.1
+HELD_ns = stamp_from_s(0.2)
+"""Where a vehicle that is held comes to rest so often, it rocks no more after a few seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,14 @@ class World:
         self.plant.place((ox, oy, immersion + oz), (0.0, 0.0, 0.0))
 
     # ---- inputs
+
+    def settle(self, stamp: Stamp) -> None:
+        """Advance to a stamp with the vehicle held at its place and heading: it has stopped rocking when let go."""
+        while self.stamp < stamp and self.conditions.sizes:
+            self.advance(min(stamp, Stamp(self.stamp + HELD_ns)))
+            roll, pitch, _ = euler(self.plant.quaternion)
+            self.plant.place((0.0, 0.0, self.plant.z), (roll, pitch, 0.0))
+        self.advance(stamp)
 
     def advance(self, stamp: Stamp) -> None:
         """Advance to a stamp; a past stamp does nothing."""

@@ -50,6 +50,16 @@ def flown(sizes: Mapping[str, float], seed: int = 1) -> tuple[float, ...]:
     return (plant.x, plant.y, plant.z, *plant.quaternion, *dvl, *imu)
 
 
+def test_a_held_vehicle_is_let_go_at_rest() -> None:
+    world = World(VEHICLE, 2, Conditions(sizes=sizes_of("pool,tether=2,current=0,seiche=0", 2)))
+    world.settle(stamp_from_s(10.0))
+    assert math.hypot(world.plant.x, world.plant.y) < 0.001
+    assert abs(world.attitude_rad[1]) > math.radians(1.0)  # the tether tilts it
+    before = world.attitude_rad
+    world.advance(stamp_from_s(12.0))
+    assert world.attitude_rad[:2] == pytest.approx(before[:2], abs=math.radians(0.5))
+
+
 # ---- the table
 
 

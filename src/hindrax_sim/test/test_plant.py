@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hindrax_control.allocation.thrust_curve import ThrustCurve
+from hindrax_core.curves.curve_branches import Curve, reflected, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle, load_vehicle
@@ -281,6 +283,26 @@ def test_a_reversed_thruster_is_the_mirror(pulse: float) -> None:
     assert thruster_force(VEHICLE, turned, pulse, 14.8) == pytest.approx(
         thruster_force(VEHICLE, one, 3000.0 - pulse, 14.8), abs=1e-9
     )
+
+
+# A branch that begins outside the dead band, at it, inside it, and without one; positive branches given and mirrored.
+NEGATIVE = CURVE.negative
+CURVES = [
+    replace(CURVE, dead_band_us=band, negative=replace(NEGATIVE, to_us=1460.0), positive=positive)
+    for band in (0.0, 25.0, 40.0, 60.0)
+    for positive in (None, replace(scaled(reflected(NEGATIVE, 1500.0), -0.8), from_us=1550.0))
+]
+
+
+@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("turned", [False, True])
+def test_mock_and_stack_read_a_curve_alike(curve: Curve, turned: bool) -> None:
+    stack = ThrustCurve(curve, 13.0, mirrored=turned)
+    vehicle = replace(VEHICLE, curves={"main": curve})
+    thruster = replace(vehicle.thrusters[0], reversed=turned)
+    pulses = [1000.0 + 0.5 * step for step in range(2001)] + [1500.0 - 1e-9, 1500.0 + 1e-9]
+    for pulse in pulses:
+        assert thruster_force(vehicle, thruster, pulse, 13.0) == pytest.approx(stack.force(pulse), abs=1e-9), pulse
 
 
 def test_thrust_goes_with_a_power_of_the_supply() -> None:

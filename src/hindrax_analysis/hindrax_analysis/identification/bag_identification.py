@@ -8,6 +8,7 @@ from typing import Any
 
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write_coefficients, write_report
 from hindrax_analysis.records.bag_events import bag_events
+from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
@@ -49,7 +50,7 @@ def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tun
         origin = event.stamp if origin is None else min(origin, event.stamp)
         session.step(event)
     outcome = session.finalize()
-    results = with_truth(outcome.results, vehicle) if mock else outcome.results
+    results = with_truth(outcome.results, truth_in(bag, vehicle)) if mock else outcome.results
     return IdentifiedBag(outcome, results, mock, origin)
 
 

@@ -13,7 +13,7 @@ from hindrax_analysis.identification.bag_identification import IdentifiedBag, id
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.plausibility import with_plausibility_check, with_reason, wrong_thrust_sign
-from hindrax_analysis.records.provenance import is_mock
+from hindrax_analysis.records.provenance import is_mock, truth_in
 from hindrax_analysis.records.recording import Recording, events, has_samples, has_signal, reason_to_skip, tuned
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
 from hindrax_analysis.report import Trace
@@ -149,7 +149,10 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
         _run_session(session, _own_events(ours, vehicle, span))
         outcome = session.finalize()
         mock = all(source.mock for source in ours)
-        results = with_truth(outcome.results, vehicle) if mock else outcome.results
+        truths = [truth_in(source.path, vehicle) for source in ours if mock]
+        # Runs in different worlds have no truth in common.
+        same = truths and all(one == truths[0] for one in truths)
+        results = with_truth(outcome.results, truths[0]) if same else outcome.results
         return IdentifiedRecords(_with_axes_only(IdentifiedBag(outcome, results, mock), axes))
     recordings = [source.recording.between(span.from_s, span.to_s) for source in sources if source.recording]
     if not any(len(one.velocity_t) or len(one.attitude_t) for one in recordings):

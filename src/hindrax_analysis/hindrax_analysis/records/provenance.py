@@ -1,8 +1,9 @@
-"""Provenance of a record: its date, and whether it is of the mock vehicle."""
+"""Provenance of a record: its date, whether it is of the mock vehicle, and what is true of that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from mcap.records import Message, Metadata
 
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import records
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import truth_of
 
 FIRST_YEAR = 2000
 """The mock's clock starts in 1970: before this year, the date is that of the file."""
@@ -25,15 +28,15 @@ def date_of(bag: Path) -> str:
     return ""
 
 
-def notes_of(bag: Path) -> str:
-    """Notes of the recorder in a bag of this stack; empty for third-party bags."""
+def _told(bag: Path) -> Mapping[str, str]:
+    """What the recorder says of a bag of this stack; empty for third-party bags."""
     for file in bag_files(bag):
         if file.suffix == ".db3":
-            return ""
+            return {}
         for record in _until_first_message(file):
             if isinstance(record, Metadata) and record.name == "hindrax":
-                return str(record.metadata.get("notes", ""))
-    return ""
+                return dict(record.metadata)
+    return {}
 
 
 def _until_first_message(file: Path) -> Iterator[object]:
@@ -45,4 +48,10 @@ def _until_first_message(file: Path) -> Iterator[object]:
 
 def is_mock(bag: Path) -> bool:
     """Whether a bag of this stack was recorded on the mock vehicle."""
-    return "in mock" in notes_of(bag)
+    return "in mock" in _told(bag).get("notes", "")
+
+
+def truth_in(bag: Path, vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """True coefficients of the hull that the mock flew, by motion; without any in the bag, of the vehicle file."""
+    found: dict[str, dict[str, float]] = json.loads(_told(bag).get("truth") or "{}")
+    return found or truth_of(vehicle)

@@ -15,7 +15,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.quality import Validation
-from hindrax_ident.assess.results import MotionResult, Number, truth_of
+from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, Motion
 from hindrax_ident.model.sign_dependent import reported_parameters
 
@@ -44,7 +44,6 @@ class MotionFigures:
     result: MotionResult
     assessment: Assessment
     trace: Trace | None = None
-    mock: bool = False
 
     @property
     def motion(self) -> Motion:
@@ -296,9 +295,8 @@ def _convergence_chart(figures: MotionFigures, trace: Trace, name: str) -> Chart
     ends = array(np.array([t[0], t[-1]]))
     if number is not None:
         layers.append(Line(ends, np.full(2, number.value), "model", "refined after the run"))
-    truth = truth_of(figures.vehicle).get(figures.result.motion, {}).get(name) if figures.mock else None
-    if truth is not None:
-        layers.append(Line(ends, np.full(2, truth), "truth", "truth of the mock", dashed=True))
+    if number is not None and number.truth is not None:
+        layers.append(Line(ends, np.full(2, number.truth), "truth", "truth of the mock", dashed=True))
     unit = number.unit if number else ("kg m^2" if figures.motion.axis >= 3 else "kg")
     return Chart(
         title=f"Online estimate of {LABELS[name]}",

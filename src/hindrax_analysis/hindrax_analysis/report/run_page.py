@@ -148,7 +148,7 @@ def _motion(report: RunReport, result: MotionResult) -> str:
         return "".join(parts)
     parts.append(_facts(result))
     trace = report.traces.get(result.motion)
-    figures = MotionFigures(report.vehicle, result, assessment, trace, mock=report.conditions.mock)
+    figures = MotionFigures(report.vehicle, result, assessment, trace)
     parts.append(f'<div class="plots">{"".join(figure(chart) for chart in charts_of(figures))}</div>')
     parts.append(f"<h3>Methods side by side</h3>{table_methods(result)}")
     parts.append(f'<div class="plots">{"".join(_forests(report, result))}</div>')

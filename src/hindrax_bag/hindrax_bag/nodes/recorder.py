@@ -51,9 +51,10 @@ class Recorder(BatchedNode):
         folder = Path(text(self, "bag", "", "folder of the bag [-]"))
         vehicle = text(self, "vehicle", "", "vehicle file, kept inside the bag [-]")
         notes = text(self, "notes", "", "what this run is, kept inside the bag [-]")
+        truth = text(self, "truth", "", "true coefficients of a mock vehicle as JSON, kept inside the bag [-]")
         self._bag = BagWriter(folder, limits=knobs(self, BagLimits))
         unfinished = self._bag.open(resume=True)
-        self._describe(notes, vehicle)
+        self._describe({"notes": notes, "truth": truth}, vehicle)
         self._completion = begin_completion(unfinished)
         if self._bag.path.stem != f"{folder.name}_0":
             self.get_logger().warning(f"{folder} is there already; recording goes on in {self._bag.path.name}")
@@ -71,9 +72,9 @@ class Recorder(BatchedNode):
     def _now(self) -> Stamp:
         return Stamp(self.get_clock().now().nanoseconds)
 
-    def _describe(self, notes: str, vehicle: str) -> None:
+    def _describe(self, told: dict[str, str], vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")
-        self._bag.describe("hindrax", {"notes": notes, "version": software_version(), "rmw": rmw})
+        self._bag.describe("hindrax", {**told, "version": software_version(), "rmw": rmw})
         files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
         for name, path in files.items():
             if path:

@@ -43,6 +43,7 @@ class ThrustCurve:
 
     __slots__ = (
         "_back",
+        "_dead_us",
         "_forth",
         "_high_N",
         "_low_N",
@@ -65,6 +66,7 @@ class ThrustCurve:
         if not (math.isfinite(self.supply_V) and self.supply_V > 0.0):
             raise UsageError(f"{label}: found a supply of {self.supply_V:g} V, wanted more than zero")
         self.stop_us, self.gain_sigma = curve.stop_us, curve.gain_sigma
+        self._dead_us = (curve.stop_us - curve.dead_band_us, curve.stop_us + curve.dead_band_us)
         gain = float((self.supply_V / curve.supply_V) ** curve.supply_exponent)
         self._set_branches(*(scaled(branch, gain) for branch in running_branches(curve)), mirrored=mirrored)
 
@@ -82,12 +84,17 @@ class ThrustCurve:
 
     def force(self, pulse_us: float) -> float:
         """Steady thrust [N] of a pulse [us]: zero within the dead band, that of the end beyond an end."""
-        branch = self._upper if pulse_us >= self.stop_us else self._lower
+        below_us, above_us = self._dead_us
+        if below_us < pulse_us < above_us or pulse_us == self.stop_us:
+            return 0.0
+        above = pulse_us >= above_us
+        branch = self._upper if above else self._lower
         if branch.from_us <= pulse_us <= branch.to_us:
             return branch.force_N(pulse_us)
-        if pulse_us < self._lower.from_us:
-            return branch.force_N(branch.from_us)
-        return branch.force_N(branch.to_us) if pulse_us > self._upper.to_us else 0.0
+        if not self._lower.from_us <= pulse_us <= self._upper.to_us:
+            return branch.force_N(branch.to_us if above else branch.from_us)
+        edge_us, begin_us = (above_us, branch.from_us) if above else (below_us, branch.to_us)
+        return branch.force_N(begin_us) * (pulse_us - edge_us) / (begin_us - edge_us)
 
     def _near_stop(self, force_N: float, previous_us: float = 0.0) -> float:
         forth = force_N >= 0.0

@@ -132,9 +132,8 @@ def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
     return out
 
 
-def with_truth(results: Results, vehicle: Vehicle) -> Results:
+def with_truth(results: Results, truth: Mapping[str, Mapping[str, float]]) -> Results:
     """Results with the true values of the mock vehicle: for display only, not used in the estimation."""
-    truth = truth_of(vehicle)
     motions = {
         name: replace(result, coefficients=_with_truths(result.coefficients, truth.get(name, {})))
         for name, result in results.motions.items()

@@ -19,14 +19,16 @@ from rosgraph_msgs.msg import Clock
 
 from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.assess.results import truth_of
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.process import StopSignal
+from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import main_of
-from hindrax_sim.world import World
+from hindrax_sim.world import Conditions, World
 
 CLOCK_EVERY = 8
 
@@ -38,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seed", type=int, default=1)
     made.add_argument("--rate", type=float, default=0.0)
     made.add_argument("--fault", action="append", default=[])
+    made.add_argument("--world", default=IDEAL)
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
     made.add_argument("--no-ros", action="store_true", help="devices only, no /clock")
     return made
@@ -66,11 +69,14 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     """Serve until a signal."""
     stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
     faults = [parse_fault(fault) for fault in words.fault]
-    with MockVehicle(load_vehicle(words.vehicle), folder, seed=words.seed, rate=words.rate, faults=faults) as mock:
+    conditions = Conditions(sizes=sizes_of(words.world, words.seed))
+    vehicle = load_vehicle(words.vehicle)
+    with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
         worst = WorstTilt(mock.hardware.world)
         mock.after_step.append(worst.update)
         with contextlib.nullcontext() if words.no_ros else clock_publisher(mock):
-            print(json.dumps({"ports": mock.ports, "clock": mock.clock}), flush=True)  # noqa: T201  # for the parent
+            facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
+            print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
             gc.freeze()
             while not stop.asked:
                 mock.step()
@@ -100,6 +106,7 @@ def ground_truth(mock: MockVehicle, worst: WorstTilt) -> dict[str, object]:
     """Ground truth of the run."""
     world = mock.hardware.world
     return {
+        "world": dict(world.conditions.sizes),
         "wall_hits": world.box.wall_hits,
         "worst_tilt_deg": worst.deg,
         "worst_control_gap_s": mock.governor.worst_lag_s,

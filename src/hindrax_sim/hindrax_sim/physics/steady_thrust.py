@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from hindrax_core.curves.curve_branches import Branch, Curve
+from hindrax_core.curves.curve_branches import Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import Thruster, Vehicle
 
@@ -23,23 +23,20 @@ def thruster_A(force_N: float) -> float:
 def steady_force(curve: Curve, pulse_us: float, supply_V: float) -> float:
     """Force [N] that a thruster settles at. COB-2023-1394 eq. 1, scaled by a power of the supply voltage.
 
-    Inside the dead band the force is zero; beyond the ends of a branch it is that of the end. Without a positive
-    branch the negative one is mirrored about the stop pulse.
+    Inside the dead band the force is zero, and rises evenly from there to a branch that begins later; beyond a branch
+    it is that of the end. Without a positive branch the negative one is mirrored about the stop pulse.
     """
     offset_us = pulse_us - curve.stop_us
     if abs(offset_us) < curve.dead_band_us or offset_us == 0.0:
         return 0.0
-    if offset_us < 0.0:
-        force_N = min(0.0, _end_to_end(curve.negative, pulse_us))
-    elif curve.positive is not None:
-        force_N = max(0.0, _end_to_end(curve.positive, pulse_us))
+    if offset_us > 0.0 and curve.positive is not None:
+        branch, begin_us, at_us = curve.positive, curve.positive.from_us, pulse_us
     else:
-        force_N = -min(0.0, _end_to_end(curve.negative, curve.stop_us - offset_us))
+        branch, begin_us, at_us = curve.negative, curve.negative.to_us, curve.stop_us - abs(offset_us)
+    force_N = math.copysign(abs(branch.force_N(min(max(at_us, branch.from_us), branch.to_us))), offset_us)
+    gap_us = abs(begin_us - curve.stop_us) - curve.dead_band_us
+    force_N *= min(1.0, (abs(offset_us) - curve.dead_band_us) / gap_us) if gap_us > 0.0 else 1.0
     return float(force_N * (supply_V / curve.supply_V) ** curve.supply_exponent)
-
-
-def _end_to_end(branch: Branch, pulse_us: float) -> float:
-    return branch.force_N(min(max(pulse_us, branch.from_us), branch.to_us))
 
 
 def thruster_force(vehicle: Vehicle, thruster: Thruster, pulse_us: float, supply_V: float) -> float:

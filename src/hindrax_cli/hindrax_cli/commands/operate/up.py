@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from hindrax_bringup.stack import FAULT_HELP, MockOptions
+from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_runner import UpOptions, run_up
 from hindrax_bringup.tether import add_tether, tether_setting
 from hindrax_cli.argument_types import add_vehicle, pace, seed
@@ -37,12 +37,14 @@ def add_mock_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, help="mock: of its noise; default 1")
     parser.add_argument("--rate", type=pace, help="mock: times real time at most (0: no bound); default 1")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the arguments, then start."""
-    if not arguments.mock and (arguments.fault or arguments.rate is not None or arguments.seed is not None):
-        raise UsageError("--fault, --rate and --seed are for --mock only")
+    of_mock = arguments.fault or arguments.world or arguments.rate is not None or arguments.seed is not None
+    if of_mock and not arguments.mock:
+        raise UsageError("--fault, --world, --rate and --seed are for --mock only")
     mock = mock_options(arguments) if arguments.mock else None
     # A mock is for this machine alone, unless it is asked for by name here.
     tether = tether_setting() if arguments.tether or not arguments.mock else None
@@ -53,4 +55,5 @@ def run(arguments: argparse.Namespace) -> int:
 def mock_options(arguments: argparse.Namespace) -> MockOptions:
     """Options of the mock; default pace for an operator: real time."""
     rate = 1.0 if arguments.rate is None else arguments.rate
-    return MockOptions(1 if arguments.seed is None else arguments.seed, rate, tuple(arguments.fault))
+    seed_of_all = 1 if arguments.seed is None else arguments.seed
+    return MockOptions(seed_of_all, rate, tuple(arguments.fault), arguments.world or "ideal")

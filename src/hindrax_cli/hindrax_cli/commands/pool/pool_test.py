@@ -6,7 +6,7 @@ import argparse
 import signal
 from pathlib import Path
 
-from hindrax_bringup.stack import FAULT_HELP, MockOptions
+from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_vehicle, pace, seed
 from hindrax_cli.health_checks.wires import require_ports
 from hindrax_control.maneuver.excitation import EXCITATIONS
@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
     )
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
+    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
     parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
     parser.add_argument(
         "--on-cancel",
@@ -51,17 +52,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the arguments, then fly."""
-    if not arguments.mock and (arguments.fault or arguments.rate):
-        raise UsageError("--fault and --rate are for --mock only")
+    if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
+        raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    mock = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault)) if arguments.mock else None
+    options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "ideal")
     return run_pool_test(
         PoolOptions(
             motions=tuple(arguments.dof),
             vehicle_file=Path(arguments.vehicle),
-            mock=mock,
+            mock=options if arguments.mock else None,
             out=arguments.out,
             seed=arguments.seed,
             excitation=arguments.excitation,

@@ -1,0 +1,34 @@
+"""What a bag says of itself: whether it is of the mock, and what was true there."""
+
+import json
+from pathlib import Path
+
+from hindrax_analysis.records.provenance import is_mock, truth_in
+from hindrax_bag.write.bag_writer import BagWriter
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_core.events import Stamp
+from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.assess.results import truth_of
+
+VEHICLE = load_vehicle(default_vehicle())
+
+
+def bag(folder: Path, **told: str) -> Path:
+    writer = BagWriter(folder)
+    writer.open()
+    writer.describe("hindrax", told)
+    writer.attach("vehicle.yaml", "application/yaml", b"", Stamp(1))
+    writer.close()
+    return folder
+
+
+def test_the_truth_of_a_bag_is_that_of_the_hull_which_flew(tmp_path: Path) -> None:
+    hull = {"surge": {"k_q": 60.0}}
+    told = bag(tmp_path / "told", notes="pool-test surge in mock", truth=json.dumps(hull))
+    assert is_mock(told)
+    assert truth_in(told, VEHICLE) == hull
+
+
+def test_a_bag_without_truth_takes_that_of_the_vehicle_file(tmp_path: Path) -> None:
+    for name, told in (("old", {"notes": "in mock"}), ("real", {"notes": "", "truth": ""})):
+        assert truth_in(bag(tmp_path / name, **told), VEHICLE) == truth_of(VEHICLE)
