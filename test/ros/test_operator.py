@@ -194,23 +194,23 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
                 with connection.getresponse() as answer:
                     return answer.status, answer.readline().decode()
 
-        def news() -> dict[str, Any]:
-            return json.loads(ask("/news")[1].removeprefix("data: "))
+        def state() -> dict[str, Any]:
+            return json.loads(ask("/events")[1].removeprefix("data: "))
 
         surge = {"motions": ["surge"]}
         assert ask("/fly", surge)[0] == 409, "nothing flies before it is armed"
         code, _, wrong = terminal.run("arm")
         assert code == 0, wrong
         wait_for(lambda: ask("/fly", surge)[0] == 202, terminal)
-        wait_for(lambda: (news()["flight"] or {}).get("motion") == "surge", terminal)
+        wait_for(lambda: (state()["flight"] or {}).get("motion") == "surge", terminal)
         assert ask("/stop", {})[0] == 202
-        wait_for(lambda: len(news()["told"]) == 2, terminal)
-        said = {one["sentence"]: one["well"] for one in news()["told"]}
+        wait_for(lambda: len(state()["outcomes"]) == 2, terminal)
+        said = {one["sentence"]: one["well"] for one in state()["outcomes"]}
         assert said.pop("stop: stopped and disarmed") is True
         ((flown, well),) = said.items()
         assert flown.startswith("fly: the maneuver ended early, by ")
         assert not well
-        wait_for(lambda: news()["state"] == "disarmed", terminal)
+        wait_for(lambda: state()["state"] == "disarmed", terminal)
     finally:
         child.send_signal(signal.SIGINT)
         assert child.wait(PATIENT_S) == 0, terminal.errors("web")

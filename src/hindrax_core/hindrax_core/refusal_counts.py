@@ -28,7 +28,7 @@ class Refusals:
         counted = {f"refused: {thing}": str(count) for thing, count in sorted(self.counts.items())}
         return counted | {"last refused": self.last} if counted else {}
 
-    def news(self) -> list[str]:
+    def new_refusals(self) -> list[str]:
         """Return the last sentence if anything was refused since the previous call."""
         told, self._told = self._told, self.counts.total()
         return [f"refused: {self.last}"] if self._told > told else []

@@ -7,7 +7,7 @@ from hindrax_core.refusal_counts import LONGEST, Refusals
 
 def test_refusals_are_counted_by_thing_and_are_news_once() -> None:
     refusals = Refusals()
-    assert (refusals.values(), refusals.news()) == ({}, [])
+    assert (refusals.values(), refusals.new_refusals()) == ({}, [])
     assert refusals.add("joy", "found 3 axes, wanted 6") == "joy: found 3 axes, wanted 6"
     refusals.add("joy", "found 2 axes, wanted 6")
     refusals.add("battery", "found -1 V, wanted 3 V or more")
@@ -16,8 +16,8 @@ def test_refusals_are_counted_by_thing_and_are_news_once() -> None:
         "refused: joy": "2",
         "last refused": "battery: found -1 V, wanted 3 V or more",
     }
-    assert refusals.news() == ["refused: battery: found -1 V, wanted 3 V or more"]
-    assert refusals.news() == []
+    assert refusals.new_refusals() == ["refused: battery: found -1 V, wanted 3 V or more"]
+    assert refusals.new_refusals() == []
 
 
 def test_a_flood_of_text_is_cut() -> None:

@@ -38,7 +38,7 @@ from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE
 from hindrax_operator.web.summary import Chart, finite, summary
 
-GETS = ("/news", "/reports", "/reports/one", "/nowhere")
+GETS = ("/events", "/reports", "/reports/one", "/nowhere")
 POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
 EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in POSTS]
 
@@ -127,7 +127,7 @@ def test_other_methods_are_not_served(page: Page, method: str) -> None:
 
 
 def test_orders_are_posts_and_strange_paths_lead_nowhere(page: Page) -> None:
-    for path in ("/stop", "/fly", "/nowhere", "/?x", "/../runs", "http://127.0.0.1/news"):
+    for path in ("/stop", "/fly", "/nowhere", "/?x", "/../runs", "http://127.0.0.1/events"):
         assert page.ask("GET", path)[0] == 404
     assert page.ask("POST", "/reports", b"{}")[0] == 404
     assert not page.vehicle.orders
@@ -240,19 +240,19 @@ def test_who_sees_the_news_is_there_for_a_moment(page: Page, monkeypatch: pytest
     assert not page.heartbeat.present()
 
 
-# ---- news
+# ---- events
 
 
 @contextlib.contextmanager
 def listening(page: Page) -> Iterator[HTTPResponse]:
     connection = http.client.HTTPConnection(ADDRESS, page.server.port, timeout=20)
-    connection.request("GET", "/news", headers={"Authorization": f"Bearer {TOKEN}"})
+    connection.request("GET", "/events", headers={"Authorization": f"Bearer {TOKEN}"})
     with contextlib.closing(connection), connection.getresponse() as answer:
         yield answer
 
 
 def news_has_room(page: Page) -> bool:
-    """Whether the news are served to one more page within ten seconds."""
+    """Whether events are served to one more page within ten seconds."""
     for _ in range(100):
         with listening(page) as answer:
             if answer.status == 200:
@@ -261,7 +261,7 @@ def news_has_room(page: Page) -> bool:
     return False
 
 
-def test_the_news_are_events_with_the_outcomes_of_orders(page: Page) -> None:
+def test_the_events_carry_the_outcomes_of_orders(page: Page) -> None:
     page.order("disarm")
     with listening(page) as answer:
         assert answer.getheader("Content-Type") == "text/event-stream; charset=utf-8"
@@ -272,7 +272,7 @@ def test_the_news_are_events_with_the_outcomes_of_orders(page: Page) -> None:
     found = json.loads(text)
     assert found["armed"] is True
     assert found["navigation"]["heave"] is None
-    assert found["told"] == [{"number": 1, "sentence": "disarm: the thrusters refused to disarm", "well": False}]
+    assert found["outcomes"] == [{"number": 1, "sentence": "disarm: the thrusters refused to disarm", "well": False}]
 
 
 def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,7 +281,7 @@ def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeyp
         with listening(page) as first, listening(page) as second:
             assert first.readline()
             assert second.readline()
-            status, _, text = page.ask("GET", "/news")
+            status, _, text = page.ask("GET", "/events")
             assert status == 503
             assert "2 pages are open" in text
             assert page.order("stop")[0] == 202, "a full house must not keep anybody from stopping"
@@ -350,7 +350,7 @@ def test_stop_gets_through_when_every_connection_is_taken(tmp_path: Path, monkey
     with served(tmp_path) as page, listening(page) as answer, dripping(page, 40):
         assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
         for _ in range(20):
-            assert answer.readline(), "who reads the news does not make room for who drips"
+            assert answer.readline(), "who reads events does not make room for who drips"
 
 
 def test_the_connection_that_waits_longest_makes_room_for_a_new_one(

@@ -85,12 +85,10 @@ def _header(runs: Sequence[SavedCoefficients]) -> str:
 def _runs(runs: Sequence[SavedCoefficients]) -> str:
     rows = []
     for run in runs:
-        told = run.conditions
-        kind = "mock" if told.mock else "vehicle"
-        kind += f", aborted by {told.aborted}" if told.aborted else ""
-        rows.append(
-            [escape(text) for text in (run.label, told.vehicle, told.date[:16].replace("T", " "), kind, told.software)]
-        )
+        of = run.conditions
+        kind = ("mock" if of.mock else "vehicle") + (f", aborted by {of.aborted}" if of.aborted else "")
+        texts = (run.label, of.vehicle, of.date[:16].replace("T", " "), kind, of.software)
+        rows.append([escape(text) for text in texts])
     return table(["run", "vehicle", "date", "data", "software"], rows, words=range(5))
 
 

@@ -55,15 +55,15 @@ def run_page(report: RunReport) -> str:
 
 
 def _header(report: RunReport) -> str:
-    told = report.conditions
-    labels = [("mock vehicle: simulated data", "mock")] if told.mock else []
-    labels += [(f"aborted: {_guard(told.aborted)}", "bad")] if told.aborted else []
+    conditions = report.conditions
+    labels = [("mock vehicle: simulated data", "mock")] if conditions.mock else []
+    labels += [(f"aborted: {_guard(conditions.aborted)}", "bad")] if conditions.aborted else []
     for motion, result in report.results.motions.items():
         good = result.identifiable
         labels.append(
             (f"{title_of(motion)}: {'identified' if good else 'not identifiable'}", "good" if good else "bad")
         )
-    when = f" \u00b7 {escape(told.date.replace('T', ' ')[:16])} UTC" if told.date else ""
+    when = f" \u00b7 {escape(conditions.date.replace('T', ' ')[:16])} UTC" if conditions.date else ""
     return (
         f"<header><h1>Hydrodynamic identification of {escape(report.vehicle.name)}</h1>"
         f'<div class="soft">{report.vehicle.mass_kg:g} kg, {report.vehicle.volume_m3:g} m\u00b3{when}</div>'
@@ -79,10 +79,10 @@ def _guard(aborted: str) -> str:
 
 def _end(report: RunReport) -> str:
     """Why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
-    told = report.conditions
-    rows = [f"<b>Aborted by {escape(told.aborted)}</b>"] if told.aborted else []
-    until = ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in told.flown_s.items())
-    if told.aborted and until:
+    conditions = report.conditions
+    rows = [f"<b>Aborted by {escape(conditions.aborted)}</b>"] if conditions.aborted else []
+    until = ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in conditions.flown_s.items())
+    if conditions.aborted and until:
         rows.append(f"Flown until then: {until}. The results below are of that part only.")
     if not report.results.motions:
         rows.append("Nothing was flown: there is no data, so there are no coefficients.")
@@ -230,17 +230,20 @@ def _entry(label: str, found: Number, role: Role) -> Entry:
 # ---- the end
 
 
-def _conditions(told: Conditions) -> str:
+def _conditions(of: Conditions) -> str:
     pairs = [
-        ("vehicle", told.vehicle),
-        ("mass, volume", f"{told.mass_kg:g} kg, {told.volume_m3:g} m\u00b3"),
-        ("water", f"{told.density_kgpm3:g} kg/m\u00b3, \u03bd = {told.kinematic_viscosity_m2ps:g} m\u00b2/s"),
-        ("data", "mock vehicle (simulated)" if told.mock else "recorded on a vehicle"),
-        ("motions", ", ".join(told.motions)),
-        ("date of the record", told.date),
-        ("record", told.bag),
-        ("SHA-256 of the record", told.bag_sha256),
-        ("software", told.software),
+        ("vehicle", of.vehicle),
+        ("mass, volume", f"{of.mass_kg:g} kg, {of.volume_m3:g} m\u00b3"),
+        (
+            "water",
+            f"{of.density_kgpm3:g} kg/m\u00b3, \u03bd = {of.kinematic_viscosity_m2ps:g} m\u00b2/s",
+        ),
+        ("data", "mock vehicle (simulated)" if of.mock else "recorded on a vehicle"),
+        ("motions", ", ".join(of.motions)),
+        ("date of the record", of.date),
+        ("record", of.bag),
+        ("SHA-256 of the record", of.bag_sha256),
+        ("software", of.software),
     ]
     sources = (
         '<p class="soft">Drag model and Tables 3 and 4: COB-2023-1394. Standard deviations: its eq. 7 and 8, with the '

@@ -112,7 +112,7 @@ class SafetyMonitor:
             self._report_s = 0.0  # report a loss at once
         if now_s - self._report_s >= REPORT_S:
             self._report_s = now_s
-            refused = self._refusals.news()
+            refused = self._refusals.new_refusals()
             level = DiagnosticStatus.WARN if self._link.lost or refused else DiagnosticStatus.OK
             words = "; ".join([self._link.status_text(now_s), *refused])
             values = {"age [s]": f"{self._link.silent_s(now_s):.1f}"} | self._refusals.values()

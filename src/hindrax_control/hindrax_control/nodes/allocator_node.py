@@ -125,7 +125,7 @@ class AllocatorNode(BatchedNode):
         wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
-        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now), *self._refusals.news()])
+        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now), *self._refusals.new_refusals()])
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
         values["commander"] = self.pilot or self._commander.name or "none yet"

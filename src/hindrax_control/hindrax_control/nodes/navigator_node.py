@@ -121,7 +121,7 @@ class NavigatorNode(BatchedNode):
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
         locked = found.reading.dvl_locked
         wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
-        wrong += self._navigator.refusals.news()
+        wrong += self._navigator.refusals.new_refusals()
         values |= self._navigator.refusals.values()
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         text = "; ".join(wrong) or "navigating"

@@ -403,7 +403,7 @@ class PilotNode(BatchedNode):
         refused = [f"by hand: {output.refused}"] if output.refused else []
         others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
         unheard = [f"not heard: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
-        wrong = (*output.guards, *notes, *refused, *unheard, *self._refusals.news())
+        wrong = (*output.guards, *notes, *refused, *unheard, *self._refusals.new_refusals())
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in output.holds if state.engaged)

@@ -1,9 +1,9 @@
-/* What the page does: reads the news, draws them, passes orders on. Texts enter as text, never as markup. */
+/* What the page does: reads the events, draws them, passes orders on. Texts enter as text, never as markup. */
 "use strict";
 const at = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILENT_s = 2, PATIENCE_ms = 3000;
 const past = [], trace = [];
-let token = "", last = null, heard_ms = 0, beaten_ms = 0, told = null, readOnly = null, locked = false;
+let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false;
 
 const make = (name, text, kind) => {
   const made = document.createElement(name);
@@ -39,15 +39,15 @@ const order = async (name, words = {}) => {
 
 function notify(sentence, well) {
   const line = make("p", sentence, well ? "good" : "bad");
-  at("told").prepend(line);
-  while (at("told").childElementCount > 4) at("told").lastChild.remove();
+  at("outcomes").prepend(line);
+  while (at("outcomes").childElementCount > 4) at("outcomes").lastChild.remove();
   setTimeout(() => line.remove(), well ? 8000 : 30000);
 }
 
 async function listen() {
   for (;;) {
     try {
-      const answer = await ask("/news");
+      const answer = await ask("/events");
       if (answer.status === 401) { askForToken(); return; }
       if (!answer.ok) throw new Error(await answer.text());
       await read(answer.body.getReader());
@@ -68,22 +68,22 @@ async function read(reader) {
   }
 }
 
-function receive(news) {
-  last = news;
+function receive(update) {
+  last = update;
   heard_ms = Date.now();
-  if (!news.read_only && heard_ms - beaten_ms >= BEAT_ms && !document.hidden) {
+  if (!update.read_only && heard_ms - beaten_ms >= BEAT_ms && !document.hidden) {
     beaten_ms = heard_ms;
     ask("/here", {}).catch(() => {});
   }
-  if (news.navigation) past.push({at: heard_ms, ...news.navigation});
+  if (update.navigation) past.push({at: heard_ms, ...update.navigation});
   while (past.length && heard_ms - past[0].at > KEPT_ms) past.shift();
-  const place = news.pool.place;
+  const place = update.pool.place;
   if (place && place.x !== null) trace.push([place.x, place.y]);
   if (trace.length > 3000) trace.splice(0, 600);
-  const newest = Math.max(0, ...news.told.map(one => one.number));
-  for (const one of news.told) if (told !== null && one.number > told) notify(one.sentence, one.well);
-  if (told !== null && newest > told) listReports();
-  told = newest;
+  const newest = Math.max(0, ...update.outcomes.map(one => one.number));
+  for (const one of update.outcomes) if (notified !== null && one.number > notified) notify(one.sentence, one.well);
+  if (notified !== null && newest > notified) listReports();
+  notified = newest;
   requestAnimationFrame(show);
 }
 
@@ -118,7 +118,7 @@ function headline() {
   if (cut || silent) {
     pill.className = "pill warn";
     pill.textContent = cut ? (last ? "page cut off" : "connecting") : "vehicle silent";
-    at("reason").textContent = cut ? "the page gets no news" : "nothing is heard from the thrusters";
+    at("reason").textContent = cut ? "the page gets no updates" : "nothing is heard from the thrusters";
     return;
   }
   pill.className = "pill " + (last.armed ? "armed" : last.state === "disarmed" ? "safe" : "warn");
@@ -182,12 +182,12 @@ function thrusters(found) {
   }));
 }
 
-function flight(news) {
-  const found = news.flight, place = at("flight"), over = !found || ["done", "aborted"].includes(found.phase);
+function flight(update) {
+  const found = update.flight, place = at("flight"), over = !found || ["done", "aborted"].includes(found.phase);
   if (!found) place.replaceChildren(make("p", "none yet", "soft"));
   else if (found.aborted) place.replaceChildren(make("p", found.motion + " ended by " + found.aborted, "bad"));
   else if (over) place.replaceChildren(make("p", "done", "good"));
-  else if (!news.armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
+  else if (!update.armed) place.replaceChildren(make("p", found.motion + " ended, the thrusters are at rest", "soft"));
   else {
     const bar = make("div", undefined, "bar"), done = make("i");
     done.style.width = 100 * Math.max(0, Math.min(1, found.progress)) + "%";
@@ -198,9 +198,9 @@ function flight(news) {
         number(found.force, 1, force, true) + ", " + number(found.velocity, 3, rate, true) +
         (found.wall === null ? "" : ", wall " + found.wall.toFixed(1) + " m ahead"), "soft"));
   }
-  const busy = news.ordered || news.armed && !over;
-  at("flying").disabled = !news.armed || busy;
-  at("why").textContent = readOnly ? "" : busy ? "" : news.armed ? "" :
+  const busy = update.ordered || update.armed && !over;
+  at("flying").disabled = !update.armed || busy;
+  at("why").textContent = readOnly ? "" : busy ? "" : update.armed ? "" :
     "the page cannot arm: `./hindrax arm` in a terminal";
 }
 

@@ -95,7 +95,7 @@ class PageController:
                     "read_only": self.read_only,
                     "ordered": self._flying,
                     "pool": self._chart.step(view),
-                    "told": list(self._outcomes),
+                    "outcomes": list(self._outcomes),
                 }
                 self._update = json.dumps(finite(found), allow_nan=False, separators=(",", ":"))
                 self._updated_s = time.monotonic()

@@ -1,6 +1,6 @@
 """One request: refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
 
-GET /: the page (no secrets in it, so no token). GET /news: server-sent events, five a second. GET /reports: names of
+GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: names of
 the finished; GET /reports/NAME: one of them. POST /here: the page is being viewed. POST /fly, /cancel, /stop, /disarm.
 """
 
@@ -82,7 +82,7 @@ class Request(HTTPMessageDelegate):
             return
         self._site.access.check_token(headers.get("Authorization"))
         reports, name = self._site.controller.reports, path.removeprefix("/reports/")
-        if path == "/news":
+        if path == "/events":
             await self._stream_updates()
         elif path == "/reports":
             await self._send(JSON_TYPE, json.dumps(await asyncio.to_thread(reports.names)).encode())
@@ -111,7 +111,7 @@ class Request(HTTPMessageDelegate):
         """Send updates until the page or the server closes, or the page stops reading."""
         site, stream = self._site, self._connection.stream
         if len(site.streams) >= site.most_streams:
-            full = f"news: {site.most_streams} pages are open already; close one"
+            full = f"events: {site.most_streams} pages are open already; close one"
             raise RefusedRequest(HTTPStatus.SERVICE_UNAVAILABLE, full)
         site.streams.add(stream)
         try:

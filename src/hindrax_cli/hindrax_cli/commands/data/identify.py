@@ -54,9 +54,9 @@ CHOICES = (*AXES, *(name for name in MOTIONS if name not in AXES))
 ABOUT = """
 Bags of this stack reproduce the numbers of their pool test. In third-party bags (MCAP or sqlite3) velocities are
 found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchStamped or Wrench. Body axes follow from
-the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Pulses
-(UInt16MultiArray, mavros RCOut and the like) are made newtons by the curves of the vehicle file, and poses are made
-velocities, where --wrench and --odometry name them.
+the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Where
+--wrench and --odometry name them, pulses (UInt16MultiArray, mavros RCOut and the like) become forces by the thrust
+curves of the vehicle file, and poses become velocities.
 Several records of one vehicle are pooled, and the spread between them is shown.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
@@ -114,15 +114,15 @@ def run(arguments: argparse.Namespace) -> int:
     task = IdentificationTask(tuple(axes_named(arguments.dof)), span, mass_known=NO_VEHICLE not in said, tuning=tuning)
     found = identify_sources(sources, vehicle, task)
     took_s = time.monotonic() - began
-    told = _conditions(vehicle, sources, found, said)
+    conditions = _conditions(vehicle, sources, found, said)
     if arguments.report:
-        write_report(arguments.report, _report(vehicle, sources, found, told))
+        write_report(arguments.report, _report(vehicle, sources, found, conditions))
     if arguments.coefficients:
-        write_coefficients(arguments.coefficients, found.identified.results, told)
+        write_coefficients(arguments.coefficients, found.identified.results, conditions)
     if arguments.json:
-        print(json.dumps(plain(_document(arguments, sources, found, told, took_s)), allow_nan=False))
+        print(json.dumps(plain(_document(arguments, sources, found, conditions, took_s)), allow_nan=False))
     else:
-        _show(arguments, found, told)
+        _show(arguments, found, conditions)
     return 0
 
 
@@ -137,23 +137,23 @@ def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list
     return Vehicle(ours.name, ours.mass_kg, ours.volume_m3, ours.envelope_m), [NO_VEHICLE]
 
 
-def _gain_sigma(told: float | None, vehicle: Vehicle, source: RecordSource, said: list[str]) -> float:
+def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, said: list[str]) -> float:
     """Standard deviation of the wrench's gain in third-party records, beyond the curves of the vehicle file."""
-    if source.recording is None or (told is None and vehicle.thrusters):
+    if source.recording is None or (given is None and vehicle.thrusters):
         return 0.0
-    believed = GAIN_SIGMA if told is None else told
+    believed = GAIN_SIGMA if given is None else given
     said.append(f"the gain of the wrench is believed to within {believed:.0%} (--gain-sigma): see the calibrated band")
     return believed
 
 
 def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, said: list[str]) -> Conditions:
     results = found.identified.results
-    told = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
+    conditions = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
     assumed = tuple(dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)]))
     ended = [maneuver_record(source.path) for source in sources if source.recording is None]
     is_bag = sources[0].path.is_dir() or sources[0].path.suffix in (".mcap", ".db3")
     return replace(
-        told,
+        conditions,
         date=date_of(sources[0].path) if is_bag else "",
         bag=", ".join(str(source.path) for source in sources),
         bag_sha256=", ".join(bag_hash(source.path) for source in sources),
@@ -164,30 +164,32 @@ def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: Identified
     )
 
 
-def _report(vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, told: Conditions) -> RunReport:
+def _report(
+    vehicle: Vehicle, sources: list[RecordSource], found: IdentifiedRecords, conditions: Conditions
+) -> RunReport:
     traces = found.traces
     if len(sources) == 1 and sources[0].recording is None:
         traces = traces_of(sources[0].path, found.identified.origin)
-    runs = [_saved(source, results, told) for source, results in zip(sources, found.runs, strict=False)]
+    runs = [_saved(source, results, conditions) for source, results in zip(sources, found.runs, strict=False)]
     identified = found.identified
-    return RunReport(vehicle, identified.results, identified.outcome.assessments, told, traces, runs)
+    return RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, runs)
 
 
-def _saved(source: RecordSource, results: Results, told: Conditions) -> SavedCoefficients:
+def _saved(source: RecordSource, results: Results, conditions: Conditions) -> SavedCoefficients:
     """One of several records, as the report shows earlier runs."""
     motions = {
         name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds, one.samples, one.method)
         for name, one in results.motions.items()
     }
     label = source.path.parent.name if source.path.name == "bag" else source.path.stem
-    return SavedCoefficients(label, told, motions)
+    return SavedCoefficients(label, conditions, motions)
 
 
 def _document(
     arguments: argparse.Namespace,
     sources: list[RecordSource],
     found: IdentifiedRecords,
-    told: Conditions,
+    conditions: Conditions,
     took_s: float,
 ) -> dict[str, Any]:
     """The agreed shape; with several records also each by itself and the spread between them."""
@@ -197,8 +199,8 @@ def _document(
         "bag": str(sources[0].path),
         "report": str(arguments.report) if arguments.report else None,
         "real_time_factor": round(recorded_s / took_s, 2) if recorded_s and took_s > 0.0 else None,
-        "aborted": told.aborted or None,
-        "assumptions": list(told.assumptions),
+        "aborted": conditions.aborted or None,
+        "assumptions": list(conditions.assumptions),
     }
     if found.runs:
         out["runs"] = [
@@ -214,11 +216,11 @@ def _document(
     return out
 
 
-def _show(arguments: argparse.Namespace, found: IdentifiedRecords, told: Conditions) -> None:
-    for assumption in told.assumptions:
+def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: Conditions) -> None:
+    for assumption in conditions.assumptions:
         print(f"assumed: {assumption}", file=sys.stderr)
     show(found.identified)
-    foreign = not told.mock and found.identified.origin is None
+    foreign = not conditions.mock and found.identified.origin is None
     for motion, result in found.identified.results.motions.items() if foreign else ():
         if result.quality:
             lag_s, late_s = result.quality["lag_s"], result.quality["latency_s"]

@@ -71,8 +71,8 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
         raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
-    told = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=_aborted(folder))
+    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=_aborted(folder))
     traces = traces_of(folder.bag, identified.origin)
-    page = RunReport(vehicle, identified.results, identified.outcome.assessments, told, traces, earlier)
+    page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
     write_report(out or folder.report, page)
     return out or folder.report
