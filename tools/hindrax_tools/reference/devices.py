@@ -5,6 +5,9 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from importlib import import_module
+from importlib.resources import files
+
+import yaml
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with, optional_sensors
 from hindrax_core.driver_interface import Identity
@@ -64,7 +67,25 @@ def _sensor(sensor: Sensor, identity: str) -> str:
         ("publishes", "type", "rate [Hz]", "meaning"),
         [(code(one.name), code(one.type), number(one.rate_Hz), one.meaning) for one in topics],
     )
-    return f"\n## {sensor.name}: {sensor.meaning}\n\n{_facts(facts)}\n{published}\nSettings:\n\n{knob_table(row.knobs)}"
+    settings = f"Settings:\n\n{knob_table(row.knobs)}"
+    return f"\n## {sensor.name}: {sensor.meaning}\n\n{_facts(facts)}\n{published}\n{settings}{_offers(sensor.name)}"
+
+
+def offers() -> Mapping[str, list[tuple[str, str, bool, str]]]:
+    """What the manual of each device offers: offer, page, whether it is served, how or why not."""
+    file = files("hindrax_drivers.devices") / "offers.yaml"
+    return {
+        name: [(what, str(page), served, said) for what, page, served, said in rows]
+        for name, rows in yaml.safe_load(file.read_text("utf-8")).items()
+    }
+
+
+def _offers(name: str) -> str:
+    """Table of what the manual offers; nothing for a device that nobody has gone through."""
+    rows = [(what, page, "yes" if served else "no", said) for what, page, served, said in offers().get(name, [])]
+    if not rows:
+        return ""
+    return f"\nThe manual and what is served of it:\n\n{table(('offers', 'page', 'served', 'how, or why not'), rows)}"
 
 
 def _outputs() -> str:
@@ -75,6 +96,7 @@ def _outputs() -> str:
     listed = table(("device", "driver", "emulator"), rows)
     return (
         f"\n## Outputs\n\n{OUTPUT}\n\n{listed}\nSettings, under `output` of the vehicle file:\n\n{knob_table(Output)}"
+        + "".join(f"\n### {name}\n{_offers(name)}" for name in ("pca9685", "stm32"))
     )
 
 

@@ -1,0 +1,33 @@
+"""The tables of what a manual offers: every device has one, and what it names exists."""
+
+import re
+
+import pytest
+
+from hindrax_core.sensor_table import SENSORS
+from hindrax_core.topics import TOPICS
+from hindrax_core.vehicle import Output
+from hindrax_drivers.driver_registry import DEVICES
+from hindrax_tools.reference.devices import offers
+
+NAMES = [sensor.name for sensor in SENSORS]
+TOPIC_NAMES = {topic.name for topic in TOPICS}
+SERVICES = {"ping1d/request_profile"}
+
+
+@pytest.mark.parametrize("name", [*NAMES, "pca9685", "stm32"])
+def test_every_device_says_what_its_manual_offers(name: str) -> None:
+    rows = offers()[name]
+    assert any(served for _, _, served, _ in rows)
+    assert all(what and page and said for what, page, _, said in rows)
+    for _, _, _, said in rows:
+        for word in re.findall(r"`([a-z0-9_]+/[a-z_]+)`", said):
+            assert word in TOPIC_NAMES | SERVICES, f"{name}: {word} is no topic"
+        for word in re.findall(r"parameters? `(\w+)`", said):
+            assert hasattr(DEVICES[name].knobs(), word), f"{name}: {word} is no parameter"
+        for word in re.findall(r"`output\.(\w+)`", said):
+            assert hasattr(Output(), word), f"{name}: {word} is no key of output"
+
+
+def test_no_table_is_of_a_device_that_there_is_not() -> None:
+    assert offers().keys() == {*NAMES, "pca9685", "stm32"}
