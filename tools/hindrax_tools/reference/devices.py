@@ -73,10 +73,12 @@ def _sensor(sensor: Sensor, identity: str) -> str:
 
 def offers() -> Mapping[str, list[tuple[str, str, bool, str]]]:
     """What the manual of each device offers: offer, page, whether it is served, how or why not."""
-    file = files("hindrax_drivers.devices") / "offers.yaml"
+    text = (files("hindrax_drivers.devices") / "offers.yaml").read_text("utf-8")
+    # As text: section 8.30 is no number.
+    found = yaml.load(text, yaml.BaseLoader)  # noqa: S506  # our own file, and the loader makes only text
     return {
-        name: [(what, str(page), served, said) for what, page, served, said in rows]
-        for name, rows in yaml.safe_load(file.read_text("utf-8")).items()
+        name: [(what, page, served == "true", said) for what, page, served, said in rows]
+        for name, rows in found.items()
     }
 
 
