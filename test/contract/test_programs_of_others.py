@@ -90,6 +90,20 @@ def test_the_inertial_sensor_wakes_and_lets_its_magnetometer_through(path: str) 
         assert (x * x + y * y + z * z) ** 0.5 / 16384 == pytest.approx(1.0, abs=0.05)
 
 
+def test_the_magnetometer_tests_itself(path: str) -> None:
+    """Steps and limits of AKM's own program for the AK09916."""
+    with SMBus(path) as bus:
+        bus.write_byte_data(0x68, 0x0F, 0x02)
+        bus.write_byte_data(0x0C, 0x31, 0x00)
+        bus.write_byte_data(0x0C, 0x31, 0x10)
+        time.sleep(0.02)
+        block = bytes(bus.read_i2c_block_data(0x0C, 0x10, 9))
+        x, y, z = (int.from_bytes(block[at : at + 2], "little", signed=True) for at in (1, 3, 5))
+        assert -200 <= x <= 200
+        assert -200 <= y <= 200
+        assert -1000 <= z <= -200
+
+
 def test_the_pulse_generator_is_set_up_by_plain_calls(path: str) -> None:
     descriptor = os.open(path, os.O_RDWR)
     fcntl.ioctl(descriptor, I2C_SLAVE, 0x40)

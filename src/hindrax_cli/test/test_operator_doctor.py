@@ -175,6 +175,7 @@ def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports: dict[
     assert by_name["dvl75"].startswith("Cerulean DVL-75")
     assert by_name["thrusters"].startswith("PCA9685 at 0x40")
     assert "Ping" in by_name["ping1d"]
+    assert "supply 5.00 V" in by_name["ping1d"]
 
 
 def test_a_silent_device_is_a_problem_with_its_line(mock_ports: dict[str, Any]) -> None:

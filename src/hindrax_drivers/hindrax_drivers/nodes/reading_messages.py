@@ -143,13 +143,13 @@ def _profile(frame: str, _vehicle: Vehicle) -> Write:
 
 
 def _die_temperature(frame: str, _vehicle: Vehicle) -> Write:
-    """Write one message a second: every sample has the last temperature that was read."""
-    told_s = -1
+    """Write one message a second, with its first sample: whoever began earlier or later writes the same."""
+    second: int | None = None
 
     def write(stamped: Stamped[Inertial]) -> Temperature | None:
-        nonlocal told_s
-        before_s, told_s = told_s, stamped.stamp // NS_PER_S
-        return None if told_s == before_s else _temperature(frame, _vehicle)(stamped)
+        nonlocal second
+        before, second = second, stamped.stamp // NS_PER_S
+        return None if before in (None, second) else _temperature(frame, _vehicle)(stamped)
 
     return write
 

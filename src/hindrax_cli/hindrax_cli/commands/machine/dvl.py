@@ -163,7 +163,8 @@ class DvlConversation:
 
     def show(self) -> dict[str, Any]:
         """Identity and settings, as far as the device tells them."""
-        return {"settings": self._ask(), "port": self._path, "identity": self._identity}
+        settings = self._ask()
+        return {"port": self._path, "identity": self._identity, "settings": settings}
 
     def set_up(self, orders: Orders, dry_run: bool) -> dict[str, Any]:
         """Send what differs (or everything), then ask again and say what still differs.
