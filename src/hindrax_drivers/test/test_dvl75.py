@@ -326,6 +326,15 @@ def test_all_settings_are_sent_on_request_and_to_a_device_that_did_not_report() 
     assert orders({}) == wanted
 
 
+def test_a_tracker_650_is_asked_for_the_sentence_that_has_its_altitude() -> None:
+    """It knows no SEND-DVEXT. Page "Commands Accepted by the Tracker 650"."""
+    wanted = wanted_settings(Dvl75Knobs(), "Tracker 650")
+    assert commands({**CURRENT, "Model": "Tracker 650", "DVPDX messages": "OFF"}, wanted) == (
+        b"SEND-DVPDL ON\n",
+        b"SEND-DVPDX ON\n",
+    )
+
+
 def test_an_orientation_is_the_same_with_semicolons() -> None:
     """OmniTrack turns the semicolons of $DVNVM into the commas of the command, and so do we."""
     key = "Sensor Orientation"

@@ -14,6 +14,7 @@ BAUD_RATE = "Baud rate"
 SETTINGS: Mapping[str, str] = {
     "DVPDL messages": "SEND-DVPDL",
     "DVEXT messages": "SEND-DVEXT",
+    "DVPDX messages": "SEND-DVPDX",
     "DVKFA messages": "SEND-DVKFA",
     "Retweet GPS": "RETWEET-GPS",
     "Speed of sound": "SET-SPEED-OF-SOUND",
@@ -66,11 +67,11 @@ class Dvl75Knobs:
 DEFAULT_KNOBS = Dvl75Knobs()
 
 
-def wanted_settings(knobs: Dvl75Knobs) -> dict[str, str]:
-    """Flash settings that this driver wants, as $DVNVM reports them."""
+def wanted_settings(knobs: Dvl75Knobs, model: str = "DVL-75") -> dict[str, str]:
+    """Flash settings that this driver wants, as $DVNVM reports them; the altitude comes with $DVEXT or $DVPDX."""
     return {
         "DVPDL messages": "ON",
-        "DVEXT messages": "ON",
+        "DVPDX messages" if model == "Tracker 650" else "DVEXT messages": "ON",
         "Speed of sound": f"{knobs.speed_of_sound_mps:.1f}",
         "Velocity adjustment": f"{knobs.velocity_adjustment:.3f}",
     }

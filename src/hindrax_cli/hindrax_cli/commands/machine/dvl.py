@@ -76,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     port = arguments.port or port_of(vehicle)
     knobs = wanted_knobs(vehicle, arguments.speed_of_sound, arguments.velocity_adjustment, arguments.baud)
-    wanted = wanted_settings(knobs) | asked(arguments)
     calibrate = [IMU_CALIBRATION[arguments.imu_calibration]] if arguments.imu_calibration else []
-    orders = Orders(calibrate, wanted, [REBOOT] if arguments.reboot else [], arguments.always)
+    orders = Orders(calibrate, asked(arguments), [REBOOT] if arguments.reboot else [], arguments.always)
     clock = SystemClock()
     try:
         with closing(DvlConversation(port, knobs, clock)) as talk:
@@ -140,10 +139,10 @@ def wanted_knobs(
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """Settings that shall hold, sent where they differ or `always`, and orders `before` and `after` them."""
+    """Settings that were named, sent where they differ or `always`, and orders `before` and `after` them."""
 
     before: Sequence[bytes]
-    wanted: Mapping[str, str]
+    asked: Mapping[str, str]
     after: Sequence[bytes]
     always: bool
 
@@ -171,8 +170,9 @@ class DvlConversation:
 
         What the device does not report cannot be verified, and the report says so.
         """
-        wanted = orders.wanted
-        first = [*orders.before, *commands(self._ask(), wanted, orders.always)]
+        current = self._ask()
+        wanted = {**wanted_settings(self._knobs, current["Model"]), **orders.asked}
+        first = [*orders.before, *commands(current, wanted, orders.always)]
         report: dict[str, Any] = {"port": self._path, "identity": self._identity}
         report["orders"] = _texts([*first, *orders.after])
         if dry_run:
