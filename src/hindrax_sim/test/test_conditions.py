@@ -75,6 +75,10 @@ def test_every_condition_changes_the_flight_the_same_way_for_the_same_seed(name:
     assert flown(sizes) != flown({})
 
 
+def test_every_row_says_how_it_acts_and_why_so_much() -> None:
+    assert [row.name for row in CONDITIONS.values() if not (row.meaning and row.source)] == []
+
+
 def test_pool_draws_every_size_by_its_seed_within_its_limits() -> None:
     drawn = [sizes_of("pool", seed) for seed in range(400)]
     assert drawn[7] == sizes_of("pool", 7)

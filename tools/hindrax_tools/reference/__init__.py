@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hindrax_tools.reference import commands, devices, messages, parameters, topics, vehicle
+from hindrax_tools.reference import commands, devices, messages, parameters, topics, vehicle, worlds
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "commands.md": commands.page,
@@ -14,6 +14,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "parameters.md": parameters.page,
     "topics.md": topics.page,
     "vehicle-file.md": vehicle.page,
+    "worlds.md": worlds.page,
 }
 COMMAND = "./hindrax reference --write"
 

@@ -18,7 +18,10 @@ FALSE_m = 0.015
 
 
 def dvl_scale(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The DVL says a share more than the velocity, as with a wrong speed of sound."""
+    """The DVL says a share more than the velocity, as with a wrong speed of sound.
+
+    Size: A50: 1 % long-term accuracy, 0.1 % in its better edition; 2 K of water are 0.3 %.
+    """
 
     def scaled(travel: Travel) -> Travel:
         turned, (x, y, z) = travel
@@ -28,12 +31,18 @@ def dvl_scale(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def dvl_yaw(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The DVL is mounted with a turn about the vertical axis that the vehicle file does not know."""
+    """The DVL is mounted with a turn about the vertical axis that the vehicle file does not know.
+
+    Size: Mounting by eye; our estimate.
+    """
     _turn_mounts(world, "velocity", (0.0, 0.0, size))
 
 
 def imu_misalignment(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The IMU is mounted with a turn about an axis drawn at random."""
+    """The IMU is mounted with a turn about an axis drawn at random.
+
+    Size: Mounting by eye; our estimate.
+    """
     x, y, z = unit(draws.three(1.0))
     _turn_mounts(world, "data_raw", (size * x, size * y, size * z))
 
@@ -55,7 +64,10 @@ def _turn_mounts(world: Realization, quantity: str, turn_deg: Vec3) -> None:
 
 
 def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """What the DVL says was true this long before the time that it gives."""
+    """What the DVL says was true this long before the time that it gives.
+
+    Size: One interval at 20 Hz; a network brings more.
+    """
     late = Latency(size)
     world.influences.append(late)
     world.travel_errors.append(late.delayed)
@@ -99,7 +111,10 @@ def _travel(plant: Plant) -> Travel:
 
 
 def false_locks(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The DVL takes something else for the bottom, so often per second, each time for one interval."""
+    """The DVL takes something else for the bottom, so often per second, each time for one interval.
+
+    Size: One sample in a hundred; our estimate.
+    """
     false = FalseLocks(size, draws)
     world.influences.append(false)
     world.travel_errors.append(false.added)

@@ -23,18 +23,27 @@ SUPPLY_EVERY_S = 0.1
 
 
 def thrust_gain(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """All thrusters give a share more than their curve."""
+    """All thrusters give a share more than their curve.
+
+    Size: Gain_sigma of a curve: bollard pull with a load cell.
+    """
     _change_curves(world, lambda _index, curve: _gained(curve, 1.0 + size))
 
 
 def weak_thruster(world: Realization, size: float, draws: NormalDraws) -> None:
-    """One thruster, drawn at random, gives a share less."""
+    """One thruster, drawn at random, gives a share less.
+
+    Size: A nicked propeller; our estimate.
+    """
     weak = int(draws.uniform() * len(world.vehicle.thrusters))
     _change_curves(world, lambda index, curve: _gained(curve, 1.0 - size) if index == weak else curve)
 
 
 def dead_bands(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The dead band of each thruster is wider by a draw of its own, or narrower, and its curve begins as much later."""
+    """The dead band of each thruster is wider by a normal draw of its own, and its curve begins as much later.
+
+    Size: A fifth of the speed controller's dead band; our estimate.
+    """
     curves = (world.vehicle.curves[thruster.curve] for thruster in world.vehicle.thrusters)
     wider = [max(size * draws.normal(), -curve.dead_band_us) for curve in curves]
     _change_curves(world, lambda index, curve: _later(curve, wider[index]))
@@ -73,7 +82,10 @@ def _shifted(branch: Branch, by_us: float) -> Branch:
 
 
 def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """Thrust falls with the water that comes along the thruster's axis."""
+    """Water that comes along a thruster's axis takes thrust: at 0.5 m/s this share of 10 N, with the root of thrust.
+
+    Size: K_T falling evenly to zero at J = 0.75: 0.15 to 0.35 for 76 mm at 50 to 10 N.
+    """
     world.influences.append(InflowLoss(world, size))
 
 
@@ -104,7 +116,10 @@ class InflowLoss:
 
 
 def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """A thruster loses thrust to the wakes of its two nearest neighbors: of each pair a share of the geometric mean."""
+    """A thruster loses thrust to the wakes of its two nearest neighbors: of each pair a share of the geometric mean.
+
+    Size: A rig gained 9 to 35 % by tilting its thrusters (Bulten, Stoltenkamp 2013).
+    """
     places = [one.position_m for one in world.vehicle.thrusters]
     neighbors = [_nearest(places, index) for index in range(len(places))]
 
@@ -124,7 +139,10 @@ def _nearest(places: Sequence[Vec3], index: int) -> list[int]:
 
 
 def hull_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """A thruster loses a share of its thrust where its jet runs towards the middle of the hull."""
+    """A thruster loses a share of its thrust where its jet runs towards the middle of the hull.
+
+    Size: The same; COB-2023-1394 does not model it.
+    """
     inward = [
         sum(a * b for a, b in zip(one.direction, unit(one.position_m), strict=True)) for one in world.vehicle.thrusters
     ]
@@ -137,13 +155,19 @@ def hull_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
 
 
 def battery_sag(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The supply loses a share of its voltage in 15 min, evenly, and nothing measures it."""
+    """The supply loses a share of its voltage in 15 min, evenly, and nothing measures it.
+
+    Size: A lithium cell from 4.0 to 3.6 V.
+    """
     volts_per_s = size * world.vehicle.supply_V / SAG_S
     world.influences.append(SupplyDrop(lambda time_s, _plant: volts_per_s * time_s))
 
 
 def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """Cable and battery have a resistance, so that the supply falls with the current of the thrusters."""
+    """Cable and battery have a resistance, so that the supply falls with the current of the thrusters.
+
+    Size: Battery 20 mohm, cables and plugs 30 mohm; our estimate.
+    """
     world.influences.append(SupplyDrop(lambda _time_s, plant: size * sum(map(thruster_A, plant.targets_N))))
 
 

@@ -18,12 +18,18 @@ WAKE_S = 5.0
 
 
 def tether(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """A line from the stern's top to the pool's end behind the start pulls with a force that grows with distance."""
+    """A line from the top of the stern to the end of the pool pulls, with this force at 5 m and more the longer it is.
+
+    Size: What a hand feels of a neutral line of 8 mm; our estimate.
+    """
     world.influences.append(Tether(world, size, 0.0))
 
 
 def tether_drag(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """The same line is dragged through the water: it brakes with the square of speed, more the more of it is out."""
+    """The line is dragged along: it brakes with this force at 0.5 m/s and 5 m, with speed squared and with its length.
+
+    Size: 7.6 mm (Fathom ROV Tether), C_D 1.2, speed growing evenly along 5 m: 1.9 N.
+    """
     world.influences.append(Tether(world, 0.0, size))
 
 
@@ -53,7 +59,10 @@ class Tether:
 
 
 def fluid_memory(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """A share of the added mass follows with a delay of 1 s, beside the added mass that acts at once."""
+    """A share of the added mass follows with a delay of 1 s, beside the added mass that acts at once.
+
+    Size: Flow follows in about a length over speed; our estimate.
+    """
     shares = [size * mass for mass in world.hydrodynamics.added_mass]
     world.influences.append(FluidMemory(shares))
 
@@ -78,7 +87,10 @@ class FluidMemory:
 
 
 def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
-    """Whoever turns back meets the water that he dragged along: a share of his speed, forgotten in 5 s."""
+    """Whoever turns back meets the water that he dragged along: a share of his speed, forgotten in 5 s.
+
+    Size: Wake fraction of bluff hulls, 0.1 to 0.3; our estimate.
+    """
     world.influences.append(Wake(world, size))
 
 
@@ -107,13 +119,19 @@ class Wake:
 
 
 def current(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The water moves evenly, in a horizontal direction drawn at random."""
+    """The water moves evenly, in a horizontal direction drawn at random.
+
+    Size: Pool circulation; our estimate.
+    """
     angle = math.tau * draws.uniform()
     world.influences.append(MovingWater(world, (size * math.cos(angle), size * math.sin(angle), 0.0)))
 
 
 def seiche(world: Realization, size: float, draws: NormalDraws) -> None:
-    """The pool's longest standing wave moves the water to and fro along its length; its phase is drawn at random."""
+    """The pool's longest standing wave moves the water to and fro along its length; its phase is drawn at random.
+
+    Size: A wave of 4 mm: its height times sqrt(g / depth).
+    """
     pool = world.vehicle.pool
     # Merian's formula: the longest wave of a closed basin is twice its length.
     period_s = 2.0 * pool.length_m / math.sqrt(GRAVITY_mps2 * pool.depth_m)

@@ -21,8 +21,8 @@ SIGNED, ONE_SIDED = "normal", "uniform"
 class Condition:
     """A row: name, unit, usual size, law, how pool draws it, where the size comes from.
 
-    `add` puts it into a world in the making; its meaning is the first sentence of the function. Pool draws a size from
-    a normal distribution of deviation `pool`, or evenly between 0 and `pool`. A size lies between `least` and `most`.
+    `add` puts it into a world in the making; its docstring says how it acts and, behind "Size:", why so much. Pool
+    draws from a normal distribution of deviation `pool`, or evenly from 0 to `pool`. A size lies from `least` to `most`.
     """
 
     name: str
@@ -31,19 +31,33 @@ class Condition:
     add: Callable[[Realization, float, NormalDraws], None]
     distribution: str
     pool: float
-    source: str
     least: float = 0.0
     most: float = math.inf
 
     @property
     def meaning(self) -> str:
-        """One sentence for tables and help."""
-        return " ".join((self.add.__doc__ or "").split())
+        """How it acts."""
+        return self._said[0]
+
+    @property
+    def source(self) -> str:
+        """Where the size comes from."""
+        return self._said[2].strip()
+
+    @property
+    def _said(self) -> tuple[str, str, str]:
+        return " ".join((self.add.__doc__ or "").split()).partition(" Size: ")
 
     @property
     def deviation(self) -> float:
         """Root mean square of the sizes that pool draws: what a budget of uncertainties may take as its prior."""
         return abs(self.pool) / (1.0 if self.distribution == SIGNED else math.sqrt(3.0))
+
+    @property
+    def draw(self) -> str:
+        """How pool draws it, for tables."""
+        limits = f"deviation {self.pool:g}" if self.distribution == SIGNED else f"0 to {self.pool:g}"
+        return f"{self.distribution}, {limits}"
 
     def drawn(self, seed: int) -> float:
         """Size in the pool of this seed."""
@@ -53,29 +67,29 @@ class Condition:
 
 
 _ROWS = (
-    Condition("thrust_gain", "-", 0.05, thrust.thrust_gain, SIGNED, 0.02, "gain_sigma of the curve", -0.9, 1.0),
-    Condition("weak_thruster", "-", 0.1, thrust.weak_thruster, ONE_SIDED, 0.05, "", most=1.0),
-    Condition("dead_bands", "us", 5.0, thrust.dead_bands, ONE_SIDED, 5.0, "", most=100.0),
-    Condition("inflow_loss", "-", 0.1, thrust.inflow_loss, ONE_SIDED, 0.2, "", most=0.5),
-    Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, "", most=0.5),
-    Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, "", most=1.0),
-    Condition("battery_sag", "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, "", most=0.5),
-    Condition("supply_resistance", "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, "", most=1.0),
-    Condition("tether", "N", 1.0, water.tether, ONE_SIDED, 1.0, "", most=100.0),
-    Condition("tether_drag", "N", 2.0, water.tether_drag, ONE_SIDED, 2.0, "", most=100.0),
-    Condition("fluid_memory", "-", 0.2, water.fluid_memory, ONE_SIDED, 0.2, "", most=1.0),
-    Condition("wake", "-", 0.2, water.wake, ONE_SIDED, 0.2, "", most=1.0),
-    Condition("current", "m/s", 0.02, water.current, ONE_SIDED, 0.01, "", most=2.0),
-    Condition("seiche", "m/s", 0.01, water.seiche, ONE_SIDED, 0.01, "", most=1.0),
-    Condition("drag_exponent", "-", -0.3, hull.drag_exponent, ONE_SIDED, -0.3, "", -1.0, 1.0),
-    Condition("fore_aft", "-", 0.09, hull.fore_aft, SIGNED, 0.05, "", -0.9, 0.9),
-    Condition("added_mass_cross", "-", 0.1, hull.added_mass_cross, ONE_SIDED, 0.1, "", most=0.5),
-    Condition("center_of_mass", "m", 0.005, hull.center_of_mass, ONE_SIDED, 0.005, "", most=0.2),
-    Condition("dvl_latency", "s", 0.15, sensing.dvl_latency, ONE_SIDED, 0.05, "", most=2.0),
-    Condition("dvl_scale", "-", 0.01, sensing.dvl_scale, SIGNED, 0.003, "", -0.5, 0.5),
-    Condition("dvl_yaw", "deg", 2.0, sensing.dvl_yaw, SIGNED, 1.0, "", -180.0, 180.0),
-    Condition("imu_misalignment", "deg", 2.0, sensing.imu_misalignment, ONE_SIDED, 1.0, "", most=30.0),
-    Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, "", most=20.0),
+    Condition("thrust_gain", "-", 0.05, thrust.thrust_gain, SIGNED, 0.02, least=-0.9, most=1.0),
+    Condition("weak_thruster", "-", 0.1, thrust.weak_thruster, ONE_SIDED, 0.05, most=1.0),
+    Condition("dead_bands", "us", 5.0, thrust.dead_bands, ONE_SIDED, 5.0, most=100.0),
+    Condition("inflow_loss", "-", 0.1, thrust.inflow_loss, ONE_SIDED, 0.2, most=0.5),
+    Condition("thruster_wash", "-", 0.05, thrust.thruster_wash, ONE_SIDED, 0.05, most=0.5),
+    Condition("hull_wash", "-", 0.05, thrust.hull_wash, ONE_SIDED, 0.05, most=1.0),
+    Condition("battery_sag", "-", 0.1, thrust.battery_sag, ONE_SIDED, 0.1, most=0.5),
+    Condition("supply_resistance", "ohm", 0.05, thrust.supply_resistance, ONE_SIDED, 0.05, most=1.0),
+    Condition("tether", "N", 1.0, water.tether, ONE_SIDED, 1.0, most=100.0),
+    Condition("tether_drag", "N", 2.0, water.tether_drag, ONE_SIDED, 2.0, most=100.0),
+    Condition("fluid_memory", "-", 0.2, water.fluid_memory, ONE_SIDED, 0.2, most=1.0),
+    Condition("wake", "-", 0.2, water.wake, ONE_SIDED, 0.2, most=1.0),
+    Condition("current", "m/s", 0.02, water.current, ONE_SIDED, 0.01, most=2.0),
+    Condition("seiche", "m/s", 0.01, water.seiche, ONE_SIDED, 0.01, most=1.0),
+    Condition("drag_exponent", "-", -0.3, hull.drag_exponent, ONE_SIDED, -0.3, least=-1.0, most=1.0),
+    Condition("fore_aft", "-", 0.09, hull.fore_aft, SIGNED, 0.05, least=-0.9, most=0.9),
+    Condition("added_mass_cross", "-", 0.1, hull.added_mass_cross, ONE_SIDED, 0.1, most=0.5),
+    Condition("center_of_mass", "m", 0.005, hull.center_of_mass, ONE_SIDED, 0.005, most=0.2),
+    Condition("dvl_latency", "s", 0.15, sensing.dvl_latency, ONE_SIDED, 0.05, most=2.0),
+    Condition("dvl_scale", "-", 0.01, sensing.dvl_scale, SIGNED, 0.003, least=-0.5, most=0.5),
+    Condition("dvl_yaw", "deg", 2.0, sensing.dvl_yaw, SIGNED, 1.0, least=-180.0, most=180.0),
+    Condition("imu_misalignment", "deg", 2.0, sensing.imu_misalignment, ONE_SIDED, 1.0, most=30.0),
+    Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, most=20.0),
 )
 
 CONDITIONS: Mapping[str, Condition] = {row.name: row for row in _ROWS}
