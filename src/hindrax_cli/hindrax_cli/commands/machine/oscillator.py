@@ -1,0 +1,83 @@
+"""`hindrax oscillator`: the clock of the PCA9685, measured by pulses that are wired back to a GPIO."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from hindrax_bringup.stack_lock import stacks
+from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.vehicle_edit import set_key
+from hindrax_core.bus_operations import DeviceError
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_drivers.bus_capture import run_once
+from hindrax_drivers.buses.gpio import rising_edges
+from hindrax_drivers.devices.pca9685 import pca9685_of
+from hindrax_drivers.output import oscillator
+
+NAME = "oscillator"
+HELP = "measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO"
+EXAMPLE = "./hindrax oscillator --channel 15 --gpio pinctrl-bcm2711:17 --write"
+GUIDE = """Keep fingers off the propellers: the thrusters get their neutral pulse.
+Wire the signal pin of channel {channel} to GPIO {gpio} and the grounds together. The PCA9685 must run from 3.3 V:
+5 V destroys the GPIO."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the wire, for how long, and whether the vehicle file shall keep the result."""
+    add_vehicle(parser)
+    parser.add_argument("--channel", type=int, default=15, metavar="N", help="spare channel of the PCA9685, 0 to 15")
+    parser.add_argument("--gpio", default="pinctrl-bcm2711:17", metavar="CHIP:LINE", help="where it is wired to")
+    parser.add_argument("--port", metavar="PORT", help="I2C bus; default: of the vehicle file")
+    parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to measure [s]")
+    parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print and keep."""
+    vehicle = load_vehicle(arguments.vehicle)
+    chip, _, line = arguments.gpio.rpartition(":")
+    _require_possible(vehicle, arguments.channel, chip, line)
+    print(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), file=sys.stderr)
+    output, port = vehicle.output, arguments.port or vehicle.output.port
+    identity = run_once(port, pca9685_of(vehicle).configure()).text
+    prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
+    try:
+        edges_ns = rising_edges(chip, int(line), arguments.seconds)
+        found_Hz = oscillator.clock_Hz(edges_ns, prescale)
+    except DeviceError as error:
+        raise HindraxError(str(error)) from error
+    finally:
+        run_once(port, oscillator.end(output.address, arguments.channel))
+    if arguments.write:
+        set_key(Path(arguments.vehicle), ("output", "clock_Hz"), round(found_Hz))
+    percent = 100.0 * (found_Hz / output.clock_Hz - 1.0)
+    report = {
+        "output": identity,
+        "clock_Hz": round(found_Hz),
+        "before_Hz": output.clock_Hz,
+        "edges": len(edges_ns),
+        "written": arguments.write,
+    }
+    kept = f"written to {arguments.vehicle}" if arguments.write else "not kept; --write puts it into the vehicle file"
+    said = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept}"
+    print(json.dumps(report) if arguments.json else said)
+    return 0
+
+
+def _require_possible(vehicle: Vehicle, channel: int, chip: str, line: str) -> None:
+    if vehicle.output.device != "pca9685":
+        raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685: an STM32 has a crystal")
+    taken = {*(one.channel for one in vehicle.thrusters), *vehicle.output.light_channels}
+    if channel not in range(16) or channel in taken:
+        free = ", ".join(str(one) for one in range(16) if one not in taken)
+        raise UsageError(f"--channel: found {channel}, wanted one without thruster or lamp: {free}")
+    if not chip or not line.isdecimal():
+        raise UsageError(f"--gpio: found {chip}:{line}, wanted CHIP:LINE, such as pinctrl-bcm2711:17")
+    up = [one for one in stacks() if not one.mock]
+    if up:
+        raise HindraxError(f"a stack is up (process {up[0].pid}) and has the output; end it first")

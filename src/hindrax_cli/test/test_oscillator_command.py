@@ -1,0 +1,118 @@
+"""`hindrax oscillator` against the emulated chip, whose pulses come back on a line of a stand-in GPIO."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.machine import oscillator as command
+from hindrax_core.bus_operations import DeviceError, Program
+from hindrax_core.bus_operations import run as run_program
+from hindrax_core.events import Stamp, after
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.output.oscillator import clock_Hz
+from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.devices.pca9685 import Pca9685
+
+TRUE_Hz = 25e6 * 1.031
+PRESCALE = 30
+
+
+def edges(seconds: float, rate_Hz: float, lost: float = 0.0, jitter_ns: float = 3_000.0) -> list[int]:
+    """Rising edges as a busy kernel stamps them, some of them lost."""
+    dice = random.Random(3)
+    all_of_them = (round(n * 1e9 / rate_Hz + dice.uniform(0.0, jitter_ns)) for n in range(round(seconds * rate_Hz)))
+    return [edge for edge in all_of_them if dice.random() >= lost]
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+def test_the_clock_is_found_by_the_edges(lost: float) -> None:
+    found = clock_Hz(edges(10.0, TRUE_Hz / 4096 / (PRESCALE + 1), lost), PRESCALE)
+    assert found == pytest.approx(TRUE_Hz, rel=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("seen", "sentence"),
+    [
+        ([], "found 0 edges, wanted at least 100; check wire, channel"),
+        (sorted(random.Random(1).sample(range(10**9), 500)), "intervals irregular, wanted pulses"),
+        ([10**9] * 500, "wanted 20 to 50 MHz"),
+        (edges(10.0, 50.0), "wanted 20 to 50 MHz; is another signal on the line"),
+    ],
+)
+def test_another_signal_is_no_clock(seen: list[int], sentence: str) -> None:
+    with pytest.raises(DeviceError, match=sentence):
+        clock_Hz(seen, PRESCALE)
+
+
+@pytest.fixture
+def chip(monkeypatch: pytest.MonkeyPatch) -> Pca9685:
+    """A chip whose oscillator is off, with its channel 15 at line 17 of a GPIO chip."""
+    made, wires = Pca9685(clock_error=0.031), VirtualI2c()
+    wires.attach(0x40, made)
+    bus = LockStep(wires, Stamp(10**9))
+
+    def run_once(_port: str, program: Program[object]) -> object:
+        return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
+
+    def rising_edges(_chip: str, line: int, seconds: float) -> list[int]:
+        half = 0.5e6 / made.rate_Hz
+        assert made.pulse_us(15) == pytest.approx(half)
+        assert made.pulses_us()[:8] == (pytest.approx(1500.0 / 1.031, abs=3.0),) * 8, "neutral by the clock of the file"
+        return edges(seconds, made.rate_Hz) if line == 17 else []
+
+    monkeypatch.setattr(command, "run_once", run_once)
+    monkeypatch.setattr(command, "rising_edges", rising_edges)
+    monkeypatch.setattr(command, "stacks", list)
+    return made
+
+
+@pytest.fixture
+def say(tmp_path: Path) -> Callable[..., tuple[int, Path]]:
+    file = tmp_path / "mine.yaml"
+    file.write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
+    return lambda *words: (main(["oscillator", "--vehicle", str(file), *words]), file)
+
+
+def test_it_measures_keeps_and_switches_the_channel_off(
+    chip: Pca9685, say: Callable[..., tuple[int, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, file = say("--write", "--json")
+    assert code == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["clock_Hz"] == pytest.approx(TRUE_Hz, rel=1e-5)
+    assert "the thrusters get their neutral pulse" in said.err
+    assert load_vehicle(file).output.clock_Hz == pytest.approx(TRUE_Hz, rel=1e-5)
+    assert chip.pulse_us(15) is None
+    assert not chip.violations
+
+
+def test_without_the_wire_the_channel_is_off_again_and_nothing_is_kept(
+    chip: Pca9685, say: Callable[..., tuple[int, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, file = say("--gpio", "pinctrl-bcm2711:18", "--write")
+    assert code == 1
+    assert "check wire, channel and GPIO line" in capsys.readouterr().err
+    assert chip.pulse_us(15) is None
+    assert load_vehicle(file).output.clock_Hz == 25e6
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--channel", "3"], "found 3, wanted one without thruster or lamp: 10, 11"),
+        (["--gpio", "17"], "wanted CHIP:LINE"),
+    ],
+)
+@pytest.mark.usefixtures("chip")
+def test_wrong_words_are_refused_before_anything_moves(
+    words: list[str], sentence: str, say: Callable[..., tuple[int, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert say(*words)[0] == 2
+    assert sentence in capsys.readouterr().err
