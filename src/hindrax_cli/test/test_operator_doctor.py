@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_bringup.stack import MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.supervisor import Supervisor
@@ -25,6 +25,7 @@ from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.machine import KernelTime, Running
 from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.buses import gpio
 
 NOW_s = 1_767_225_600.0  # 2026-01-01
 
@@ -205,3 +206,16 @@ def mock_ports(tmp_path: Path) -> Iterator[dict[str, Any]]:
         stack = Stack(folder, load_vehicle(folder.vehicle), supervisor)
         stack.start_mock(MockOptions(), "--no-ros")
         yield {**stack.mock_facts["ports"], "clock": stack.mock_facts["clock"]}
+
+
+def test_a_chip_of_lines_is_there_or_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    vehicle = hindrax_with("sos_leak")
+    line = vehicle.sensors["sos_leak"].port
+    monkeypatch.setattr(gpio, "DEVICES", tmp_path)
+    (missing,) = (one for one in wires.ports(vehicle, {}) if one.name == line)
+    assert not missing.ok
+    assert "found the chips none, wanted 'pinctrl-bcm2711'" in missing.remedy
+    monkeypatch.setattr(wires, "find_chip", lambda chip: f"/dev/gpiochip0 of {chip}")
+    (there,) = (one for one in wires.ports(vehicle, {}) if one.name == line)
+    assert there.ok
+    assert there.found == "there, it is /dev/gpiochip0 of pinctrl-bcm2711"

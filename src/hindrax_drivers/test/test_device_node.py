@@ -18,8 +18,9 @@ from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Pressure
+from hindrax_core.readings import Leak, Pressure
 from hindrax_core.topics import DIAGNOSTICS, NAMESPACE, TOPICS
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import LIFECYCLE_PERIOD_S, DeviceNode
@@ -165,3 +166,17 @@ def test_absent_from_the_start_it_is_shut_down_and_stays_so(bench: Bench) -> Non
     bench.lifecycle.make("shutdown")
     bench.found = True
     bench.stays("finalized")
+
+
+def test_water_in_the_hull_remains_an_error_until_an_operator_has_seen_it(bench: Bench) -> None:
+    bench.node.deliver([Identity("a probe")])
+    bench.bring_to("active")
+    bench.node.deliver([Stamped(Stamp(1), Leak(wet=True))])
+    bench.until(lambda: bench.status.message.startswith("water in the hull: surface"), "the alarm")
+    assert bench.status.level == DiagnosticStatus.ERROR
+    bench.node.deliver([Stamped(Stamp(2), Leak(wet=False))])
+    bench.until(lambda: bench.status.message.startswith("there was water in the hull"), "the memory of it")
+    assert bench.status.level == DiagnosticStatus.ERROR
+    bench.lifecycle.make("deactivate")
+    bench.lifecycle.make("activate")
+    bench.until(lambda: bench.status.level == DiagnosticStatus.OK, "all clear")

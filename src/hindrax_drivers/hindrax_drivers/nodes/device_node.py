@@ -109,7 +109,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
             self._publish[topic](message)
 
     def _leak(self, *, wet: bool) -> None:
-        """Report water in the hull; it remains an error when it is dry again, until the device is configured anew."""
+        """Report water in the hull; the error outlives the water, until an operator deactivates the node."""
         if wet and self.health.alarm != WET:
             self.get_logger().error(WET)
         if wet or self.health.alarm:
@@ -154,6 +154,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
             self.get_logger().warning(f"{name!r} refused in the state {state.name.lower()}: {why}")
             return response
         self._wanted = transition.goal
+        if transition.goal is not State.ACTIVE:
+            self.health.alarm = ""
         self.health.withheld = why_not_active(transition.goal)
         self.on_request(transition.goal)
         return response
