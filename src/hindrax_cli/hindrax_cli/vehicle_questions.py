@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,21 +11,23 @@ import yaml
 
 from hindrax_analysis.experiments.estimate import Dimensions, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
+from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import GRAVITY_mps2, Water
+from hindrax_core.vehicle import GRAVITY_mps2, Limits, Water, vehicle_from_text
 
-RIGHTING_ARM_m = 0.02
+RIGHTING_ARM_m = 0.05
 SPREAD, UPRIGHT_SPREAD = 0.8, 0.8
 """Distance of thrusters on opposite sides over the size of the envelope, where nothing else is known."""
 STOP_us, DEAD_BAND_us, FULL_us = 1500.0, 25.0, 1100.0
 GAIN_SIGMA = 0.1
 LAYOUTS = {0: "none yet", 6: "four vectored, two vertical", 8: "four vectored, four vertical"}
+FILLED = 0.8
+"""Projected area of an open frame over that of its box."""
 HEAD = """# {name}: made by `hindrax vehicle new`. SI units; body axes x forward, y starboard, z down.
 # Positions from the center of the envelope. docs/reference/vehicle-file.md lists every key."""
 PORTS = {"dvl75": "/dev/hindrax/dvl", "ping1d": "/dev/hindrax/ping", "icm20948": "/dev/i2c-1", "ms5837": "/dev/i2c-1"}
-BELIEVED = (
-    "# From the dimensions (full boxes: upper bounds). Prior of plans, truth of the mock; never told to the estimator."
-)
+ASSUMED = "# Assumed: an open frame fills 0.8 of its box; center of buoyancy 50 mm above the center of mass."
+BELIEVED = "# Estimated from the dimensions: prior of plans, truth of the mock; never told to the estimator."
 Answers = Mapping[str, tuple[float, ...]]
 
 
@@ -146,17 +149,23 @@ def file_text(name: str, answers: Answers) -> str:
     }
     if answers["layout"] != (0.0,):
         known |= {"thrusters": _thrusters(answers), "curves": {"main": _curve(*answers["thrust"])}}
-    belief = empirical(Dimensions(length, width, height, mass_kg, density_kgpm3=density, buoyancy_arm_m=RIGHTING_ARM_m))
-    return "\n".join(
-        (
-            HEAD.format(name=name),
-            _dump(known),
-            "# Assumed: 20 mm above the center of mass, which is the center of the envelope.",
-            _dump({"center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}),
-            BELIEVED,
-            block_text(hydrodynamics_of(belief)),
-        )
-    )
+    front, side, top = (float(f"{FILLED * one:.3g}") for one in (height * width, length * height, length * width))
+    body = Dimensions(length, width, height, mass_kg, front, side, top, density, RIGHTING_ARM_m)
+    belief = block_text(hydrodynamics_of(empirical(body)))
+    assumed = {"projected_areas_m2": [front, side, top], "center_of_buoyancy_m": [0.0, 0.0, -RIGHTING_ARM_m]}
+    parts = [
+        HEAD.format(name=name),
+        _dump(known),
+        ASSUMED,
+        _dump(assumed),
+        BELIEVED,
+        belief,
+    ]
+    upright_mps = upright_speed_mps(vehicle_from_text("\n".join(parts), name)) if "thrusters" in known else math.inf
+    if MARGIN * upright_mps < Limits().speed_mps:
+        limit = _dump({"limits": {"speed_mps": float(f"{MARGIN * upright_mps:.2g}")}})
+        parts += ["\n# Nothing controls pitch: beyond this it would no longer right itself.", limit.rstrip()]
+    return "\n".join([*parts, ""])
 
 
 def _thrusters(answers: Answers) -> list[dict[str, Any]]:

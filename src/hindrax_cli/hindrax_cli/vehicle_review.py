@@ -17,6 +17,8 @@ FLOATS_AT_MOST = 0.1
 """Net buoyancy over weight beyond which trim is doubtful."""
 OUTSIDE = 1.5
 """Position over half the envelope beyond which a unit or an origin is doubtful."""
+MARGIN = 0.8
+"""Speed limit over the speed up to which a vehicle rights itself."""
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
 UP, DOWN = "\u2299", "\u2297"
 WIDE, TALL = 45, 15
@@ -56,6 +58,19 @@ def findings(vehicle: Vehicle) -> list[Finding]:
     return [*_body(vehicle), *_thrusters(vehicle), *_sensors(vehicle), _truth(vehicle)]
 
 
+def upright_speed_mps(vehicle: Vehicle) -> float:
+    """Speed ahead beyond which a vehicle that cannot control pitch no longer rights itself; infinite where it does.
+
+    The moment of a pitched hull grows with (Z_w' - X_u') u^2 (Fossen 2011, section 6.3: Munk), its righting moment
+    does not.
+    """
+    truth, flown = vehicle.hydrodynamics, servable_motions(AXES, vehicle).flown
+    if truth is None or "pitch" in flown or truth.added_mass[2] <= truth.added_mass[0]:
+        return math.inf
+    righting_Nm = vehicle.weight_N * max(0.0, vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2])
+    return math.sqrt(righting_Nm / (truth.added_mass[2] - truth.added_mass[0]))
+
+
 def _body(vehicle: Vehicle) -> list[Finding]:
     net_N, weight_N = vehicle.net_buoyancy_N, vehicle.weight_N
     doubt = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
@@ -91,6 +106,10 @@ def _thrusters(vehicle: Vehicle) -> list[Finding]:
     reach_N, need_N = largest_wrench(vehicle)["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
     found.append(Finding("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
+    if math.isfinite(upright := upright_speed_mps(vehicle)):
+        most = vehicle.limits.speed_mps
+        slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
+        found.append(Finding("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
     found += [Finding(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found

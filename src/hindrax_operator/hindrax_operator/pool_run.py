@@ -18,6 +18,7 @@ from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import announced
+from hindrax_bringup.stack_runner import health_changes
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
 from hindrax_control.maneuver.servable import motions_to_fly
@@ -53,6 +54,7 @@ class FlownManeuver:
     """Outcome of a flight, besides the bag."""
 
     aborted: str = ""
+    armed: bool = False
     interrupted: bool = False
     node_problems: list[str] = field(default_factory=list)
     """What /diagnostics complained of when it ended."""
@@ -149,6 +151,7 @@ def _operate(
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
 
     deaths: list[str] = []
+    heard: dict[str, str] = {}
 
     def tick() -> None:
         for sentence in supervisor.check():
@@ -156,6 +159,8 @@ def _operate(
             deaths.append(sentence)
         supervisor.require()
         beating.beat(operator)
+        if not flight.armed:
+            report_devices(operator, heard, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
     with Operator(mock=options.mock is not None, tick=tick) as operator:
@@ -164,6 +169,7 @@ def _operate(
         progress.report("sensors and thrusters are up; arming")
         with deferred_interrupt(), disarmed_at_the_end(operator):
             operator.arm(seconds=ARMING_S)
+            flight.armed = True
             begin, wall = operator.now(), time.monotonic()
             progress.report(f"armed; flying {', '.join(options.motions)}")
             try:
@@ -221,6 +227,18 @@ def deferred_interrupt() -> Iterator[None]:
 def missing_solution(operator: Any) -> str:
     """What is still missing, from /diagnostics."""
     return "a navigation solution\n  " + ("\n  ".join(node_problems(operator)) or "no node has reported anything")
+
+
+def report_devices(operator: Any, heard: dict[str, str], progress: Progress) -> None:
+    """One line when a device or node is up, and one for what it still waits for; `heard` is what they said before."""
+    now = {name.removeprefix("hindrax: "): _trouble(one) for name, one in operator.diagnostics.items()}
+    for sentence in health_changes(heard, now):
+        progress.report(sentence)
+    heard.update(now)
+
+
+def _trouble(status: Any) -> str:
+    return "" if status.level == b"\x00" else str(status.message)
 
 
 def node_problems(operator: Any) -> list[str]:

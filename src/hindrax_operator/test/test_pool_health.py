@@ -6,12 +6,13 @@ import time
 import types
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from hindrax_bringup.liveness import felt, pulse
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_operator.pool_run import Beating
+from hindrax_operator.pool_run import Beating, report_devices
 
 OK, ERROR = b"\x00", b"\x02"
 
@@ -37,3 +38,20 @@ def test_a_pool_test_is_felt(
     with pulse() as beating:
         Beating(beating, "pool-test surge").beat(operator)
         assert felt(tmp_path, time.monotonic()) == found
+
+
+def test_each_device_is_told_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:
+    told: list[str] = []
+    progress: Any = SimpleNamespace(report=told.append)
+    heard: dict[str, str] = {}
+    for level, message in (
+        (ERROR, "has not answered yet"),
+        (ERROR, "has not answered yet"),
+        (ERROR, "gyroscope: resting for 1 s"),
+        (ERROR, "gyroscope: resting for 2 s"),
+        (OK, "measuring"),
+        (OK, "measuring"),
+    ):
+        one = SimpleNamespace(level=level, message=message)
+        report_devices(SimpleNamespace(diagnostics={"hindrax: icm20948": one}), heard, progress)
+    assert told == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]

@@ -1,6 +1,7 @@
 """Depth, heave velocity and altitude from pressure, sonar and accelerometer together: nothing is differentiated.
 
-A Kalman filter (filterpy) with the states depth, its rate, the accelerometer's vertical bias and depth of the floor.
+A Kalman filter with the states depth, its rate, the accelerometer's vertical bias and depth of the floor. It is written
+out, because filterpy takes 1.4 s to import (scipy.stats), which every restart of the control process would wait for.
 COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
 """
 
@@ -11,7 +12,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
 from hindrax_control.navigation.filter_parameters import FilterKnobs
@@ -20,6 +20,7 @@ from hindrax_core.knobs import knob
 Matrix: TypeAlias = NDArray[np.float64]
 Model: TypeAlias = tuple[Matrix, Matrix, Matrix]
 
+IDENTITY = np.eye(4)
 MOST_MODELS = 1000
 
 
@@ -37,10 +38,8 @@ class VerticalFilter:
 
     def __init__(self, knobs: VerticalKnobs) -> None:
         self._knobs = knobs
-        self._kf = KalmanFilter(dim_x=4, dim_z=1, dim_u=1)
-        # One measurement at a time: its innovation covariance is a number, and so is its inverse.
-        self._kf.inv = np.reciprocal
-        self._kf.P = np.diag([1e4, 0.25, knobs.heave_bias_mps2**2, 1e4])
+        self._x: Matrix = np.zeros((4, 1))
+        self._P: Matrix = np.diag([1e4, 0.25, knobs.heave_bias_mps2**2, 1e4])
         self._models: dict[float, Model] = {}
         self._acceleration_mps2 = 0.0
         self._refused = {"depth": 0, "altitude": 0}
@@ -51,9 +50,10 @@ class VerticalFilter:
 
     def predict(self, acceleration_mps2: float, dt_s: float) -> None:
         """Advance by a mean acceleration (down is positive, gravity taken off)."""
-        kf, self._acceleration_mps2 = self._kf, acceleration_mps2
-        kf.F, kf.B, kf.Q = self._models.get(dt_s) or self._model(dt_s)
-        kf.predict(u=acceleration_mps2)
+        self._acceleration_mps2 = acceleration_mps2
+        F, B, Q = self._models.get(dt_s) or self._model(dt_s)
+        self._x = F @ self._x + B * acceleration_mps2
+        self._P = F @ self._P @ F.T + Q
 
     def _model(self, dt: float) -> Model:
         """Transition, input and noise of a tick; kept, because ticks come in a few lengths only."""
@@ -72,8 +72,8 @@ class VerticalFilter:
         """Fuse a depth that was valid `delay_s` ago; False when it is refused."""
         if not self.knows_depth:
             self.knows_depth = True
-            self._kf.x[0, 0] = depth_m
-        p = self._kf.P.tolist()
+            self._x[0, 0] = depth_m
+        p = self._P.tolist()
         variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
         H = np.array([[1.0, -delay_s, 0.0, 0.0]])
         used = self._fuse("depth", depth_m - self._depth_then_m(delay_s), sigma_m, variance, H)
@@ -84,28 +84,29 @@ class VerticalFilter:
         """Fuse a height above the floor that was valid `delay_s` ago; False when it is refused."""
         if not self.knows_floor:
             self.knows_floor = True
-            self._kf.x[3, 0] = altitude_m + self._kf.x[0, 0]
-        p = self._kf.P.tolist()
+            self._x[3, 0] = altitude_m + self._x[0, 0]
+        p = self._P.tolist()
         variance = p[0][0] - 2.0 * delay_s * p[0][1] + delay_s * delay_s * p[1][1] + sigma_m * sigma_m
         variance += p[3][3] - 2.0 * p[0][3] + 2.0 * delay_s * p[1][3]
         H = np.array([[-1.0, delay_s, 0.0, 1.0]])
-        expected_m = float(self._kf.x[3, 0]) - self._depth_then_m(delay_s)
+        expected_m = float(self._x[3, 0]) - self._depth_then_m(delay_s)
         return self._fuse("altitude", altitude_m - expected_m, sigma_m, variance, H)
 
     def _depth_then_m(self, delay_s: float) -> float:
         """Depth some time ago: back along the path, which the known acceleration bends."""
-        (z,), (rate,), _, _ = self._kf.x.tolist()
+        (z,), (rate,), _, _ = self._x.tolist()
         return float(z - delay_s * rate + 0.5 * delay_s * delay_s * self._acceleration_mps2)
 
     def _fuse(self, source: str, off: float, sigma: float, variance: float, H: Matrix) -> bool:
         if not off * off <= self._knobs.gate**2 * variance:
             return self._refuse(source, off)
         self._refused[source] = 0
-        kf = self._kf
-        # filterpy compares with H x; the bend of the path is moved to the other side.
-        z, rate, _, floor = (one[0] for one in kf.x.tolist())
-        straight = H[0, 0] * z + H[0, 1] * rate + H[0, 3] * floor
-        kf.update(off + straight, R=sigma * sigma, H=H)
+        # One measurement at a time: its innovation covariance is a number. The covariance in Joseph's form stays one.
+        cross, R = self._P @ H.T, sigma * sigma
+        gain = cross / (H @ cross + R)
+        self._x = self._x + gain * off
+        kept = IDENTITY - gain @ H
+        self._P = kept @ self._P @ kept.T + R * (gain @ gain.T)
         return True
 
     def _refuse(self, source: str, off: float) -> bool:
@@ -114,25 +115,25 @@ class VerticalFilter:
         if self._refused[source] >= self._knobs.patience:
             self._refused[source] = 0
             state = 0 if source == "depth" else 3
-            self._kf.P[state, state] += off * off
+            self._P[state, state] += off * off
         return False
 
     @property
     def depth_m(self) -> float:
         """Depth; NaN before the first pressure."""
-        return float(self._kf.x[0, 0]) if self.knows_depth else math.nan
+        return float(self._x[0, 0]) if self.knows_depth else math.nan
 
     @property
     def rate_mps(self) -> float:
         """Downward velocity."""
-        return float(self._kf.x[1, 0])
+        return float(self._x[1, 0])
 
     @property
     def rate_variance(self) -> float:
         """Variance of the downward velocity [m^2/s^2]."""
-        return float(self._kf.P[1, 1])
+        return float(self._P[1, 1])
 
     @property
     def altitude_m(self) -> float:
         """Height above the floor; NaN before the first echo."""
-        return float(self._kf.x[3, 0] - self._kf.x[0, 0]) if self.knows_floor else math.nan
+        return float(self._x[3, 0] - self._x[0, 0]) if self.knows_floor else math.nan

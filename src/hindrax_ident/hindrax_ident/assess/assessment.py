@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -124,7 +124,7 @@ def _with_common_stiffness(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit
     if len(found) < 2:
         return {}
     (value, variance), (other, its_variance) = found.values()
-    if (value - other) ** 2 > float(chi2.isf(CONTRADICTION, 1)) * (variance + its_variance):
+    if (value - other) ** 2 > float(chdtri(1, CONTRADICTION)) * (variance + its_variance):
         return {}
     exchanged = dict(zip(found, reversed(found.values()), strict=True))
     return {axis: replace(one, fit=_refit_with(one, at, *exchanged[axis])) for axis, one in drafts.items()}

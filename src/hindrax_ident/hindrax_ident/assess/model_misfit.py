@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse
@@ -86,7 +86,7 @@ def check_form(fit: OutputErrorFit) -> FormCheck:
     x = path.v / high
     forms = np.stack([x**3] if model.split else [np.abs(x), x * x, x**3], axis=1)
     found = score(fit, -forms * fit.problem.grid.steps_s[:, None])
-    significant = found.distance > float(chi2.isf(CHANCE, forms.shape[1]))
+    significant = found.distance > float(chdtri(forms.shape[1], CHANCE))
     force = np.abs(model.columns(np.array([high]), np.zeros(1))[0, : model.drags] @ fit.theta[: model.drags])
     beyond = _beyond(found.values, found.shifts, fit, high)
     description = "its form is not k_q |v| v + k_l v" if model.split else "a current, an asymmetric hull or another law"

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter
 
 from hindrax_ident.arrays import Array
 
@@ -52,6 +51,8 @@ def color_backward(a: Array, x: Array) -> Array:
     """Transposed coloring filter over the columns of one piece, (n, m): x'x becomes x' Omega x at unit innovation."""
     if not len(a):
         return x
+    from scipy.signal import lfilter  # noqa: PLC0415  # takes 1.1 s; the live identifier never comes here
+
     return np.asarray(lfilter([1.0], np.concatenate([[1.0], -a]), x[::-1], axis=0)[::-1])
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.noise_likelihood import DisturbanceProfile, disturbance_profile
@@ -32,7 +32,7 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
         return {}
     tried = array(np.geomspace(min(found) / BEYOND, max(found) * BEYOND, POINTS))
     profiles = {axis: _profile(fit, tried) for axis, fit in fits.items()}
-    limit = float(chi2.isf(CHANCE, 1))
+    limit = float(chdtri(1, CHANCE))
     while len(profiles) > 1:
         total = np.sum([one.cost for one in profiles.values()], axis=0)
         best = int(np.argmin(total))

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.autoregression import color_backward, effective_samples, fit_autoregression
@@ -298,7 +298,7 @@ def _inflation(linear: LinearizedProblem, problem: OutputErrorProblem, inverse: 
     # Blocks with little information on a parameter add few degrees of freedom to its scatter.
     shares = np.array([np.diag(inverse @ information @ inverse) for information in informations])
     freedom = np.maximum(1.0, shares.sum(axis=0) ** 2 / np.sum(shares**2, axis=0) - 1.0)
-    limit = array(chi2.ppf(CHANCE, freedom)) / freedom
+    limit = array(chdtri(freedom, 1.0 - CHANCE)) / freedom
     return array(np.where(ratio > limit, np.sqrt(ratio), 1.0))
 
 
