@@ -91,6 +91,14 @@ def _least_width(table: Table) -> int:
     return wide.measure(table).maximum - spare
 
 
+def measured(value: float, std: float) -> str:
+    """A value with the digits that its standard deviation, rounded to two, leaves it: 2.338 +- 0.047."""
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
+        return f"{value:.4g} +- {std:.2g}"
+    places = max(0, 1 - math.floor(math.log10(float(f"{std:.1e}"))))
+    return f"{value:.{places}f} +- {std:.{places}f}"
+
+
 def print_values(title: str, rows: Sequence[tuple[str, object, str]]) -> None:
     """Print a table of name, value (with its standard deviation, if any) and unit."""
     table = make_table(title, ["what"], ["value", "std"], ["unit"])

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, measured, print_table
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
 NOTE = "a sentence that may well go on for more than one line of a narrow screen"
@@ -44,3 +44,19 @@ def test_a_narrow_screen_gets_every_value_behind_its_heading(
 
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.search(rf"{TOPIC}.*66.4801234.*{NOTE}", shown(capsys, monkeypatch, None))
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "text"),
+    [
+        (2.3379, 0.0471, "2.338 +- 0.047"),
+        (66.4801, 10.2049, "66 +- 10"),
+        (1234.5, 321.0, "1234 +- 321"),
+        (0.12345, 0.000996, "0.1235 +- 0.0010"),
+        (1.0, 0.0, "1 +- 0"),
+        (66.48012, float("inf"), "66.48 +- inf"),
+        (float("nan"), float("nan"), "nan +- nan"),
+    ],
+)
+def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std: float, text: str) -> None:
+    assert measured(value, std) == text

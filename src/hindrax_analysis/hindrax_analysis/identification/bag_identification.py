@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.markup import escape
+
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write_coefficients, write_report
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.report.published import CITATION, PAPER
+from hindrax_analysis.terminal import make_table, measured, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
@@ -57,20 +60,21 @@ def identify_bag(bag: Path, vehicle: Vehicle, *, mock: bool = False, tuning: Tun
 def show(identified: IdentifiedBag) -> None:
     """Print coefficients with the true values of the mock and the paper's; then unidentifiable motions with reasons."""
     motions = identified.results.motions
-    truths = ("truth",) if identified.mock else ()
     name = identified.results.vehicle.name
-    papers = ("COB-2023-1394",) if any(published_of(name, motion) for motion in motions) else ()
-    numbers = ("value", "+-", "calibrated", *truths, *papers)
-    table = make_table("Identified coefficients (SI, SNAME axes)", ("motion", "coefficient"), numbers)
+    papers = (PAPER,) if any(published_of(name, motion) for motion in motions) else ()
+    numbers = ("value +- std", *(("truth",) if identified.mock else ()), *papers)
+    table = make_table("Identified coefficients, SNAME axes", ("motion", "coefficient"), numbers)
     for motion, result in motions.items():
         published = published_of(name, motion)
         paper = published.in_our_axes if published else {}
         for key, number in result.coefficients.items():
-            truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.2f}",)
+            truth = () if not identified.mock else ("" if number.truth is None else f"{number.truth:.4g}",)
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
-            row = (motion, key, f"{number.value:.3f}", f"{number.std:.3f}", f"{number.std_calibrated:.3f}")
-            table.add_row(*row, *truth, *((printed,) if papers else ()))
+            row = (motion, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated))
+            table.add_row(*(escape(cell) for cell in row), *truth, *((printed,) if papers else ()))
     print_table(table)
+    if papers:
+        print(f"{PAPER}: {CITATION}")
     for motion, result in motions.items():
         if not result.identifiable:
             print(f"{motion}: not identifiable")

@@ -42,6 +42,8 @@ _ROWS: Mapping[str, Published] = {
 PUBLISHED: Mapping[str, Published] = {**_ROWS, "heave_up": replace(_ROWS["heave_up"], along_motion=True)}
 """COB-2023-1394 tables 3 and 4: N, N m, SI; one standard deviation."""
 
+PAPER = "COB-2023-1394"
+CITATION = "27th ABCM International Congress of Mechanical Engineering (COBEM 2023), paper 1394, tables 3 and 4"
 VEHICLE = "hindrax"
 
 
