@@ -9,16 +9,22 @@ from pathlib import Path
 import pytest
 
 from hindrax_core.driver_interface import Output
-from hindrax_core.events import Stamp
+from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
-from hindrax_sim.mock_vehicle import MockVehicle, run_for
+from hindrax_sim.mock_vehicle import MockVehicle
 
 FILE = Path(__file__).parents[2] / "src/hindrax_bringup/vehicles/hindrax.yaml"
 MOVING = (1650.0,) * 8
+
+
+def run_for(mock: MockVehicle, seconds: float) -> None:
+    end = mock.hardware.stamp + stamp_from_s(seconds)
+    while mock.hardware.stamp < end:
+        mock.step()
 
 
 class Ears:
@@ -41,7 +47,7 @@ class Ears:
     def deliver(self, outputs: Iterable[Output]) -> None:
         pass
 
-    def rest(self) -> None:
+    def on_idle(self) -> None:
         pass
 
 

@@ -80,7 +80,7 @@ class Bench:
     def deliver(self, outputs: Iterable[Output]) -> None:
         self.said += outputs
 
-    def rest(self) -> None:
+    def on_idle(self) -> None:
         pass
 
     @property

@@ -71,7 +71,7 @@ class Flight:
     def deliver(self, _outputs: Iterable[Output]) -> None:
         raise AssertionError("a register says nothing by itself")
 
-    def rest(self) -> None:
+    def on_idle(self) -> None:
         pass
 
     @property

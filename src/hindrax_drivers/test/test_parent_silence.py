@@ -30,6 +30,6 @@ def test_both_clocks_must_tell(output_s: float, wall_s: float, silent: bool) -> 
 def test_a_word_ends_the_silence() -> None:
     silence = ParentSilence(START, 50.0)
     later = after(START, 5.0)
-    silence.heard(later, 55.0)
+    silence.on_beat(later, 55.0)
     assert not silence.silent(after(later, 0.9), 55.9)
     assert silence.silent(after(later, 1.0), 56.0)

@@ -11,12 +11,11 @@ pilot with its holds and maneuvers, command guard, allocator, output guard, iden
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.allocation.applied_wrench import AppliedWrench
-from hindrax_control.allocation.wrench_guard import FSD, WrenchGuard
+from hindrax_control.allocation.allocation_cycle import AllocationCycle
+from hindrax_control.allocation.wrench_guard import FSD
 from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import UsageError
@@ -67,12 +66,9 @@ class Onboard:
     def __init__(self, vehicle: Vehicle, pilot: Pilot, session: Session, write: Write) -> None:
         self.navigator = Navigator(vehicle)
         self.session = session
-        self.disabled: frozenset[str] = frozenset()
         self.order = LockstepCommand()
         self._pilot, self._write = pilot, write
-        self._allocator = Allocator(vehicle)
-        self._limits = WrenchGuard(vehicle)
-        self._applied = AppliedWrench(vehicle)
+        self.cycle = AllocationCycle(vehicle)
         self._guard = OutputGuard(len(vehicle.thrusters))
         self._state = self._guard.start(Stamp(0))
         self._health = EstimatorHealth(vehicle)
@@ -81,8 +77,7 @@ class Onboard:
         self._feed = Feed(vehicle, session.tuning)
         self._became: Allocation | None = None
         self._phase = IDLE
-        self._sequence = 0
-        self._planned: tuple[int, ...] = ()
+        self._requests = 0
 
     @property
     def armed(self) -> bool:
@@ -117,18 +112,19 @@ class Onboard:
         return events
 
     def _command(self, order: LockstepCommand, stamp: Stamp, now: Stamp, events: list[Event]) -> None:
-        """Wrench to pulses: limits, allocation, output guard; then the wrench achieved by the applied pulses."""
+        """Wrench to pulses: allocation with its guard, output guard; then the wrench achieved by the applied pulses."""
         self._arm(order.armed and not self.unhealthy, now)
-        self.disabled |= order.disabled
-        accepted = self._limits.step(order.wrench if self.armed and not self.unhealthy else ZERO6, FSD, stamp, now)
-        plan = self._allocator.allocate(accepted.wrench or ZERO6, self.disabled, self._planned)
-        self._planned = plan.pulses_us
-        self._sequence += 1
-        command = Command(tuple(map(float, plan.pulses_us)), (), now, self._sequence)
+        if not order.disabled <= self.cycle.disabled:
+            self.cycle.disable(self.cycle.disabled | order.disabled)
+        wanted = order.wrench if self.armed and not self.unhealthy else ZERO6
+        planned = self.cycle.command(wanted, FSD, stamp, now)
+        if planned is None:
+            return
+        command = Command(tuple(map(float, planned.pulses_us)), (), now, planned.sequence)
         self._state, answer = self._guard.command(self._state, command, now)
         if isinstance(answer, Refusal):
             return
-        applied = self._achieved(plan, self._write(answer.thrusters))
+        applied = self.cycle.achieved(planned.sequence, self._write(answer.thrusters))
         self._state = self._guard.written(self._state)
         self._became = applied
         self.navigator.thrust(now, applied.forces_N)
@@ -140,21 +136,12 @@ class Onboard:
         arming = self._state.phase in {"arming", "armed"}
         if wanted == arming:
             return
-        self._sequence += 1
-        request = Request(now, self._sequence)
+        self._requests += 1
+        request = Request(now, self._requests)
         if wanted:
             self._state, _ = self._guard.arm(self._state, request, now)
         else:
             self._state, _ = self._guard.disarm(self._state, request, now)
-
-    def _achieved(self, plan: Allocation, pulses_us: tuple[float, ...]) -> Allocation:
-        """Allocation of the applied pulses; the guard may have limited them, the output rounded them."""
-        if pulses_us == plan.pulses_us:
-            return plan
-        forces = self._applied.forces_N(pulses_us)
-        achieved = self._applied.wrench(forces)
-        X, Y, Z, K, M, N = (one - other for one, other in zip(plan.wanted, achieved, strict=True))
-        return replace(plan, achieved=achieved, shortfall=(X, Y, Z, K, M, N), forces_N=forces)
 
     def _learn(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
         for event in self._feed.step(measurement):

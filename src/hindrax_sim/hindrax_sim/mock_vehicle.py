@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 from hindrax_core.bus_operations import Transaction
-from hindrax_core.events import Stamp, stamp_from_s, to_s
+from hindrax_core.events import Stamp, to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.mock_server import BusServer
@@ -161,10 +161,3 @@ class MockVehicle(Ports):
         faults: Sequence[FaultSpec] = (),
     ) -> None:
         super().__init__(Hardware(vehicle, seed, conditions, faults), folder, rate=rate)
-
-
-def run_for(mock: MockVehicle, seconds: float) -> None:
-    """Advance time without other processes: for tests and warm-up."""
-    end = Stamp(mock.hardware.stamp + stamp_from_s(seconds))
-    while mock.hardware.stamp < end:
-        mock.step()

@@ -145,7 +145,7 @@ def test_a_surge_run_finds_the_drag_and_never_touches_a_wall() -> None:
 
 def test_a_failed_thruster_is_told_to_the_allocator() -> None:
     step = Lockstep(VEHICLE, Idle((5.0, 0.0, 0.0, 0.0, 0.0, 0.0)), faults=[parse_fault("thruster_fails:T3@0+60")])
-    step.onboard.disabled = frozenset({"T3"})
+    step.onboard.cycle.disable(frozenset({"T3"}))
     last = events(step, 12.0, Allocation)[-1].reading
     assert last.forces_N[2] == 0.0
     assert last.disabled == ("T3",)

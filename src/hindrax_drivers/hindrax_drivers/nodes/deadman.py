@@ -66,7 +66,7 @@ class NeutralWriter:
             self.trouble = ""
         except DeviceError as error:
             if str(error) != self.trouble:
-                say(f"cannot write neutral: {error}")
+                report(f"cannot write neutral: {error}")
             self.trouble = str(error)
 
     def wait(self, until: Stamp, readable: int) -> None:
@@ -179,8 +179,8 @@ class DeadMan:
                 break
             failures = 0 if time.monotonic() - child.born_s > WELL_AFTER_S else failures + 1
             wait_s = BACK_OFF_S[min(failures, len(BACK_OFF_S) - 1)]
-            say(f"the node ended with {code}; neutral is on the wire, it is started again in {wait_s:g} s")
-            if not self._rest(wait_s):
+            report(f"the node ended with {code}; neutral is on the wire, it is started again in {wait_s:g} s")
+            if not self._wait(wait_s):
                 break
         self._neutral.write()
         self._neutral.close()
@@ -210,7 +210,7 @@ class DeadMan:
         """Whether the child has not ended in the time that it was given for it."""
         return self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
 
-    def _rest(self, seconds: float) -> bool:
+    def _wait(self, seconds: float) -> bool:
         """Repeat neutral for a while; False when asked to stop."""
         never, closed = os.pipe()
         end_s = time.monotonic() + seconds
@@ -245,8 +245,8 @@ def write_neutral(settings: Settings) -> int:
     return 0
 
 
-def say(text: str) -> None:
-    """Tell the operator, in the log of the process."""
+def report(text: str) -> None:
+    """One line to the operator, in the log of the process."""
     with contextlib.suppress(OSError):  # nobody may be left to read it
         sys.stderr.write(f"thrusters: {text}\n")
         sys.stderr.flush()
@@ -258,7 +258,7 @@ def main() -> int:
     try:
         settings = read_settings(arguments)
     except HindraxError as error:
-        say(str(error))
+        report(str(error))
         return error.exit_code
     if arguments[:1] == [NEUTRAL_WORD]:
         return write_neutral(settings)

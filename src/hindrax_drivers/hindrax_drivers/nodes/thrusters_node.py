@@ -103,7 +103,7 @@ class ThrustersNode(DeviceNode):
         said = ThrusterStateFields(applied.stamp, applied.phase is Phase.ARMED, applied.pulses_us, applied.sequence)
         self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
 
-    def rest(self) -> None:
+    def on_idle(self) -> None:
         """Send the queued messages."""
         self.publish_queue.flush()
 
@@ -180,7 +180,7 @@ def watch_parent(life: int, node: ThrustersNode) -> None:
                 break
             now, now_s = node.now(), time.monotonic()
             if ready:
-                silence.heard(now, now_s)
+                silence.on_beat(now, now_s)
             if silence.silent(now, now_s) is not silent:
                 silent = not silent
                 node.on_dead_man(answers=not silent)

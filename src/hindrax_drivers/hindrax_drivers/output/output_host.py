@@ -50,7 +50,7 @@ class OutputListener(Protocol):
     def deliver(self, outputs: Iterable[Output]) -> None:
         """The output reported something."""
 
-    def rest(self) -> None:
+    def on_idle(self) -> None:
         """The output is idle: time for work that no thruster waits for."""
 
 
@@ -76,21 +76,21 @@ class OutputHost:
         """Check a command; the next `turn` writes it."""
         now = self._output.now()
         if self._inhibited_because:
-            self._take(Refusal("inhibited", self._inhibited_because), now)
+            self._queue(Refusal("inhibited", self._inhibited_because), now)
             return
         self._state, said = self._guard.command(self._state, command, now)
-        self._take(said, now)
+        self._queue(said, now)
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1; the next `turn` writes it."""
         now = self._output.now()
         if self._inhibited_because:
-            self._take(Refusal("inhibited", self._inhibited_because), now)
+            self._queue(Refusal("inhibited", self._inhibited_because), now)
             return
         self._state, said = self._guard.light(self._state, levels, now)
-        self._take(said, now)
+        self._queue(said, now)
 
-    def _take(self, said: Pulses | Refusal, now: Stamp) -> None:
+    def _queue(self, said: Pulses | Refusal, now: Stamp) -> None:
         if isinstance(said, Refusal):
             self._listener.refused(said, now)
         else:
@@ -144,7 +144,7 @@ class OutputHost:
         self._set_up_at = now
         self._output.shut_off()
         self._listener.troubled(why)
-        self._tell()
+        self._report()
 
     def _recover(self) -> None:
         """Set the output up, which brings it to neutral; it comes back disarmed."""
@@ -157,7 +157,7 @@ class OutputHost:
             self._set_up_at = after(now, SET_UP_AGAIN_S)
             self._state = self._guard.fault(self._state, str(error), now)
             self._listener.troubled(str(error))
-            self._tell()
+            self._report()
             return
         now = self._checked_at = self._output.now()
         self._state = self._guard.restored(self._state, now) if self._was_set_up else self._guard.start(now)
@@ -193,7 +193,7 @@ class OutputHost:
             return
         self._state = self._guard.written(self._state)
         self._last = pulses
-        self._tell()
+        self._report()
 
     def _check(self) -> None:
         """Verify the output once a second; write again before reporting a mismatch."""
@@ -211,7 +211,7 @@ class OutputHost:
             except DeviceError as error:
                 self.broken(str(error))
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state = self._state
         made = self._output.applied(self._last)

@@ -139,6 +139,6 @@ class OutputThread:
         due = host.turn()
         self._ready = host.ready
         try:
-            output.wait(due, self._listener.rest)
+            output.wait(due, self._listener.on_idle)
         except DeviceError as error:
             host.broken(str(error))

@@ -19,7 +19,7 @@ class ParentSilence:
     heard_at: Stamp
     heard_s: float
 
-    def heard(self, now: Stamp, now_s: float) -> None:
+    def on_beat(self, now: Stamp, now_s: float) -> None:
         """The dead man lives."""
         self.heard_at, self.heard_s = now, now_s
 

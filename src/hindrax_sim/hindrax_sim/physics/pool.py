@@ -38,11 +38,6 @@ class PoolWalls:
         if any(outside):
             _push_back(plant, outside)
 
-    def clearance_m(self, plant: Plant) -> float:
-        """Smallest distance between the hull's bounding box and a wall; negative is in the wall."""
-        extent, center = self._extent(plant), self._center(plant)
-        return min(limit - half - abs(at) for limit, half, at in zip(self._limits[:2], extent, center, strict=False))
-
     def _beyond(self, plant: Plant) -> Vec3:
         """Signed distance of the hull beyond the box, along x, y, z [m]."""
         (x, y, z), (ex, ey, ez) = self._center(plant), self._extent(plant)
