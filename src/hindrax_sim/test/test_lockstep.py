@@ -116,7 +116,8 @@ def test_both_rigs_say_the_same_kinds_of_things() -> None:
         said = set()
         while rig.world.stamp < end:
             said |= {(name, type(one.reading).__name__) for name, one in rig.advance()}
-        return {one for one in said if one[1] != "DeviceText"}
+        # What the navigator has no use for comes from emulators alone.
+        return {one for one in said if one[1] not in {"DeviceText", "Position", "SonarHealth"}}
 
     assert kinds(ReadingsRig(VEHICLE, 1)) == kinds(BytesRig(VEHICLE, 1))
 
