@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_analysis.identification.montecarlo import trial_of
+from hindrax_analysis.identification.montecarlo import HullTruth, trial_of
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
@@ -52,13 +52,17 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle: Vehicle) -> No
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2), plateau_s=5.0):
         session.step(event)
-    trial = trial_of(7, vehicle, session.finalize())
+    hull = HullTruth(
+        {"surge": {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}},
+        lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v,
+    )
+    trial = trial_of(7, vehicle, session.finalize(), hull)
     keys = {(one.coefficient, one.method) for one in trial.found}
     assert {("k_q", "output-error"), ("added_mass", "output-error"), ("k_q", "rls"), ("k_q", "plateaus")} <= keys
     assert all(one.bound > 0.0 for one in trial.found)
     refined = [one for one in trial.found if one.method == "output-error"]
     assert all(abs(one.error) < 4.0 * one.bound for one in refined)
-    assert [one.share for one in trial.drag] == [0.25, 0.5, 1.0]
+    assert [one.share for one in trial.drag] == [0.25, 0.25, 0.5, 0.5, 1.0, 1.0]
     assert abs(trial.drag[-1].error) < 0.02
 
 
