@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 
 import pytest
 
+from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import UsageError
+from hindrax_core.events import after
+from hindrax_core.readings import Leak
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, stream_faults, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine
+from hindrax_sim.lockstep_rigs import BytesRig
 
 
 @pytest.mark.parametrize(
@@ -217,3 +222,12 @@ def test_only_the_faults_of_a_device_fall_on_it() -> None:
     assert device.done == ["truth told"]
     assert b"".join(chunk for _, chunk in chunks(faulty, 39.0)) == b"0123456789" * 390
     assert faulty.baud == 115200
+
+
+def test_a_leak_reaches_the_probe_and_goes_with_the_water() -> None:
+    rig = BytesRig(hindrax_with("sos_leak"), seed=1, faults=[FaultSpec("leak", ("hull",), 1.0, 1.0)])
+    end, heard = after(rig.world.stamp, 3.5), []
+    while rig.world.stamp < end:
+        heard += [one for name, one in rig.advance() if name == "sos_leak"]
+    told = [key for key, _ in groupby(one.reading.wet for one in heard if isinstance(one.reading, Leak))]
+    assert told == [False, True, False]
