@@ -94,9 +94,12 @@ def processes(found: list[Said]) -> set[tuple[str, str]]:
 
 
 def words_of(found: list[Said]) -> list[str]:
-    """Words of the one process that is no node of ROS, with numbers where the user's choice stands."""
+    """Words of the one process that is no node of ROS, with a choice of ours where that of the user stands."""
     (process,) = (one for one in found if one.kind == "ExecuteProcess")
-    return [one if isinstance(one, str) else "1" for one in process.keywords["cmd"][1:]]
+    return [
+        one if isinstance(one, str) else {"world": "ideal"}.get(one.words[0], "1")
+        for one in process.keywords["cmd"][1:]
+    ]
 
 
 def pairs(wanted: tuple[Process, ...]) -> set[tuple[str, str]]:
