@@ -1,4 +1,7 @@
-"""What DVL, pressure, sonar and compass tell the navigator's filters, each at its own time of validity."""
+"""Updates of the filters by DVL, pressure, sonar and compass, each at its own time of validity.
+
+Pressure becomes depth here: (pressure - surface) / (density * gravity), at the lever of the sensor.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 A Kalman filter with the states depth, its rate, the accelerometer's vertical bias and depth of the floor. It is written
 out, because filterpy takes 1.4 s to import (scipy.stats), which every restart of the control process would wait for.
 COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
+Pressure becomes depth in `aiding.py`.
 """
 
 from __future__ import annotations

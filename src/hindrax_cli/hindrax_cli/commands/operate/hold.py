@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Send setpoints and wait until the pilot has them."""
     axes, value, engaged = parse(arguments.axis, arguments.value)
-    from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # wrong words are refused before rclpy is loaded
+    from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # invalid arguments are refused before rclpy is loaded
 
     with operator_of(arguments) as operator:
         found = hold(operator, axes, value, engaged=engaged)

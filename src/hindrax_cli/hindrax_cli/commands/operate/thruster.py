@@ -83,7 +83,7 @@ def _set_health(arguments: argparse.Namespace) -> int:
     names = set(arguments.which)
     if not names:
         raise UsageError(f"thruster {arguments.what}: found no thruster, wanted one or more such as T3")
-    from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # wrong words are refused before rclpy loads
+    from hindrax_operator.nodes.orders import set_health  # noqa: PLC0415  # invalid arguments are refused before rclpy loads
 
     with operator_of(arguments) as operator:
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")

@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     found = presence_of(arguments)
     if found is not None:
         require_within(wrench, load_vehicle(found.vehicle).limits.wrench)
-    from hindrax_operator.nodes.orders import apply_wrench, require_armed  # noqa: PLC0415  # wrong words cost no rclpy
+    from hindrax_operator.nodes.orders import apply_wrench, require_armed  # noqa: PLC0415  # invalid arguments cost no rclpy
 
     with operator_of(arguments) as operator:
         require_armed(operator)
