@@ -108,8 +108,8 @@ build_inputs() (
   export LC_ALL=C
   find src setup/tf2_msgs -type f \( -name package.xml -o -name setup.cfg -o -name setup.py -o -name CMakeLists.txt \
     -o -name '*.msg' -o -name '*.srv' -o -name '*.action' \) -print0 | sort -z | xargs -0 sha256sum
-  find src -name __pycache__ -prune -o -type f \( -path './*/launch/*' -o -path './*/vehicles/*' \
-    -o -path './*/resource/*' \) -print | sort
+  find src -name __pycache__ -prune -o -type f \( -path 'src/*/launch/*' -o -path 'src/*/vehicles/*' \
+    -o -path 'src/*/resource/*' \) -print | sort
 )
 
 fingerprint() {

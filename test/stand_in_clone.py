@@ -45,7 +45,7 @@ case "$(basename "$0") $*" in
     env=$(dirname "$(dirname "$(sed 's/.*--python \([^ ]*\) .*/\1/' <<<"$*")")")
     echo half >"$env/half"; half_done install; rm -f "$env/half"
     echo installed >"$env/rclpy"; play "$env" colcon ;;
-  'colcon build')
+  'colcon build '*)
     # Before it says that it begins: a test may interrupt it at once.
     trap '[ -z "${pause-}" ] || kill $pause; exit 1' INT
     begin colcon; mkdir -p build install/hindrax_msgs; echo half >build/half; half_done colcon
