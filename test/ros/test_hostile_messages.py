@@ -18,6 +18,7 @@ from geometry_msgs.msg import Twist
 from ideal_vehicle import IdealVehicle
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, Joy
+from std_msgs.msg import Bool
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -39,6 +40,7 @@ from hindrax_core.topics import (
     HOLD_SETPOINT,
     IMU,
     JOYSTICK,
+    LEAK,
     MAGNETIC,
     ODOMETRY,
     OPERATOR_WRENCH,
@@ -95,6 +97,7 @@ def good(topic: Topic, now: Stamp) -> Any:
         BATTERY: lambda: BatteryState(voltage=15.0, present=True),
         JOYSTICK: lambda: Joy(axes=[0.0] * 6, buttons=[0] * 8),
         TWIST: Twist,
+        LEAK: Bool,
     }[topic]()
     if hasattr(made, "header"):
         made.header.stamp = stamp_to_msg(now)
