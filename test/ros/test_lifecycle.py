@@ -33,7 +33,8 @@ pytestmark = pytest.mark.ros
 
 PATIENT_S = 60.0
 LISTEN_S = 0.3
-NAMES = [sensor.name for sensor in SENSORS]
+VEHICLE = load_vehicle(default_vehicle())
+NAMES = [sensor.name for sensor in SENSORS if sensor.name in VEHICLE.sensors]
 
 
 class Sensors:
@@ -86,7 +87,7 @@ def sensors(tmp_path: Path) -> Iterator[Sensors]:
     with (
         own_domain(mock=True) as domain,
         adopted(made := environment(mock=True, domain=domain)),
-        MockVehicle(load_vehicle(default_vehicle()), tmp_path, seed=1, rate=0.0) as mock,
+        MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as mock,
     ):
         values = mock_parameters({"ports": mock.ports, "clock": mock.clock})
         words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}} | values)
