@@ -18,6 +18,7 @@ from hindrax_bringup.liveness import pulse
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate.web import kept_token
 from hindrax_core.errors import HindraxError
 from hindrax_operator import connection
 
@@ -32,6 +33,15 @@ WAITING = replace(FLYING, pid=1, purpose=LAUNCHED, mock=False, bag="", started_s
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     return tmp_path
+
+
+def test_the_token_of_the_page_is_this_users_alone_and_survives_a_restart(runtime: Path) -> None:
+    token = kept_token()
+    assert kept_token() == token
+    assert len(token) >= 32
+    assert (runtime / "web.token").stat().st_mode & 0o077 == 0
+    (runtime / "web.token").unlink()
+    assert kept_token() != token
 
 
 def listed(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:

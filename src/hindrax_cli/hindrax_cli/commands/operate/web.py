@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
+from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import AXES, load_vehicle
@@ -53,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Bind, join the graph, report the address, serve until Ctrl-C."""
     if not 0 <= arguments.port < 1 << 16:
         raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
-    access = Access(hosts_of(arguments.address), secrets.token_urlsafe(TOKEN_bytes))
+    access = Access(hosts_of(arguments.address), kept_token())
     from hindrax_control.maneuver.servable import servable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
@@ -71,6 +72,15 @@ def run(arguments: argparse.Namespace) -> int:
     with asked_to_end() as over:
         _serve(arguments, access, controller, link, over)
     return 0
+
+
+def kept_token() -> str:
+    """Return the token of this user's pages: the same after a restart of the server, so that open pages go on."""
+    file = runtime_folder() / "web.token"
+    file.touch(mode=0o600)
+    token = file.read_text(encoding="ascii") or secrets.token_urlsafe(TOKEN_bytes)
+    file.write_text(token, encoding="ascii")
+    return token
 
 
 def _serve(
