@@ -36,12 +36,12 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_token_of_the_page_is_this_users_alone_and_survives_a_restart(runtime: Path) -> None:
-    token = kept_token()
-    assert kept_token() == token
+    token = kept_token(read_only=False)
+    assert kept_token(read_only=False) == token
     assert len(token) >= 32
     assert (runtime / "web.token").stat().st_mode & 0o077 == 0
-    (runtime / "web.token").unlink()
-    assert kept_token() != token
+    assert kept_token(read_only=True) != token, "who may only watch must not be let in when the page flies again"
+    assert kept_token(read_only=False, new=True) != token
 
 
 def listed(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:

@@ -52,10 +52,10 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.wait("document.getElementById('flying').disabled")
         assert page.vehicle.orders == [Goal(("surge", "yaw"), "plateaus", 1, "hold")]
         page.vehicle.landed("the maneuver ended early, by operator: cancelled", False)
-        seen.wait(f"{text('told')}.includes('ended early')")
+        seen.wait(f"{text('outcomes')}.includes('ended early')")
         for name in ("cancel", "disarm", "stop"):
             seen.run(f"document.getElementById('{name}').click()")
-            seen.wait(f"{text('told')}.includes('{name}: ')")
+            seen.wait(f"{text('outcomes')}.includes('{name}: ')")
         assert page.vehicle.orders[1:] == ["cancel", "disarm", "stop"]
         assert page.heartbeat.present()
 

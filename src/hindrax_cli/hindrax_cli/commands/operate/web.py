@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0: any free one")
     parser.add_argument("--read-only", action="store_true", help="no orders from the page, for people who watch")
+    parser.add_argument("--new-token", action="store_true", help="a new address; those given away stop working")
     parser.add_argument(
         "--runs",
         type=Path,
@@ -54,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Bind, join the graph, report the address, serve until Ctrl-C."""
     if not 0 <= arguments.port < 1 << 16:
         raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
-    access = Access(hosts_of(arguments.address), kept_token())
+    access = Access(hosts_of(arguments.address), kept_token(read_only=arguments.read_only, new=arguments.new_token))
     from hindrax_control.maneuver.servable import servable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
@@ -74,11 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def kept_token() -> str:
-    """Return the token of this user's pages: the same after a restart of the server, so that open pages go on."""
-    file = runtime_folder() / "web.token"
+def kept_token(*, read_only: bool, new: bool = False) -> str:
+    """Return this user's token: the same after a restart, so that open pages go on; one that only watches has its own.
+
+    `new` makes another one, so that addresses that were given away no longer open the page.
+    """
+    file = runtime_folder() / ("web.watch.token" if read_only else "web.token")
     file.touch(mode=0o600)
-    token = file.read_text(encoding="ascii") or secrets.token_urlsafe(TOKEN_bytes)
+    token = ("" if new else file.read_text(encoding="ascii")) or secrets.token_urlsafe(TOKEN_bytes)
     file.write_text(token, encoding="ascii")
     return token
 
