@@ -75,7 +75,7 @@ def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Superviso
             stack = Stack(folder, vehicle, supervisor)
             stack.start(MockOptions(seed=2, rate=2.0), record=False)
             with Operator(mock=True, tick=supervisor.check) as operator:
-                operator.wait(lambda: operator.navigation is not None, 60.0, lambda: "navigation")
+                operator.wait(lambda: operator.navigation is not None, 180.0, lambda: "navigation")
                 ports = stack.mock_facts["ports"]
                 yield supervisor, operator, Wire(ports["thrusters"])
                 assert stack.last_facts()["worst_tilt_deg"] < WORST_TILT_deg
@@ -86,11 +86,11 @@ def dive(operator: Operator, wire: Wire) -> None:
     from hindrax_operator.nodes.orders import hold
 
     since = operator.now()
-    operator.wait(lambda: operator.navigation.stamp > since, 60.0, lambda: "navigation")
-    operator.arm(seconds=60.0)
+    operator.wait(lambda: operator.navigation.stamp > since, 180.0, lambda: "navigation")
+    operator.arm(seconds=180.0)
     for axis, value in (("depth", 0.8), ("heading", NAN), ("roll", 0.0), ("pitch", 0.0)):
         hold(operator, [axis], value, engaged=True)
-    operator.wait(lambda: operator.navigation.reading.depth_m > 0.6, 60.0, lambda: "the vehicle to dive")
+    operator.wait(lambda: operator.navigation.reading.depth_m > 0.6, 180.0, lambda: "the vehicle to dive")
     assert not wire.neutral()
 
 
@@ -107,7 +107,7 @@ def test_the_vehicle_holds_on_without_its_identifier(flying: tuple[Supervisor, O
     dive(operator, wire)
     os.kill(child(supervisor, "identifier"), signal.SIGKILL)
     since = operator.now()
-    operator.wait(lambda: seconds_between(since, operator.now()) > 8.0, 60.0, lambda: "time to pass")
+    operator.wait(lambda: seconds_between(since, operator.now()) > 8.0, 180.0, lambda: "time to pass")
     assert operator.thrusters.armed
     assert operator.navigation.reading.depth_m == pytest.approx(0.8, abs=0.15)
 
@@ -117,12 +117,12 @@ def test_neutral_within_half_a_second_of_a_death(flying: tuple[Supervisor, Opera
     supervisor, operator, wire = flying
     if not operator.thrusters.armed:
         dive(operator, wire)
-    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
     os.kill(child(supervisor, name), signal.SIGKILL)
     assert wire.seconds_to_neutral() < 0.5
-    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    operator.wait(lambda: not operator.thrusters.armed, 180.0, lambda: "the thrusters to be disarmed")
     since = operator.now()
-    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 60.0, lambda: "time to pass")
+    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 180.0, lambda: "time to pass")
     assert wire.neutral(), "it must not come back armed"
 
 
@@ -130,25 +130,25 @@ def test_neutral_within_half_a_second_of_a_death(flying: tuple[Supervisor, Opera
 def test_neutral_within_two_seconds_of_a_freeze(flying: tuple[Supervisor, Operator, Wire], who: str) -> None:
     supervisor, operator, wire = flying
     dive(operator, wire)
-    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
     pids = [child(supervisor, name) for name in ("control", "sensors", "thrusters") if name in who]
     pids += [supervisor.children["thrusters"].handle.pid] if "dead man" in who else []
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
     assert wire.seconds_to_neutral(supervisor.check) < 2.0
-    operator.wait(lambda: not any(map(is_stopped, pids)), 60.0, lambda: "the frozen ones to be killed")
-    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    operator.wait(lambda: not any(map(is_stopped, pids)), 180.0, lambda: "the frozen ones to be killed")
+    operator.wait(lambda: not operator.thrusters.armed, 180.0, lambda: "the thrusters to be disarmed")
     since = operator.now()
-    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 60.0, lambda: "time to pass")
+    operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 180.0, lambda: "time to pass")
     assert wire.neutral(), "it must not come back armed"
 
 
 def neutral_and_disarmed_after_the_sensors(operator: Operator, wire: Wire) -> None:
     """The sensors come back, the state begins anew, and nothing thrusts on it."""
-    operator.wait(lambda: not operator.thrusters.armed, 60.0, lambda: "the thrusters to be disarmed")
+    operator.wait(lambda: not operator.thrusters.armed, 180.0, lambda: "the thrusters to be disarmed")
     assert operator.thrusters.reason.startswith(("restart: ", "no command for "))
     since = operator.now()
-    operator.wait(lambda: seconds_between(since, operator.navigation.stamp) > 3.0, 60.0, lambda: "navigation")
+    operator.wait(lambda: seconds_between(since, operator.navigation.stamp) > 3.0, 180.0, lambda: "navigation")
     assert wire.neutral(), "it must not come back armed"
 
 
@@ -156,7 +156,7 @@ def test_a_death_of_the_sensors_in_a_hold_ends_thrust(flying: tuple[Supervisor, 
     supervisor, operator, wire = flying
     if not operator.thrusters.armed:
         dive(operator, wire)
-    operator.wait(lambda: not wire.neutral(), 60.0, lambda: "the thrusters to work")
+    operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
     os.kill(child(supervisor, "sensors"), signal.SIGKILL)
     assert wire.seconds_to_neutral() < 0.5
     neutral_and_disarmed_after_the_sensors(operator, wire)

@@ -21,7 +21,9 @@ from hindrax_sim.world import Conditions
 
 MADE_UP_S = 0.1
 PATIENCE_S = 0.1
-"""Wall time for which an awake client may hold up time: a hung client must not stop the mock."""
+"""Wall time for which an awake client may hold up one step: a hung client must not stop the mock."""
+FROZEN_S = 2.0
+"""Wall time that clients may hold up one step after the other; then they no longer do, until they sleep again."""
 
 
 class HardwareBehindPorts(Protocol):
@@ -52,6 +54,7 @@ class Ports:
         self.last_write: Stamp | None = None
         """Time of the mock at the last write of a control loop that uses this clock."""
         self._step_began = time.monotonic()
+        self._held_up_s = 0.0
         self.after_step: list[Callable[[Stamp], None]] = []
         """Called with the time after every step."""
 
@@ -76,6 +79,11 @@ class Ports:
     def clock(self) -> str:
         """Port name of the mock's clock."""
         return f"mock:{self._socket}"
+
+    @property
+    def held_up_by(self) -> list[str]:
+        """Names of the clients for which time waits."""
+        return self._server.busy()
 
     def step(self) -> None:
         """Advance one step, then serve the clients; wait as the governor requires."""
@@ -122,10 +130,15 @@ class Ports:
             self._server.wake(name)
 
     def _wait_for_clients(self, now: Stamp) -> None:
-        """Hold time while a client works, for at most `PATIENCE_S`."""
-        deadline = time.monotonic() + PATIENCE_S
-        while self._server.busy() and time.monotonic() < deadline:
+        """Hold time while a client works, for at most `PATIENCE_S`; one that is frozen holds it `FROZEN_S` in all."""
+        began_s = now_s = time.monotonic()
+        while (busy := self.held_up_by) and now_s < began_s + PATIENCE_S:
             self._server.serve(now, 0.005)
+            now_s = time.monotonic()
+        self._held_up_s = self._held_up_s + now_s - began_s if busy else 0.0
+        if self._held_up_s > FROZEN_S:
+            self._server.no_longer_wait()
+            self._held_up_s = 0.0
 
     def _wait(self, now: Stamp) -> None:
         """Serve clients until the minimum wall time of the step is over."""

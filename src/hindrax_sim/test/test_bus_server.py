@@ -1,20 +1,26 @@
 """Client and server of the virtual bus: transactions, errors, and the clock that jumps while everybody sleeps."""
 
+import itertools
 import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
 from hindrax_core.events import Stamp
+from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.mock_bus import VirtualBus
 from hindrax_drivers.buses.ports import open_bus, open_clock
+from hindrax_sim import mock_vehicle
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.mock_vehicle import MockVehicle
 
 
 class Echo:
@@ -158,6 +164,31 @@ def test_a_client_is_roused_by_name(tmp_path: Path) -> None:
         assert server.busy() == ["dvl75"]
         sleeper.join()
         assert done == [7]
+
+
+def test_a_frozen_client_holds_up_the_steps_of_a_mock_only_for_a_while(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, vehicle: Vehicle
+) -> None:
+    ticks = itertools.count()
+    monkeypatch.setattr(mock_vehicle, "time", SimpleNamespace(monotonic=lambda: 0.04 * next(ticks)))
+    with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock, socket.socket(socket.AF_UNIX) as frozen:
+        frozen.connect(mock.clock.removeprefix("mock:"))
+        frozen.send(mock_protocol.hello("control"))
+        held = []
+        for _ in range(2):
+            frozen.send(mock_protocol.sleep(mock.hardware.stamp))
+            _step_until(mock, lambda: bool(mock.held_up_by))
+            held.append(mock.held_up_by)
+            _step_until(mock, lambda: not mock.held_up_by)
+        assert held == [["control"]] * 2
+
+
+def _step_until(mock: MockVehicle, condition: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        mock.step()
+    raise AssertionError("never came true")
 
 
 def _serve_until(server: BusServer, condition: Callable[[], bool]) -> None:
