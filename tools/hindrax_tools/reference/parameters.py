@@ -14,6 +14,7 @@ from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_ident.tuning import Tuning
 from hindrax_tools.reference.knob_table import knob_table
@@ -32,7 +33,7 @@ vehicle file in mock. A node logs a warning for each given parameter that it doe
 
 NODES: Mapping[str, tuple[type[Any], ...]] = {
     **{name: (row.knobs,) for name, row in DEVICES.items()},
-    "thrusters": (OutputGuardKnobs,),
+    "thrusters": (OutputGuardKnobs, OutputAlone),
     "navigator": (NavigatorKnobs,),
     "estimator_health": (EstimatorHealthKnobs,),
     "pilot": (PilotKnobs,),
