@@ -15,7 +15,7 @@ from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
-from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.monitor.snapshot import Frame, ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
 from hindrax_operator.web.reports import Reports
@@ -79,10 +79,14 @@ class FakeVehicle:
     shown: Snapshot = ARMED
     orders: list[object] = field(default_factory=list)
     landed: Callable[[str, bool], None] | None = None
+    frames: dict[str, Frame] = field(default_factory=dict)
     title: str = "mock vehicle, ROS domain 3, process 4711"
 
     def snapshot(self) -> Snapshot:
         return self.shown
+
+    def frame(self, camera: str) -> Frame | None:
+        return self.frames.get(camera)
 
     def stop(self, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append("stop")

@@ -31,14 +31,14 @@ from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.monitor.snapshot import Frame, Snapshot
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE
 from hindrax_operator.web.summary import Chart, finite, summary
 
-GETS = ("/events", "/reports", "/reports/one", "/nowhere")
+GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
 POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
 EVERY = [("GET", path) for path in ("/", *GETS)] + [("POST", path) for path in POSTS]
 
@@ -288,6 +288,32 @@ def test_pages_are_bounded_and_make_room_when_they_close(tmp_path: Path, monkeyp
         assert news_has_room(page)
 
 
+# ---- cameras
+
+
+def test_a_frame_of_a_camera_on_the_graph_is_sent_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hindrax_operator.web.request.FRAME_TURNS", 2)
+    with served(tmp_path, replace(ARMED, cameras=("/front/image",))) as page:
+        path = "/camera/%2Ffront%2Fimage"
+        assert page.ask("GET", path)[0] == 304, "no frame yet"
+        page.vehicle.frames["/front/image"] = Frame(7, b"\xff\xd8\xff and so on".replace(b" ", b""))
+        page.vehicle.frames["/back/image"] = page.vehicle.frames["/front/image"]
+        connection = http.client.HTTPConnection(ADDRESS, page.server.port, timeout=20)
+        connection.request("GET", path, headers={"Authorization": f"Bearer {TOKEN}"})
+        with contextlib.closing(connection), connection.getresponse() as answer:
+            assert (answer.status, answer.getheader("Content-Type")) == (200, "image/jpeg")
+            assert answer.read() == page.vehicle.frames["/front/image"].content
+            assert answer.getheader("X-Content-Type-Options") == "nosniff"
+            seen = answer.getheader("ETag")
+        assert page.ask("GET", path, headers={"If-None-Match": seen})[0] == 304
+        for strange in ("/camera/%2Fback%2Fimage", "/camera/", "/camera/..%2F..%2Fetc%2Fpasswd"):
+            assert page.ask("GET", strange)[0] == 404
+        page.vehicle.frames["/front/image"] = Frame(8, b"<svg onload=alert(1)>")
+        status, _, text = page.ask("GET", path)
+        assert status == 415
+        assert "wanted JPEG, PNG or WebP" in text
+
+
 # ---- clients that are slow
 
 
@@ -425,14 +451,28 @@ def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path: Path) -
         (folder / "report.html").write_text(f"<p>{folder.name}", encoding="utf-8")
     (runs / "one" / "vehicle.yaml").write_text("secret", encoding="utf-8")
     (runs / "linked").symlink_to(secret)
+    (runs / "recorded" / "bag").mkdir(parents=True)
     (runs / "leak").mkdir()
     (runs / "leak" / "report.html").symlink_to(secret / "report.html")
     with served(runs) as page:
-        assert sorted(json.loads(page.ask("GET", "/reports")[2])) == ["one", "two é"]
+        listed = {one["name"]: one["report"] for one in json.loads(page.ask("GET", "/reports")[2])}
+        assert listed == {"one": True, "two é": True, "recorded": False}
         assert page.ask("GET", "/reports/one")[2] == "<p>one"
         assert page.ask("GET", "/reports/two%20%C3%A9")[2] == "<p>two é"
         for name in (
-            *("", ".", "..", "../secret", "..%2Fsecret", "%2e%2e/secret", "linked", "leak", "empty", "deep/three"),
+            *(
+                "",
+                ".",
+                "..",
+                "../secret",
+                "..%2Fsecret",
+                "%2e%2e/secret",
+                "linked",
+                "leak",
+                "empty",
+                "deep/three",
+                "recorded",
+            ),
             *("one/vehicle.yaml", "one/report.html", "one%00", "/etc/passwd", "%2Fetc%2Fpasswd", "one?x", "%ff"),
         ):
             status, _, text = page.ask("GET", f"/reports/{name}")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from browser import browser, browser_at_hand
-from web_rig import ARMED, TOKEN, served
+from web_rig import ARMED, DISARMED, ESTIMATE, TOKEN, served
 
 from hindrax_control.maneuver.maneuver import Goal
-from hindrax_operator.monitor.snapshot import ManeuverView
+from hindrax_operator.monitor.snapshot import Frame, ManeuverView
 
 PROGRAM = browser_at_hand()
 
@@ -22,6 +23,15 @@ SHOWN = (
     *("no reading for <b>3.2 s</b>", "k_q 66.1 ±0.784", "20 Hz", "m along"),
 )
 """What the page must show; what a node says is text, not markup."""
+STOP_RED = "rgb(179, 38, 30)"
+PICTURE = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
+)
+"""A PNG of one pixel."""
+TOO_SMALL = """[...document.querySelectorAll('button,select,#seed,.pick,#reports a')].filter(one => one.offsetParent)
+.map(one => [one.textContent, one.getBoundingClientRect()])
+.filter(([_, size]) => size.width < 44 || size.height < 44)"""
+"""What is smaller than 44 pixels, the least that WCAG 2.1 (success criterion 2.5.5) wants for a finger."""
 
 
 def text(place: str) -> str:
@@ -31,12 +41,14 @@ def text(place: str) -> str:
 def test_the_page_in_a_browser(tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     (runs / "first day").mkdir(parents=True)
+    (runs / "second day" / "bag").mkdir(parents=True)
     report = "<!doctype html><h1 style='color:rgb(1,2,3)'>A report</h1><script>window.ran = true</script>"
     (runs / "first day" / "report.html").write_text(report, encoding="utf-8")
     with served(runs) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
         seen.look(1400, 900)
         seen.open(f"{page.url}#{TOKEN}")
         seen.wait(f"{text('armed')} === 'ARMED'")
+        assert seen.run("getComputedStyle(document.getElementById('stop')).backgroundColor") == STOP_RED
         # The token is not left in the address.
         assert seen.run("location.href") == page.url
         shown = seen.run("document.body.innerText")
@@ -65,20 +77,46 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         page.vehicle.shown = replace(ARMED, flight=ManeuverView("surge", "plateau", "", 0.42, 93.0, 2.1, 14.2, 0.312))
         seen.wait(f"{text('flight')}.includes('42 %')")
 
-        # Nothing is wider than a phone, in any color.
+        # Nothing is wider than a phone, in any color, and nothing is too small for a finger.
         for scheme in ("light", "dark"):
             seen.look(390, 844, scheme)
             assert seen.run("document.documentElement.scrollWidth") <= 390
             assert seen.run(
                 "[...document.querySelectorAll('.scroll')].every(one => one.scrollWidth <= one.clientWidth)"
             )
+            assert seen.run(TOO_SMALL) == []
             seen.picture(tmp_path / f"phone-{scheme}.png")
         assert not seen.complaints
 
+        assert "second day\u00a0 recorded, no report yet" in seen.run(text("reports"))
         seen.run("document.querySelector('#reports a').click()")
         seen.wait("document.querySelector('h1') !== null")
         assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
+
+
+def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> None:
+    with served(tmp_path) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.open(f"{page.url}#{TOKEN}")
+        seen.wait(f"{text('armed')} === 'ARMED'")
+
+        # A camera of the graph is shown as soon as it is there.
+        page.vehicle.frames["/front/image"] = Frame(1, PICTURE)
+        page.vehicle.shown = replace(page.vehicle.shown, cameras=("/front/image",))
+        seen.wait("document.getElementById('frame').naturalWidth === 1 && !document.getElementById('frame').hidden")
+
+        # The estimate over time, with a name for who cannot see it.
+        page.vehicle.shown = replace(page.vehicle.shown, estimates={"surge": replace(ESTIMATE, samples=900)})
+        seen.wait("document.querySelector('#courses canvas').ariaLabel.startsWith('surge k_q over time, now 66.1')")
+        assert seen.run("[...document.querySelectorAll('canvas,svg,#frame')].every(one => one.ariaLabel || one.alt)")
+
+        # What a banner says goes with what it says: a refusal when the vehicle is armed after all.
+        page.vehicle.shown = replace(page.vehicle.shown, thrusters=DISARMED.thrusters)
+        seen.wait("document.getElementById('flying').disabled")
+        seen.run("order('fly', {motions: ['surge']})")
+        seen.wait(f"{text('outcomes')}.includes('wanted armed')")
+        page.vehicle.shown = replace(page.vehicle.shown, thrusters=ARMED.thrusters)
+        seen.wait(f"!{text('outcomes')}.includes('wanted armed')")
 
 
 def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_buttons(tmp_path: Path) -> None:
@@ -88,6 +126,8 @@ def test_without_the_token_the_page_asks_for_it_and_a_page_that_watches_has_no_b
         seen.run("document.title = 'the page before'")
         seen.open(f"{page.url}#wrong")
         seen.wait(f"document.title === 'hindrax' && {text('armed')} === 'no token'")
+        # Nothing red where nothing would happen.
+        assert seen.run("getComputedStyle(document.getElementById('stop')).backgroundColor") != STOP_RED
         seen.run(f"document.getElementById('token').value = '{page.url}#{TOKEN}'")
         seen.run("document.querySelector('#ask button').click()")
         seen.wait(f"{text('armed')} === 'ARMED'")

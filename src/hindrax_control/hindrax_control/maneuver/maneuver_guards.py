@@ -112,10 +112,7 @@ class ManeuverGuards:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
         if place is None or not math.isfinite(place.x_m + place.y_m + place.heading_rad):
             return ""
-        towards = {"south": -place.vx_mps, "north": place.vx_mps, "west": -place.vy_mps, "east": place.vy_mps}
-        for wall, distance_m in walls_m.items():
-            speed = max(0.0, towards[wall]) if math.isfinite(towards[wall]) else 0.0
-            left_m = distance_m - speed * LAG_S - 0.5 * speed * speed / self._knobs.braking_mps2
+        for wall, left_m in walls_after_braking_m(place, walls_m, self._knobs).items():
             if left_m < self._knobs.wall_m:
                 return f"{left_m:.2f} m to the {wall} wall after braking, wanted {self._knobs.wall_m:.2f} m"
         return ""
@@ -177,3 +174,15 @@ class ManeuverGuards:
 def _sensors(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
     mounts: Mapping[str, object] = vehicle.sensors
     return tuple(name for name in mounts if vehicle.sensors[name].device in devices)
+
+
+def walls_after_braking_m(
+    place: PoolPosition, walls_m: Mapping[str, float], knobs: ManeuverGuardKnobs
+) -> Mapping[str, float]:
+    """Distance from the hull to each wall [m], less the way that braking takes; an unknown speed counts as none."""
+    towards = {"south": -place.vx_mps, "north": place.vx_mps, "west": -place.vy_mps, "east": place.vy_mps}
+    speeds = {wall: max(0.0, speed) if math.isfinite(speed) else 0.0 for wall, speed in towards.items()}
+    return {
+        wall: distance_m - speeds[wall] * LAG_S - 0.5 * speeds[wall] ** 2 / knobs.braking_mps2
+        for wall, distance_m in walls_m.items()
+    }

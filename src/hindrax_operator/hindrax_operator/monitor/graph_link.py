@@ -13,9 +13,10 @@ from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_operator.connection import joined
-from hindrax_operator.monitor.snapshot import Snapshot, snapshot
+from hindrax_operator.monitor.snapshot import Frame, Snapshot, snapshot
 
 if TYPE_CHECKING:
+    from hindrax_operator.nodes.cameras import Cameras
     from hindrax_operator.nodes.operator_node import Operator
 
 TURN_S = 0.02
@@ -47,6 +48,7 @@ class GraphLink(threading.Thread):
         self._over = threading.Event()
         self._up = threading.Event()
         self._operator: Operator | None = None
+        self._cameras: Cameras | None = None
         self._heard: object = None
         self._heard_s = float("-inf")
         self._refreshed_s = 0.0
@@ -81,6 +83,10 @@ class GraphLink(threading.Thread):
         """Order a maneuver; `on_done` is called when it has ended."""
         self._orders.put((lambda operator: _fly(operator, goal), on_done))
 
+    def frame(self, camera: str) -> Frame | None:
+        """Return the last frame of a camera of the snapshot; None before its first."""
+        return self._cameras.frame(camera) if self._cameras else None
+
     def close(self) -> None:
         """Leave the graph; a maneuver that was ordered here is cancelled."""
         self._over.set()
@@ -90,7 +96,9 @@ class GraphLink(threading.Thread):
         """Spin the node, take snapshots, carry out the orders."""
         try:
             with joined(self._found, sim_time=self._sim_time, tick=self._tick) as operator:
-                self._operator = operator
+                from hindrax_operator.nodes.cameras import Cameras  # noqa: PLC0415  # rclpy is loaded by now
+
+                self._operator, self._cameras = operator, Cameras(operator.node)
                 self._up.set()
                 while not self._over.is_set():
                     operator.spin(TURN_S)
@@ -124,6 +132,9 @@ class GraphLink(threading.Thread):
         if time.monotonic() - self._refreshed_s > SNAPSHOT_S:
             self._refreshed_s = time.monotonic()
             self._snapshot = snapshot(operator)
+            if self._cameras:
+                self._cameras.step()
+                self._snapshot = replace(self._snapshot, cameras=self._cameras.names)
 
     def _beat(self, operator: Operator) -> None:
         if self._present() is not self._beating:

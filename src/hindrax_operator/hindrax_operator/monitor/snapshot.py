@@ -52,6 +52,14 @@ class NodeHealth:
 
 
 @dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture of a camera as it was sent, and a number that no other has."""
+
+    number: int
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """Everything at one moment. `silent_s`: wall time since the vehicle was last heard."""
 
@@ -63,6 +71,7 @@ class Snapshot:
     flight: ManeuverView | None = None
     health: Mapping[str, NodeHealth] = field(default_factory=dict)
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    cameras: tuple[str, ...] = ()
 
 
 def snapshot(operator: Any) -> Snapshot:

@@ -2,8 +2,8 @@
 "use strict";
 const at = id => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg", KEPT_ms = 120000, BEAT_ms = 500, SILENT_s = 2, PATIENCE_ms = 3000;
-const past = [], trace = [];
-let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false;
+const past = [], trace = [], courses = {};
+let token = "", last = null, heard_ms = 0, beaten_ms = 0, notified = null, readOnly = null, locked = false, watching = false;
 
 const make = (name, text, kind) => {
   const made = document.createElement(name);
@@ -25,20 +25,35 @@ const rows = (place, found) => place.replaceChildren(...found.flatMap(([name, te
 
 /* ---- the server */
 
-const ask = (path, words) => fetch(path, {
+const ask = (path, words, more) => fetch(path, {
   method: words ? "POST" : "GET", cache: "no-store", credentials: "omit",
-  headers: {Authorization: "Bearer " + token, ...(words ? {"Content-Type": "application/json"} : {})},
+  headers: {Authorization: "Bearer " + token, ...(words ? {"Content-Type": "application/json"} : {}), ...more},
   body: words ? JSON.stringify(words) : undefined});
 
 const order = async (name, words = {}) => {
+  const asked_ms = Date.now(), before = situation();
   try {
     const answer = await ask("/" + name, words);
-    if (!answer.ok) notify(await answer.text(), false);
-  } catch { notify(name + ": no way to the vehicle; `./hindrax stop` in a terminal, or cut the power", false); }
+    if (!answer.ok) notify(await answer.text(), false, () => situation() !== before);
+  } catch {
+    notify(name + ": no way to the vehicle; `./hindrax stop` in a terminal, or cut the power", false,
+      () => heard_ms > asked_ms + 1000);
+  }
 };
 
-function notify(sentence, well) {
-  const line = make("p", sentence, well ? "good" : "bad");
+/* What a refusal depends on: when it changes, the refusal is over. */
+const situation = () => last && [last.armed, last.ordered, last.silent > SILENT_s].join();
+
+/* A banner goes when `over` says so, when the next word about the same order comes, by its button, or by itself. */
+function notify(sentence, well, over = () => false) {
+  const line = make("p", undefined, well ? "good" : "bad"), gone = make("button", "\u2715");
+  line.dataset.order = sentence.split(":")[0];
+  line.over = over;
+  gone.type = "button";
+  gone.setAttribute("aria-label", "dismiss");
+  gone.addEventListener("click", () => line.remove());
+  line.append(make("span", sentence), gone);
+  for (const one of [...at("outcomes").children]) if (one.dataset.order === line.dataset.order) one.remove();
   at("outcomes").prepend(line);
   while (at("outcomes").childElementCount > 4) at("outcomes").lastChild.remove();
   setTimeout(() => line.remove(), well ? 8000 : 30000);
@@ -84,11 +99,14 @@ function receive(update) {
   for (const one of update.outcomes) if (notified !== null && one.number > notified) notify(one.sentence, one.well);
   if (notified !== null && newest > notified) listReports();
   notified = newest;
+  for (const line of [...at("outcomes").children]) if (line.over()) line.remove();
+  update.estimates.forEach(keep);
   requestAnimationFrame(show);
 }
 
 function askForToken() {
   locked = true;
+  document.body.classList.add("cut");
   at("ask").hidden = false;
   at("view").hidden = true;
   at("armed").textContent = "no token";
@@ -106,12 +124,18 @@ function show() {
   holds(last.holds);
   health(last.health);
   estimates(last.estimates);
-  document.querySelectorAll("canvas").forEach(plot);
+  cameras(last.cameras);
+  document.querySelectorAll("canvas[data-keys]").forEach(plotPast);
+  plotCourses();
 }
+
+/* Grey: an order would not arrive. It is sent all the same when somebody presses. */
+const isCut = () => Date.now() - heard_ms > PATIENCE_ms;
 
 function headline() {
   if (locked) return;
-  const cut = Date.now() - heard_ms > PATIENCE_ms;
+  const cut = isCut();
+  document.body.classList.toggle("cut", cut);
   const silent = last && (last.silent === null || last.silent > SILENT_s);
   at("view").classList.toggle("old", Boolean(cut || silent));
   const pill = at("armed");
@@ -149,6 +173,8 @@ function pool(found) {
   const parts = [draw("rect", {x: 0, y: 0, width: length, height: width, class: "water"})];
   for (let x = 1; x < length; x++) parts.push(draw("line", {x1: x, x2: x, y1: 0, y2: width, class: "meter"}));
   for (let y = 1; y < width; y++) parts.push(draw("line", {x1: 0, x2: length, y1: y, y2: y, class: "meter"}));
+  const edge = found.margin;
+  parts.push(draw("rect", {x: edge, y: edge, width: length - 2 * edge, height: width - 2 * edge, class: "limit"}));
   if (trace.length > 1) parts.push(draw("polyline", {points: trace.map(one => one.map(v => v.toFixed(2))).join(" "),
     class: "trace"}));
   if (place && place.x !== null && place.heading !== null) {
@@ -160,10 +186,14 @@ function pool(found) {
     parts.push(hull);
   }
   svg.replaceChildren(...parts);
-  at("where").textContent = `${length} m by ${width} m, a square is 1 m; ` +
-    (!place || place.x === null ? "no position yet" :
+  const [near, left] = Object.entries(found.walls || {}).filter(one => one[1] !== null)
+    .sort((a, b) => a[1] - b[1])[0] || [];
+  const text = !place || place.x === null ? "no position yet" :
     `${place.x.toFixed(2)} m along, ${place.y.toFixed(2)} m across, by dead reckoning` +
-    (found.guessed ? "; armed before this page was served, so how it lay at the start is guessed" : ""));
+    (near ? `; ${left.toFixed(2)} m to the ${near} wall after braking, the guard wants ${edge.toFixed(2)} m (dashed)` : "") +
+    (found.guessed ? "; armed before this page was served, so how it lay at the start is guessed" : "");
+  at("where").textContent = `${length} m by ${width} m, a square is 1 m; ${text}`;
+  svg.setAttribute("aria-label", "the vehicle in the pool: " + text);
 }
 
 function thrusters(found) {
@@ -245,7 +275,8 @@ function estimates(found) {
 
 /* ---- plots */
 
-function plot(canvas) {
+/* Draws lines of points {at, value, band} over the time since `from_ms`; the axis fits what is newer than half of it. */
+function plot(canvas, lines, from_ms, least) {
   const width = canvas.clientWidth, height = canvas.clientHeight, scale = window.devicePixelRatio || 1;
   if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
     canvas.width = Math.round(width * scale);
@@ -253,18 +284,20 @@ function plot(canvas) {
   }
   const pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
   const color = name => style.getPropertyValue("--" + name);
-  const keys = canvas.dataset.keys.split(" "), left = 44, bottom = height - 16;
+  const left = 52, bottom = height - 16;
   pen.setTransform(scale, 0, 0, scale, 0, 0);
   pen.clearRect(0, 0, width, height);
-  const values = past.flatMap(one => keys.map(key => one[key])).filter(value => value !== null);
-  if (!values.length) return;
-  let low = Math.min(...values), high = Math.max(...values);
-  const lacking = Number(canvas.dataset.span) - (high - low);
+  const counted = lines.flatMap(points => points.slice(points[0] && "band" in points[0] ? points.length >> 1 : 0))
+    .filter(one => one.value !== null);
+  if (!counted.length) return;
+  let low = Math.min(...counted.map(one => one.value - (one.band || 0)));
+  let high = Math.max(...counted.map(one => one.value + (one.band || 0)));
+  const lacking = least - (high - low);
   if (lacking > 0) { low -= lacking / 2; high += lacking / 2; }
   const step = nice((high - low) / 3);
   low = Math.floor(low / step) * step;
   high = Math.ceil(high / step) * step;
-  const x = at_ms => left + (width - left - 4) * (1 - (heard_ms - at_ms) / KEPT_ms);
+  const x = at_ms => left + (width - left - 4) * (at_ms - from_ms) / (heard_ms - from_ms);
   const y = value => bottom - (bottom - 8) * (value - low) / (high - low);
   pen.font = "12px system-ui,sans-serif";
   pen.lineWidth = 1;
@@ -275,28 +308,142 @@ function plot(canvas) {
     pen.fillStyle = color("soft");
     pen.fillText(value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9))), left - 5, y(value) + 4);
   }
-  for (const [text, seconds] of [["-120 s", 120], ["-60 s", 60], ["now", 0]]) {
-    pen.textAlign = seconds === 0 ? "right" : seconds === 120 ? "left" : "center";
-    pen.fillText(text, x(heard_ms - 1000 * seconds), height - 2);
-  }
-  keys.forEach((key, index) => line(pen, key, color("abc"[index]), x, y));
+  const seconds = Math.round((heard_ms - from_ms) / 1000);
+  [[`-${seconds} s`, from_ms, "left"], [`-${Math.round(seconds / 2)} s`, (from_ms + heard_ms) / 2, "center"],
+    ["now", heard_ms, "right"]].forEach(([text, at_ms, align]) => {
+    pen.textAlign = align;
+    pen.fillText(text, x(at_ms), height - 2);
+  });
+  pen.save();
+  pen.beginPath(); pen.rect(left, 0, width - left, bottom); pen.clip();
+  lines.forEach((points, index) => {
+    band(pen, points, color("abc"[index]), x, y);
+    line(pen, points, color("abc"[index]), x, y);
+  });
+  pen.restore();
 }
 
-function line(pen, key, color, x, y) {
+function band(pen, points, color, x, y) {
+  const known = points.filter(one => one.value !== null && one.band !== null && one.band !== undefined);
+  if (known.length < 2) return;
+  pen.globalAlpha = 0.2;
+  pen.fillStyle = color;
+  pen.beginPath();
+  for (const one of known) pen.lineTo(x(one.at), y(one.value + one.band));
+  for (const one of known.reverse()) pen.lineTo(x(one.at), y(one.value - one.band));
+  pen.fill();
+  pen.globalAlpha = 1;
+}
+
+function line(pen, points, color, x, y) {
   pen.strokeStyle = color;
   pen.lineWidth = 2;
   pen.lineJoin = "round";
   pen.beginPath();
-  let before = null;
-  for (const one of past) {
-    const value = one[key];
-    /* A gap where nothing was known, and where the heading goes through north. */
-    const on = before !== null && value !== null && one.at - before.at < 1500 &&
-      !(key === "heading" && Math.abs(value - before[key]) > 180);
-    if (value !== null) pen[on ? "lineTo" : "moveTo"](x(one.at), y(value));
-    before = value === null ? null : one;
+  let drawing = false;
+  for (const one of points) {
+    if (one.value !== null) pen[drawing && !one.gap ? "lineTo" : "moveTo"](x(one.at), y(one.value));
+    drawing = one.value !== null;
   }
   pen.stroke();
+}
+
+/* A gap where nothing was heard, and where the heading goes through north. */
+const pointsOf = key => past.map((one, index) => ({at: one.at, value: one[key], gap: index > 0 &&
+  (one.at - past[index - 1].at > 1500 || key === "heading" && Math.abs(one[key] - past[index - 1][key]) > 180)}));
+
+function plotPast(canvas) {
+  const {keys, name, unit, span} = canvas.dataset, names = keys.split(" ");
+  plot(canvas, names.map(pointsOf), heard_ms - KEPT_ms, Number(span));
+  const now = last.navigation ? names.map(key => `${key} ${short(last.navigation[key])}`).join(", ") : "unknown";
+  canvas.setAttribute("aria-label", `${name} over the last two minutes, now in ${unit}: ${now}`);
+}
+
+/* ---- the estimate over time, as far as this page has seen it */
+
+function keep(found) {
+  let course = courses[found.motion];
+  if (!course || found.samples < course.samples) course = courses[found.motion] = {samples: 0, lines: {}};
+  if (found.samples === course.samples) return;
+  course.samples = found.samples;
+  for (const one of found.values) {
+    const kept = course.lines[one.name] ||= {unit: one.unit, points: []};
+    kept.points.push({at: heard_ms, value: one.value, band: one.band});
+    if (kept.points.length > 800) kept.points = kept.points.filter((_, index) => index % 2);
+  }
+  at("course").dataset.newest = found.motion;
+}
+
+function plotCourses() {
+  const known = Object.keys(courses), picked = at("course").dataset.chosen || at("course").dataset.newest;
+  at("choice").hidden = !known.length;
+  options(at("course"), known.map(name => [name, name]), picked);
+  const course = courses[picked], place = at("courses");
+  if (!course) return;
+  const names = Object.keys(course.lines);
+  if (place.dataset.shown !== picked + names) {
+    place.dataset.shown = picked + names;
+    place.replaceChildren(...names.map(name => {
+      const figure = make("figure"), canvas = make("canvas");
+      canvas.setAttribute("role", "img");
+      figure.append(make("figcaption", `${picked} ${name} [${course.lines[name].unit}]`), canvas);
+      return figure;
+    }));
+  }
+  place.querySelectorAll("canvas").forEach((canvas, index) => {
+    const {points, unit} = course.lines[names[index]], {value, band} = points.at(-1);
+    plot(canvas, [points], points[0].at, Math.abs(value || 1) * 0.02);
+    canvas.setAttribute("aria-label", `${picked} ${names[index]} over time, now ${short(value)} \u00b1${short(band)} ${unit}`);
+  });
+}
+
+/* Options of a choice, made anew only when they change, so that an open list stays open. */
+function options(choice, wanted, picked) {
+  if (choice.dataset.made !== String(wanted)) {
+    choice.dataset.made = String(wanted);
+    choice.replaceChildren(...wanted.map(([value, text]) => Object.assign(make("option", text), {value})));
+  }
+  if (picked !== undefined && document.activeElement !== choice) choice.value = picked;
+}
+
+/* ---- cameras */
+
+function cameras(found) {
+  at("video").hidden = !found.length;
+  const before = at("cameras").dataset.made;
+  options(at("cameras"), found.length ? [...found.map(name => [name, name]), ["", "none"]] : []);
+  if (before === undefined && found.length) at("cameras").value = found[0];
+}
+
+async function watch() {
+  let seen = "", of = "", framed_ms = 0;
+  for (;;) {
+    const name = at("cameras").value, frame = at("frame");
+    if (name !== of) { [of, seen, frame.hidden] = [name, "", true]; at("framed").textContent = ""; }
+    if (!name || document.hidden || locked || isCut()) { await new Promise(go => setTimeout(go, 300)); continue; }
+    try {
+      const answer = await ask("/camera/" + encodeURIComponent(name), undefined, {"If-None-Match": seen});
+      if (answer.ok) {
+        seen = answer.headers.get("ETag");
+        framed_ms = Date.now();
+        await picture(frame, await answer.blob(), name);
+        at("framed").textContent = "";
+      } else if (answer.status !== 304) at("framed").textContent = await answer.text();
+    } catch (error) { at("framed").textContent = error.message; }
+    const old = Date.now() - framed_ms > PATIENCE_ms;
+    frame.classList.toggle("old", old);
+    if (old && !at("framed").textContent) at("framed").textContent = frame.hidden ? "no picture yet" : "no new picture";
+    await new Promise(go => setTimeout(go, old ? 500 : 40));
+  }
+}
+
+async function picture(frame, blob, name) {
+  const before = frame.src;
+  frame.src = URL.createObjectURL(blob);
+  if (before) URL.revokeObjectURL(before);
+  await frame.decode().catch(() => { throw new Error("this browser cannot show the picture"); });
+  frame.alt = "camera " + name;
+  frame.hidden = false;
 }
 
 function nice(step) {
@@ -309,12 +456,14 @@ function nice(step) {
 async function listReports() {
   const answer = await ask("/reports").catch(() => null);
   if (!answer || !answer.ok) return;
-  const names = await answer.json();
-  at("reports").replaceChildren(...(names.length ? names.map(name => {
-    const line = make("li"), link = make("a", name);
-    link.href = "#";
-    link.addEventListener("click", event => { event.preventDefault(); openReport(name); });
+  const runs = await answer.json();
+  at("reports").replaceChildren(...(runs.length ? runs.map(run => {
+    const line = make("li"), link = make(run.report ? "a" : "span", run.name);
     line.append(link);
+    if (run.report) {
+      link.href = "#";
+      link.addEventListener("click", event => { event.preventDefault(); openReport(run.name); });
+    } else line.append(make("span", "\u00a0 recorded, no report yet", "soft"));
     return line;
   }) : [make("li", "none in the folder of runs", "soft")]));
 }
@@ -336,6 +485,8 @@ function begin(found) {
   at("view").hidden = false;
   listen();
   listReports();
+  if (!watching) watch();
+  watching = true;
 }
 const choices = JSON.parse(at("choices").textContent);
 at("motions").append(...choices.motions.map(name => {
@@ -355,6 +506,7 @@ at("fly").addEventListener("submit", event => {
 at("ask").addEventListener("submit", event => { event.preventDefault(); begin(at("token").value); });
 /* Another token typed into the same window: begin anew with it. */
 window.addEventListener("hashchange", () => location.reload());
+at("course").addEventListener("change", () => { at("course").dataset.chosen = at("course").value; });
 setInterval(headline, 500);
 const given = location.hash.slice(1) || sessionStorage.getItem("hindrax") || "";
 history.replaceState(null, "", "/");

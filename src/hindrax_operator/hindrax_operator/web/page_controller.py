@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from hindrax_control.maneuver.maneuver import Goal, check_goal
 from hindrax_core.errors import UsageError
 from hindrax_operator.monitor.draw import SILENT_s
-from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.monitor.snapshot import Frame, Snapshot
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.summary import Chart, finite, summary
@@ -47,6 +47,9 @@ class OperatedVehicle(Protocol):
 
     def fly(self, goal: Goal, on_done: OnDone) -> None:
         """Fly; done when the maneuver has ended."""
+
+    def frame(self, camera: str) -> Frame | None:
+        """Return the last frame of a camera of the snapshot; None before its first."""
 
 
 class ViewerHeartbeat:
@@ -100,6 +103,12 @@ class PageController:
                 self._update = json.dumps(finite(found), allow_nan=False, separators=(",", ":"))
                 self._updated_s = time.monotonic()
             return self._update
+
+    def frame(self, camera: str) -> Frame | None:
+        """Return the last frame of a camera, None before its first; Refused for one that is not on the graph."""
+        if camera not in self._vehicle.snapshot().cameras:
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "camera: none of that name on the graph")
+        return self._vehicle.frame(camera)
 
     def note_viewer(self) -> None:
         """Note that a page is being viewed; a viewer of a read-only page is no operator."""

@@ -1,7 +1,8 @@
 """One request: refused or accepted by its head alone, before a byte of its body is read; every write has a deadline.
 
-GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: names of
-the finished; GET /reports/NAME: one of them. POST /here: the page is being viewed. POST /fly, /cancel, /stop, /disarm.
+GET /: the page (no secrets in it, so no token). GET /events: server-sent events, five a second. GET /reports: the runs;
+GET /reports/NAME: the report of one. GET /camera/TOPIC: its next frame. POST /here: the page is being viewed. POST
+/fly, /cancel, /stop, /disarm.
 """
 
 from __future__ import annotations
@@ -26,6 +27,11 @@ BODY_bytes, CHUNK_bytes = 4096, 1 << 16
 ORDERS = ("fly", "cancel", "stop", "disarm")
 JSON_TYPE, TEXT_TYPE, HTML_TYPE = "application/json", "text/plain; charset=utf-8", "text/html; charset=utf-8"
 NEWS_TYPE = "text/event-stream; charset=utf-8"
+CAMERA = "/camera/"
+FRAME_TURN_S, FRAME_TURNS = 0.03, 60
+IMAGES = {b"\xff\xd8\xff": "image/jpeg", b"\x89PNG\r\n\x1a\n": "image/png", b"RIFF": "image/webp"}
+"""Beginning of a picture (ITU T.81 B.1.1.3, PNG 5.2, RFC 9649 2.4) and its type; a browser is sent nothing else."""
+LARGEST_FRAME_bytes = 8_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +87,15 @@ class Request(HTTPMessageDelegate):
             await self._send(HTML_TYPE, PAGE.encode())
             return
         self._site.access.check_token(headers.get("Authorization"))
-        reports, name = self._site.controller.reports, path.removeprefix("/reports/")
+        reports, name, camera = self._site.controller.reports, path.removeprefix("/reports/"), path.removeprefix(CAMERA)
         if path == "/events":
             await self._stream_updates()
         elif path == "/reports":
-            await self._send(JSON_TYPE, json.dumps(await asyncio.to_thread(reports.names)).encode())
+            await self._send(JSON_TYPE, json.dumps(await asyncio.to_thread(reports.listed)).encode())
         elif name != path:
             await self._send(HTML_TYPE, await asyncio.to_thread(reports.read, unquote(name)))
+        elif camera != path:
+            await self._send_frame(unquote(camera), headers.get("If-None-Match", ""))
         else:
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "nothing is served under this path")
 
@@ -122,8 +130,19 @@ class Request(HTTPMessageDelegate):
         finally:
             site.streams.discard(stream)
 
-    async def _send(self, kind: str, content: bytes) -> None:
-        self._head(HTTPStatus.OK, kind, len(content))
+    async def _send_frame(self, camera: str, seen: str) -> None:
+        """Send the next frame that was not seen yet; 304 when none comes for a while."""
+        for _ in range(FRAME_TURNS):
+            frame = self._site.controller.frame(camera)
+            if frame is not None and f'"{frame.number}"' != seen:
+                await self._send(image_type(frame.content), frame.content, {"ETag": f'"{frame.number}"'})
+                return
+            await asyncio.sleep(FRAME_TURN_S)
+        self._head(HTTPStatus.NOT_MODIFIED, TEXT_TYPE)
+        self._connection.finish()
+
+    async def _send(self, kind: str, content: bytes, more: Mapping[str, str] | None = None) -> None:
+        self._head(HTTPStatus.OK, kind, len(content), more)
         for start in range(0, len(content), CHUNK_bytes):
             await self._write(content[start : start + CHUNK_bytes])
         self._connection.finish()
@@ -139,12 +158,26 @@ class Request(HTTPMessageDelegate):
         self._connection.write(content)
         self._connection.finish()
 
-    def _head(self, status: HTTPStatus, kind: str, length: int | None = None) -> None:
-        headers = HTTPHeaders({"Server": "hindrax", "Connection": "close", "Content-Type": kind})
+    def _head(
+        self, status: HTTPStatus, kind: str, length: int | None = None, more: Mapping[str, str] | None = None
+    ) -> None:
+        headers = HTTPHeaders({"Server": "hindrax", "Connection": "close", "Content-Type": kind, **(more or {})})
         headers.update(security_headers(SCRIPT_HASH))
         if length is not None:
             headers["Content-Length"] = str(length)
         self._connection.write_headers(ResponseStartLine("HTTP/1.1", status, status.phrase), headers)
+
+
+def image_type(content: bytes) -> str:
+    """Return the type of a picture by its beginning; Refused for what is no picture, or a giant one."""
+    for begin, kind in IMAGES.items():
+        if content.startswith(begin) and len(content) <= LARGEST_FRAME_bytes:
+            return kind
+    found = content[:4].hex(" ") or "nothing"
+    raise RefusedRequest(
+        HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+        f"camera: found {len(content)} bytes that begin with {found}, wanted JPEG, PNG or WebP below 8 MB",
+    )
 
 
 def check_body(headers: HTTPHeaders) -> None:

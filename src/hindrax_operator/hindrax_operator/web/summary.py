@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hindrax_control.hold.holds import HoldState
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, walls_after_braking_m
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -14,6 +15,8 @@ from hindrax_operator.monitor.draw import ANGLES, BAND
 from hindrax_operator.monitor.snapshot import ManeuverView, Snapshot, Thrusters
 
 Json = dict[str, Any]
+LIMITS = ManeuverGuardKnobs()
+"""Where the pilot's guards draw the line unless its parameters say otherwise."""
 
 
 class Chart:
@@ -40,6 +43,8 @@ class Chart:
         return {
             "size": (pool.length_m, pool.width_m, pool.depth_m),
             "hull": (hull[0], hull[1]),
+            "margin": LIMITS.wall_m,
+            "walls": self._box and place and walls_after_braking_m(place, self._box.walls_m(place), LIMITS),
             "guessed": self._guessed,
             "place": place and {"x": place.x_m, "y": place.y_m, "heading": math.degrees(place.heading_rad)},
         }
@@ -64,6 +69,7 @@ def summary(view: Snapshot) -> Json:
             for name, one in view.health.items()
         ],
         "estimates": [_estimate(motion, one) for motion, one in view.estimates.items()],
+        "cameras": view.cameras,
     }
 
 

@@ -123,10 +123,14 @@ def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
         time.sleep(TURN_S)
 
 
+def page_url(address: str, port: int, token: str) -> str:
+    """Return the address of the page with the token, as a browser takes it."""
+    return f"http://{f'[{address}]' if ':' in address else address}:{port}/#{token}"
+
+
 def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str:
     """Return where the page is. The token stands behind the #, which a browser never sends anywhere."""
-    host = f"[{address}]" if ":" in address else address
-    lines = [f"web: http://{host}:{port}/#{token}", "  whoever has this address may watch"]
+    lines = [f"web: {page_url(address, port, token)}", "  whoever has this address may watch"]
     lines[1] += "" if read_only else ", fly while the vehicle is armed, and stop it"
     if "localhost" in hosts_of(address):
         lines.append(
