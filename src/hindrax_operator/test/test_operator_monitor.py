@@ -153,6 +153,27 @@ def test_everything_is_on_a_screen_of_80_by_24() -> None:
     assert max(len(line) for line in text.splitlines()) == 80
 
 
+REFUSAL = "refused: the vehicle is 0.31 m from the east wall, and the hold would begin 0.40 m beyond it"
+REASON = "the operator was silent for 2.3 s and the link is down; arm again when it is back"
+GUARD = "pool_box: 0.21 m to the north wall after braking, wanted 0.30 m; bring it to the middle of the pool"
+
+
+def test_long_refusals_wrap_and_are_read_to_their_end_at_80_by_24() -> None:
+    shown = replace(
+        FULL,
+        thrusters=replace(THRUSTERS, armed=False, state="locked", reason=REASON),
+        holds=(HoldState("heading", False, note=REFUSAL), *(HoldState(one, False) for one in ("roll", "pitch"))),
+        flight=ManeuverView("sway", "aborted", GUARD),
+        health={"ping1d": NodeHealth("error", REFUSAL)},
+    )
+    text, _ = screen(shown)
+    halves = [" ".join(" ".join(line[begin : begin + 40].split()) for line in text.splitlines()) for begin in (0, 40)]
+    for words, place in ((REFUSAL, halves[0]), (REFUSAL, halves[1]), (REASON, " ".join(text.split()))):
+        assert words in " ".join(place.split()), text
+    assert GUARD in " ".join(text.split())
+    assert "STOP" in text
+
+
 def test_a_wider_screen_tells_also_why_nothing_is_learnt() -> None:
     assert "n 812 waiting for a plateau" in screen(FULL, size=(110, 30))[0]
 

@@ -44,7 +44,7 @@ class Monitor(App[None]):
     ]
     CSS = """
     Screen { background: $background; }
-    #headline { height: 1; padding: 0 1; }
+    #headline { height: auto; max-height: 3; padding: 0 1; }
     Screen.old .section, Screen.old #estimates { opacity: 45%; }
     .row { height: auto; }
     .row Static { width: 1fr; }
@@ -52,7 +52,7 @@ class Monitor(App[None]):
                padding: 0 1; height: auto; margin: 0 1 0 0; }
     #state, #thrusters { height: 9; }
     #holds, #health { height: auto; min-height: 6; max-height: 12; }
-    #maneuver { height: 3; margin: 0; }
+    #maneuver { min-height: 3; max-height: 5; margin: 0; }
     #rest { height: 1fr; min-height: 2; border-top: solid $primary; border-title-color: $text;
             border-title-style: bold; padding: 0 1;
             scrollbar-size-vertical: 1; }

@@ -67,17 +67,11 @@ def holds(found: tuple[HoldState, ...]) -> RenderableType:
         return Text("no word from the pilot yet", style=DIM)
     table = _grid(8, 12, 0)
     for hold in found:
-        name = Text(hold.axis, style=VALUE if hold.engaged else DIM)
-        if not hold.engaged:
-            table.add_row(name, Text("off", style=DIM), Text(hold.note, style=WARN, overflow="ellipsis", no_wrap=True))
-            continue
-        off = hold.note or f"off by {_amount(hold.axis, hold.error, '+')}"
-        table.add_row(
-            name,
-            Text(f"at {_amount(hold.axis, hold.setpoint)}", style=GOOD),
-            Text(off, style=WARN if hold.note else DIM, overflow="ellipsis", no_wrap=True),
-        )
-    return table
+        place = Text(f"at {_amount(hold.axis, hold.setpoint)}", style=GOOD) if hold.engaged else Text("off", style=DIM)
+        off = f"off by {_amount(hold.axis, hold.error, '+')}" if hold.engaged and not hold.note else ""
+        table.add_row(Text(hold.axis, style=VALUE if hold.engaged else DIM), place, Text(off, style=DIM))
+    # In full and below: a refusal is longer than a column.
+    return Group(table, *(Text(f"{hold.axis}: {hold.note}", style=WARN) for hold in found if hold.note))
 
 
 def thrusters(found: Thrusters) -> RenderableType:
@@ -113,7 +107,6 @@ def health(found: Mapping[str, NodeHealth]) -> RenderableType:
     lines: list[RenderableType] = []
     for name, one in ill.items():
         words = Text.assemble(("● ", LEVEL_STYLES[one.level]), (name, VALUE), f" {one.message}")
-        words.no_wrap, words.overflow = True, "ellipsis"
         lines.append(words)
     well = [_well(name, one) for name, one in found.items() if one.level == "ok"]
     table = _grid(16, 0)

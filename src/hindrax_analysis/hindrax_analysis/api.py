@@ -1,0 +1,159 @@
+"""The analysis as a library: read a bag, identify, predict, plot, allocate. No stack has to run.
+
+    from hindrax_analysis import api as hindrax
+
+A table is a mapping from names to columns of one length, as `pandas.DataFrame(table)` takes it; neither pandas nor
+xarray is needed here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hindrax_analysis.identification.record_identification import (
+    IdentificationTask,
+    axes_named,
+    identify_sources,
+    open_source,
+    recorded_vehicle,
+)
+from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
+from hindrax_bag.message_comparison import flat
+from hindrax_bag.read.bag_reader import messages
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import Allocation
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.results import Results
+from hindrax_ident.model.motion_model import model_of, motions_of
+from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["allocate", "coefficients", "identify", "load_vehicle", "plot", "predict", "read", "topics"]
+
+Table = Mapping[str, np.ndarray[Any, Any]]
+
+
+def topics(bag: str | Path) -> dict[str, str]:
+    """Return the topics of a bag and their types; UsageError for what is no bag."""
+    return topics_of(Path(bag))
+
+
+def read(bag: str | Path, topic: str) -> Table:
+    """Return the messages of a topic as a table: `time_s` since the first message of the bag, then every field.
+
+    Fields of fields have dots in their names, elements of lists numbers. The fields are those of the first message; a
+    number that a later one lacks is NaN. SI units, axes as in the message. UsageError for a topic without messages.
+    """
+    times: list[float] = []
+    rows: list[dict[str, Any]] = []
+    begin: int | None = None
+    for message in messages(Path(bag)):
+        begin = message.received if begin is None else begin
+        if message.topic == topic:
+            times.append((message.received - begin) / NS_PER_S)
+            rows.append(dict(flat(message.decoded())))
+    if not rows:
+        raise UsageError(f"{bag}: no message on {topic}; there are {', '.join(sorted(topics(bag)))}")
+    return {"time_s": np.array(times)} | {name: np.array([row.get(name, np.nan) for row in rows]) for name in rows[0]}
+
+
+def identify(
+    *records: str | Path,
+    vehicle: Vehicle | None = None,
+    motions: Collection[str] = (),
+    odometry: str = "",
+    wrench: str = "",
+    frame: str = "",
+) -> Results:
+    """Identify over bags, run folders or CSV files; several are pooled. As `./hindrax identify`, word for word.
+
+    Without `vehicle`: the one in the bag. `motions`: names of axes or motions, all that moved by default. UsageError
+    names what is missing.
+    """
+    selection = TopicSelection(odometry, wrench, frame)
+    sources = [open_source(Path(record), selection, vehicle) for record in records]
+    if not sources:
+        raise UsageError("found no record, wanted one at least")
+    of = vehicle or recorded_vehicle(sources[0])
+    if of is None:
+        raise UsageError(f"{records[0]}: holds no vehicle file; name one by vehicle=load_vehicle(...)")
+    task = IdentificationTask(tuple(axes_named(tuple(motions))))
+    return identify_sources(sources, of, task).identified.results
+
+
+def coefficients(results: Results) -> Table:
+    """Return one row per motion and coefficient: value, `std` (with calibration where known), unit, verdict, truth."""
+    rows = [
+        (motion, name, one.value, one.std_calibrated if np.isfinite(one.std_calibrated) else one.std, one.unit,
+         result.identifiable, np.nan if one.truth is None else one.truth)
+        for motion, result in results.motions.items()
+        for name, one in result.coefficients.items()
+    ]  # fmt: skip
+    names = ("motion", "coefficient", "value", "std", "unit", "identifiable", "truth")
+    return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=False)}
+
+
+def predict(results: Results, axis: str, time_s: Sequence[float], force: Sequence[float], start: float = 0.0) -> Array:
+    """Return the velocity (n,) [m/s, rad/s] along an axis for a force (n,) [N, N m] held until the next time (n,) [s].
+
+    Upright and along the other axes at rest, from the velocity `start`. UsageError where a coefficient is missing.
+    """
+    index = axes_named([axis])[0]
+    model = model_of(results.vehicle, index)
+    known: dict[str, float] = {}
+    for motion in motions_of(index):
+        found = results.motions[motion.name].coefficients if motion.name in results.motions else {}
+        # The model's names of what the motion has, in the order of the coefficients; its mass includes the water's.
+        names = dict(zip(("k_q", "k_l", "b", "added_mass", "k_r"), model.names_of(motion.side), strict=False))
+        known |= {names[name]: one.value for name, one in found.items() if name in names}
+    lacking = [name for name in model.names if name not in known]
+    if lacking:
+        raise UsageError(f"{axis}: found no {' and no '.join(lacking)} (with added mass) among what was identified")
+    known["mass"] += model.rigid
+    t, f = array(np.asarray(time_s, dtype=float)), array(np.asarray(force, dtype=float))
+    if t.shape != f.shape or len(t) < 2 or not np.all(np.diff(t) > 0.0):
+        raise UsageError(f"found times {t.shape} and forces {f.shape}, wanted as many of both, and rising times")
+    starts = np.arange(len(t)) == 0
+    grid = Grid(t, starts, np.concatenate(([0.0], f[:-1] * np.diff(t))))
+    guess = Trajectory(np.full(len(t), start), np.zeros(len(t)))
+    path = trajectory(model, array(np.array([known[name] for name in model.names])), grid, guess)
+    if path is None:
+        raise UsageError(f"{axis}: no motion follows from these coefficients and forces; are the units right?")
+    return path.v
+
+
+def plot(results: Results, motion: str, axes: Axes | None = None) -> Axes:
+    """Draw the drag of a motion over its speeds with the 95 % band; returns the axes. Needs matplotlib."""
+    from matplotlib import pyplot as plt  # noqa: PLC0415  # only who plots waits for it
+
+    result = results.motions.get(motion)
+    if result is None or result.drag is None:
+        raise UsageError(f"{motion}: has no drag curve; there is one of {', '.join(results.motions) or 'nothing'}")
+    shown = plt.subplots()[1] if axes is None else axes
+    drag, turns = result.drag, AXES.index(motion.partition("_")[0]) >= 3
+    std = np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
+    shown.fill_between(drag.speed, drag.force - 1.96 * std, drag.force + 1.96 * std, alpha=0.25, label="95 % band")
+    shown.plot(drag.speed, drag.force, label=motion)
+    shown.set_xlabel("speed [rad/s]" if turns else "speed [m/s]")
+    shown.set_ylabel("drag [N m]" if turns else "drag [N]")
+    shown.legend()
+    return shown
+
+
+def allocate(vehicle: Vehicle, wrench: Vec6, disabled: Collection[str] = ()) -> Allocation:
+    """Return forces [N] and pulses [us] of the thrusters for a wrench (SNAME axes) [N, N m], and what it achieves."""
+    allocator = Allocator(vehicle)
+    unknown = sorted(set(disabled) - set(allocator.names))
+    if unknown:
+        raise UsageError(f"found {unknown[0]!r}, wanted some of {', '.join(allocator.names)}")
+    return allocator.allocate(wrench, frozenset(disabled))
