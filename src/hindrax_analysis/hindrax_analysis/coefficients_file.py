@@ -92,7 +92,7 @@ def _head(conditions: Conditions) -> str:
     lines = (
         f"Hydrodynamic coefficients of {conditions.vehicle}, {flown}.",
         "(m + added_mass) v' = thrust - k_q |v| v - k_l v - b;  SI units; SNAME axes (x forward, y starboard, z down).",
-        "std: from the noise of this run; std_calibrated: with the uncertainty of the thrusters' calibration as well.",
+        "std: from the noise of this run; std_calibrated: with all influences of the budget as well.",
         "covariance: rows and columns in the order of names (noise of this run only).",
     )
     return "".join(f"# {line}\n" for line in lines) + "\n"

@@ -52,11 +52,8 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle: Vehicle) -> No
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2), plateau_s=5.0):
         session.step(event)
-    hull = HullTruth(
-        {"surge": {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}},
-        lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v,
-    )
-    trial = trial_of(7, vehicle, session.finalize(), hull)
+    hull = HullTruth(truth_of(vehicle), lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v)
+    trial = trial_of(7, session.finalize(), hull)
     keys = {(one.coefficient, one.method) for one in trial.found}
     assert {("k_q", "output-error"), ("added_mass", "output-error"), ("k_q", "rls"), ("k_q", "plateaus")} <= keys
     assert all(one.bound > 0.0 for one in trial.found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,12 @@ from hindrax_analysis.terminal import make_table, measured, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.assess.results import DragBand, Results, with_truth
+from hindrax_ident.assess.results import DragBand, MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
+
+LARGEST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +78,29 @@ def show(identified: IdentifiedBag) -> None:
     print_table(table)
     if papers:
         print(f"{PAPER}: {CITATION}")
+    show_budgets(motions)
     for motion, result in motions.items():
+        for warning in result.warnings:
+            print(f"{motion}: {warning}")
         if not result.identifiable:
             print(f"{motion}: not identifiable")
             print("".join(f"  {reason}\n" for reason in result.reasons), end="")
             if result.drag is not None:
                 print(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
+
+
+def show_budgets(motions: Mapping[str, MotionResult]) -> None:
+    """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink the first."""
+    prose = ("largest contributions", "what would shrink the first")
+    table = make_table("Uncertainty of the drag at the highest speed", ("motion",), ("calibrated",), prose)
+    for motion, result in motions.items():
+        rows = result.budget.get("drag")
+        if rows and result.drag is not None and result.drag.force[-1] > 0.0:
+            force = float(result.drag.force[-1])
+            largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in rows[:LARGEST])
+            table.add_row(motion, f"{result.drag.std_calibrated[-1] / force:.1%}", largest, rows[0].remedy)
+    if table.row_count:
+        print_table(table)
 
 
 def _band(drag: DragBand, *, turns: bool) -> str:

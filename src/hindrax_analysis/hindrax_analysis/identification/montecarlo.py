@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import METHOD, Assessment
 from hindrax_ident.assess.results import DragBand, MotionResult
-from hindrax_ident.assess.thrust_calibration import tilt_covariance, tilt_sigma_rad
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.model.sign_dependent import reported_parameters
 from hindrax_ident.online.session import Outcome
-from hindrax_ident.tuning import Tuning
 
 SHARES = (0.25, 0.5, 1.0)
 Z95 = 1.959964
@@ -72,22 +69,21 @@ class Trial:
 
 
 def trial_of(
-    seed: int, vehicle: Vehicle, outcome: Outcome, hull: HullTruth, *, trouble: str = "", thrust_s: float | None = None
+    seed: int, outcome: Outcome, hull: HullTruth, *, trouble: str = "", thrust_s: float | None = None
 ) -> Trial:
-    """Compare the outcome of a run with the truth of the hull; `vehicle` as believed, `thrust_s` as in `bound_of`."""
+    """Compare the outcome of a run with the truth of the hull; `thrust_s` as in `bound_of`."""
     found: list[CoefficientError] = []
     drag: list[DragError] = []
     for result in outcome.results.motions.values():
         assessment = outcome.assessments.get(MOTIONS[result.motion].axis)
         if assessment is not None and result.coefficients:
-            found += _found(result, vehicle, assessment, hull.coefficients, thrust_s)
+            found += _found(result, assessment, hull.coefficients, thrust_s)
             drag += _drag(result, hull)
     return Trial(seed, tuple(found), tuple(drag), trouble)
 
 
 def _found(
     result: MotionResult,
-    vehicle: Vehicle,
     assessment: Assessment,
     truth: dict[str, dict[str, float]],
     thrust_s: float | None,
@@ -96,7 +92,7 @@ def _found(
     face = reported_parameters(fit.model, motion)
     bound = bound_of(fit, true_parameters(fit.model, truth), thrust_s)
     # A constant error of the measured angle cannot be separated from an offset of the moment.
-    bound = bound + tilt_covariance(vehicle, fit, tilt_sigma_rad(vehicle, Tuning()))
+    bound = bound + assessment.budget.prior_band("tilt of the accelerometer")
     limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
     methods = {METHOD: result.coefficients, **result.methods}
     return [

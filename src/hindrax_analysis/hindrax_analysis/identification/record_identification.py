@@ -300,23 +300,27 @@ def _run_scatter(own: Sequence[MotionResult], key: str) -> RunScatter | None:
 
 
 def _widened(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionResult:
-    """Widen by one factor for all coefficients, the largest ratio of scatter to deviation, to keep correlations."""
-    known = [(spread.std, result.coefficients[key].std) for key, spread in spreads.items()]
-    factor = max([1.0, *(apart / own for apart, own in known if own > 0.0)])
+    """Widen each coefficient by what differs between the runs, and keep the correlations."""
+    own = {key: one.std for key, one in result.coefficients.items()}
+    ratio = {key: max(1.0, spreads[key].std / std) if key in spreads and std > 0.0 else 1.0 for key, std in own.items()}
     numbers = {
-        key: replace(one, std=factor * one.std, std_calibrated=_widened_calibrated(one.std_calibrated, one.std, factor))
+        key: replace(one, std=ratio[key] * one.std, std_calibrated=_with_added(one.std_calibrated, one.std, ratio[key]))
         for key, one in result.coefficients.items()
     }
-    drag = result.drag
-    if drag is not None:
-        wide = array(np.sqrt(drag.std_calibrated**2 + drag.std**2 * (factor**2 - 1.0)))
-        drag = replace(drag, std=array(factor * drag.std), std_calibrated=wide)
-    return replace(result, coefficients=numbers, covariance=array(factor**2 * result.covariance), drag=drag)
+    scale = np.array([ratio.get(name, 1.0) for name in result.names])
+    widened = replace(result, coefficients=numbers, covariance=array(result.covariance * np.outer(scale, scale)))
+    if result.drag is None:
+        return widened
+    std = array([widened.drag_force(speed)[1] for speed in result.drag.speed.tolist()])
+    added = np.maximum(0.0, std**2 - result.drag.std**2)
+    return replace(
+        widened, drag=replace(result.drag, std=std, std_calibrated=np.sqrt(result.drag.std_calibrated**2 + added))
+    )
 
 
-def _widened_calibrated(calibrated: float, std: float, factor: float) -> float:
-    """Deviation with calibration, with its statistical part widened by a factor."""
-    return math.sqrt(calibrated**2 + std**2 * (factor**2 - 1.0)) if math.isfinite(calibrated) else calibrated
+def _with_added(calibrated: float, std: float, ratio: float) -> float:
+    """Deviation with calibration, with its statistical part widened by a ratio."""
+    return math.sqrt(calibrated**2 + std**2 * (ratio**2 - 1.0)) if math.isfinite(calibrated) else calibrated
 
 
 def axes_named(names: Sequence[str]) -> list[int]:

@@ -26,15 +26,17 @@ FOREST = ("k_q", "k_l", "b", "added_mass")
 class RunScatter:
     """Several runs of one coefficient: weighted mean, its deviations, and the scatter between runs.
 
-    `std` of the mean follows from the deviations of the runs, widened by `ratio` where their scatter is larger
-    (Birge 1932: the square root of chi-square over its degrees of freedom; never below 1). `std_calibrated` adds the
-    uncertainty of the calibration, which is common to all runs, so averaging does not reduce it.
+    Random effects: what differs from run to run has the deviation `between`, estimated beside those of the runs
+    (DerSimonian and Laird 1986). A run that tells little weighs little. `std_calibrated` adds the uncertainty of the
+    calibration, which is common to all runs, so averaging does not reduce it. `ratio`: root mean square of the runs'
+    distances from their mean in their own deviations; 1 is expected where nothing differs.
     """
 
     mean: float
     std: float
     std_calibrated: float
     scatter: float
+    between: float
     ratio: float
     runs: int
 
@@ -45,11 +47,20 @@ def pool_runs(numbers: Sequence[Number]) -> RunScatter | None:
     if len(known) < 2:
         return None
     values, weights = np.array([one.value for one in known]), np.array([one.std**-2 for one in known])
-    mean = float(np.average(values, weights=weights))
-    ratio = math.sqrt(float(np.sum(weights * (values - mean) ** 2)) / (len(known) - 1))
-    widened = max(1.0, ratio)
-    std = widened / math.sqrt(float(weights.sum()))
-    return RunScatter(mean, std, math.hypot(std, _common(known)), float(np.std(values, ddof=1)), widened, len(known))
+    freedom, total = len(known) - 1, float(weights.sum())
+    power = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
+    variance = max(0.0, (power - freedom) / (total - float(weights @ weights) / total))
+    weights = 1.0 / (1.0 / weights + variance)
+    std = float(weights.sum()) ** -0.5
+    return RunScatter(
+        mean=float(np.average(values, weights=weights)),
+        std=std,
+        std_calibrated=math.hypot(std, _common(known)),
+        scatter=float(np.std(values, ddof=1)),
+        between=math.sqrt(variance),
+        ratio=math.sqrt(power / freedom),
+        runs=len(known),
+    )
 
 
 def _common(numbers: Sequence[Number]) -> float:

@@ -110,3 +110,29 @@ def table_methods(result: MotionResult) -> str:
 
 def _plain(found: Number | None) -> str:
     return "" if found is None or not math.isfinite(found.value) else plus_minus(found.value, found.std)
+
+
+def table_budget(result: MotionResult) -> str:
+    """What each influence contributes to the drag at the highest speed and to each coefficient, and its remedy."""
+    columns = [name for name in ("drag", *COLUMNS) if name in result.budget]
+    shares = {name: {row.influence: row.std for row in result.budget[name]} for name in columns}
+    remedies = {row.influence: row.remedy for name in columns for row in result.budget[name]}
+    wide = {name: number.std_calibrated for name, number in result.coefficients.items()}
+    if result.drag is not None:
+        wide["drag"] = float(result.drag.std_calibrated[-1])
+    rows = [
+        [influence, *(_contribution(shares[name].get(influence, 0.0), wide.get(name)) for name in columns), remedy]
+        for influence, remedy in remedies.items()
+    ]
+    heads = dict(zip(COLUMNS, HEADINGS, strict=True)) | {"drag": "drag at the highest speed"}
+    total = ["calibrated band", *(_digits(wide.get(name)) for name in columns), ""]
+    return table(["influence", *(heads[name] for name in columns), "what would shrink it"], [total, *rows], own=(0,))
+
+
+def _contribution(std: float, band: float | None) -> str:
+    """A contribution with two digits; empty where it is below a twentieth of the band."""
+    return _digits(std) if band is None or std >= 0.05 * band else ""
+
+
+def _digits(std: float | None) -> str:
+    return "" if std is None else f"{std:.2g}"

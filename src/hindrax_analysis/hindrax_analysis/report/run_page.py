@@ -23,7 +23,7 @@ from hindrax_analysis.report.figures import (
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, definitions, page, plus_minus
 from hindrax_analysis.report.published import published_of
-from hindrax_analysis.report.report_tables import UNITS, table_3, table_4, table_methods, title_of
+from hindrax_analysis.report.report_tables import UNITS, table_3, table_4, table_budget, table_methods, title_of
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
@@ -111,8 +111,8 @@ def _how_to_read(report: RunReport) -> str:
     mass = "(m + m<sub>a</sub>) v\u0307 = thrust \u2212 k<sub>q</sub>|v|v \u2212 k<sub>l</sub>v \u2212 b"
     words = (
         f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down). A value "
-        "stands with one standard deviation from the noise of this run; the one in brackets holds the uncertainty of "
-        "the thrusters' calibration as well, and is the one to quote for the vehicle.</p>"
+        "stands with one standard deviation from the noise of this run; the one in brackets holds all influences of "
+        "the uncertainty budget as well, and is the one to quote for the vehicle.</p>"
     )
     if report.conditions.assumptions:
         rows = "".join(f"<li>{escape(one)}</li>" for one in report.conditions.assumptions)
@@ -150,16 +150,20 @@ def _motion(report: RunReport, result: MotionResult) -> str:
     trace = report.traces.get(result.motion)
     figures = MotionFigures(report.vehicle, result, assessment, trace)
     parts.append(f'<div class="plots">{"".join(figure(chart) for chart in charts_of(figures))}</div>')
+    parts.append(f"<h3>Uncertainty budget: one standard deviation each</h3>{table_budget(result)}")
     parts.append(f"<h3>Methods side by side</h3>{table_methods(result)}")
     parts.append(f'<div class="plots">{"".join(_forests(report, result))}</div>')
     return "".join(parts)
 
 
 def _reasons(result: MotionResult) -> str:
-    if result.identifiable:
-        return ""
-    rows = "".join(f"<li>{escape(reason)}</li>" for reason in result.reasons)
-    return f'<div class="warning"><b>Not identifiable from this record.</b><ul>{rows}</ul></div>'
+    lists = (("Not identifiable from this record.", result.reasons), ("Beside the model:", result.warnings))
+    return "".join(_warning(title, sentences) for title, sentences in lists if sentences)
+
+
+def _warning(title: str, sentences: Sequence[str]) -> str:
+    rows = "".join(f"<li>{escape(one)}</li>" for one in sentences)
+    return f'<div class="warning"><b>{title}</b><ul>{rows}</ul></div>'
 
 
 def _facts(result: MotionResult) -> str:

@@ -5,24 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.model_misfit import (
-    CurrentCheck,
-    FormCheck,
-    LagCheck,
-    check_current,
-    check_form,
-    check_lag,
-    check_latency,
-    slow_force_ratio,
-)
+from hindrax_ident.assess.influences import LAG, LATENCY, MODEL, RUN, Case
 from hindrax_ident.assess.quality import (
     Evidence,
+    Excitation,
     Validation,
     Whiteness,
     excitation,
@@ -30,17 +23,10 @@ from hindrax_ident.assess.quality import (
     validation,
     whiteness,
 )
-from hindrax_ident.assess.results import DragBand, MotionResult, Number
-from hindrax_ident.assess.thrust_calibration import (
-    coriolis_covariance,
-    tilt_covariance,
-    tilt_sigma_rad,
-    with_calibration,
-    with_known_buoyancy,
-    with_velocity_gain,
-)
-from hindrax_ident.assess.unmodeled_forces import unmodeled_force_covariance
-from hindrax_ident.fit.delay import delay_covariance, fit_with_delays
+from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
+from hindrax_ident.assess.slow_forces import slow_force_ratio
+from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
+from hindrax_ident.fit.delay import fit_with_delays
 from hindrax_ident.fit.disturbance_noise import common_noise
 from hindrax_ident.fit.one_sided import OnlineEstimates
 from hindrax_ident.fit.output_error import OutputErrorFit, refine, reweighted
@@ -54,10 +40,15 @@ from hindrax_ident.records.axis_record import Record
 from hindrax_ident.tuning import Tuning
 
 SPEEDS = 21
-LAG_ROUNDS = 3
-LONGEST_LAG_S = 2.0
+DELAY_ROUNDS = 3
+LONGEST_DELAY_S = 2.0
+CONTRADICTION_SIGMAS = 4.0
+LEAST_DELAY_S = 0.005
+"""Error of a delay below which it is left alone."""
 MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
+COUNTS = 0.01
+"""Contribution, relative to the largest, below which a row of a budget is left out."""
 METHOD = "output-error"
 CONTRADICTION = 1e-4
 """Significance level at which two values of one quantity contradict each other."""
@@ -65,15 +56,18 @@ CONTRADICTION = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """Final assessment of one axis: for the report, beyond the results."""
+    """Final assessment of one axis: for the report, beyond the results.
+
+    Covariances (p, p): `noise` of the fit alone; that of `fit` with the influences drawn anew in each run; `separable`
+    with all but those that scale every force alike; `calibrated` with all.
+    """
 
     record: Record
     fit: OutputErrorFit
     calibrated: Array
-    lag: LagCheck
-    form: FormCheck
-    current: CurrentCheck
-    unmodeled: Array
+    separable: Array
+    budget: Budget
+    noise: Array
     plateaus: Plateaus
     whiteness: Whiteness
     validation: Validation | None
@@ -94,16 +88,16 @@ class DraftFit:
     moved: bool
 
 
-def draft(model: Model, record: Record, belief: Prior, online: OnlineEstimates, lag_doubt_s: float = 0.0) -> DraftFit:
-    """Refine a record from the last online estimate. ValueError when it holds too few samples.
-
-    `lag_doubt_s`: prior standard deviation of lag and latency; 0: both are known.
-    """
+def draft(
+    vehicle: Vehicle, model: Model, record: Record, belief: Prior, online: OnlineEstimates, *, tuning: Tuning
+) -> DraftFit:
+    """Refine a record from the last online estimate. ValueError when it holds too few samples."""
     start = list(online.values())[-1][0] if online else belief.values
-    if lag_doubt_s > 0.0:
-        return DraftFit(*fit_with_delays(record, start, model, belief, lag_doubt_s), belief, online, moved=False)
-    record, fit, moved = _with_lag(record, refine(model, record, start, belief), belief)
-    return DraftFit(record, fit, belief, online, moved)
+    if tuning.lag_doubt_s > 0.0:
+        record, fit = fit_with_delays(record, start, model, belief, tuning.lag_doubt_s)
+        return DraftFit(record, fit, belief, online, moved=False)
+    first = DraftFit(record, refine(model, record, start, belief), belief, online, moved=False)
+    return _with_delays(vehicle, first, tuning)
 
 
 def combine_drafts(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
@@ -135,103 +129,63 @@ def _refit_with(drafted: DraftFit, index: int, value: float, variance: float) ->
 
 
 def assess(vehicle: Vehicle, drafted: DraftFit, *, tuning: Tuning) -> Assessment:
-    """Check a draft for unmodeled effects, and widen its bands accordingly."""
+    """Bands of a draft from its uncertainty budget."""
     record, belief, online = drafted.record, drafted.belief, drafted.online
     fit = drafted.fit
     if tuning.thrust_doubt > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
-    fit, lag = _with_lag_uncertainty(record, fit, moved=drafted.moved, lag_doubt_s=tuning.lag_doubt_s)
-    form, current = check_form(fit), check_current(fit)
-    if form.significant:
-        fit = replace(fit, covariance=fit.covariance + np.outer(form.bias, form.bias))
-    if current.significant:
-        fit = replace(
-            fit, covariance=fit.covariance + current.current**2 * np.outer(current.per_unit, current.per_unit)
-        )
-    late = check_latency(record, fit)
-    unobservable = tilt_covariance(vehicle, fit, tilt_sigma_rad(vehicle, tuning)) + coriolis_covariance(record, fit)
-    unobservable = unobservable + lag.covariance(tuning.timing_sigma_s) + late.covariance(tuning.timing_sigma_s)
-    unobservable = unobservable + tuning.stamp_doubt_s**2 * np.outer(lag.per_s, lag.per_s)
-    unmodeled = unmodeled_force_covariance(record, fit, tuning.thrust_doubt)
-    systematic = (
-        unmodeled + tilt_covariance(vehicle, fit, tuning.mount_sigma_rad) + current.covariance(tuning.current_sigma_mps)
-    )
-    fit = replace(fit, covariance=fit.covariance + unobservable)
-    calibrated = with_calibration(vehicle, record, fit) + systematic
-    calibrated = with_velocity_gain(calibrated, fit, tuning.velocity_gain_sigma)
-    # Every term of the equation of motion scales with the wrench, so every parameter does.
-    calibrated = array(calibrated + tuning.wrench_gain_sigma**2 * np.outer(fit.theta, fit.theta))
+    budget = budget_of(Case(vehicle, record, fit, tuning, drafted.moved))
+    own = budget.band_of_run()
     return Assessment(
         record=record,
-        fit=fit,
-        calibrated=calibrated,
-        lag=lag,
-        form=form,
-        current=current,
-        unmodeled=unmodeled,
+        fit=replace(fit, covariance=array(fit.covariance + own)),
+        calibrated=array(fit.covariance + budget.band()),
+        separable=array(fit.covariance + budget.band((RUN, MODEL))),
+        budget=budget,
+        noise=fit.covariance,
         plateaus=measure(record),
         whiteness=whiteness(fit),
         validation=validation(record, fit, belief),
-        online={name: (theta, array(covariance + unobservable)) for name, (theta, covariance) in online.items()},
+        online={name: (theta, array(covariance + own)) for name, (theta, covariance) in online.items()},
     )
 
 
-def _with_lag(record: Record, fit: OutputErrorFit, belief: Prior) -> tuple[Record, OutputErrorFit, bool]:
-    """Refit with estimated lag or latency where the residuals contradict the vehicle file; and whether they do.
-
-    Both delay the motion. The one that explains the residuals better is used.
-    """
-    moved = False
-    for _ in range(LAG_ROUNDS):
-        lag, latency = check_lag(record, fit), check_latency(record, fit)
-        which = lag if lag.distance >= latency.distance else latency
-        unsettled = moved and abs(which.missing_s) > which.sigma_s
-        if not (which.significant or unsettled):
-            break
-        if which is latency:
-            later = replace(
-                record, latency_s=min(LONGEST_LAG_S, max(-LONGEST_LAG_S, record.latency_s + latency.missing_s))
-            )
-        else:
-            later = replace(record, lag_s=min(LONGEST_LAG_S, max(0.0, record.lag_s + lag.missing_s)))
+def _with_delays(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> DraftFit:
+    """Refit with lag and latency that the residuals tell, where they contradict the vehicle file."""
+    for _ in range(DELAY_ROUNDS):
+        record, fit = drafted.record, drafted.fit
+        budget = budget_of(Case(vehicle, record, fit, tuning, drafted.moved))
+        (lag_s, lag_sigma), (late_s, late_sigma) = (budget.found(name) for name in (LAG, LATENCY))
+        least = 1.0 if drafted.moved else CONTRADICTION_SIGMAS
+        lag_s, late_s = (
+            missing if abs(missing) > max(LEAST_DELAY_S, least * sigma) else 0.0
+            for missing, sigma in ((lag_s, lag_sigma), (late_s, late_sigma))
+        )
+        later = replace(
+            record,
+            lag_s=min(LONGEST_DELAY_S, max(0.0, record.lag_s + lag_s)),
+            latency_s=min(LONGEST_DELAY_S, max(-LONGEST_DELAY_S, record.latency_s + late_s)),
+        )
         if (later.lag_s, later.latency_s) == (record.lag_s, record.latency_s):
             break
-        record, moved = later, True
         # Estimate the noise again: delays appeared as unknown forces.
-        fit = refine(fit.model, record, fit.theta, belief)
-    return record, fit, moved
+        drafted = replace(drafted, record=later, fit=refine(fit.model, later, fit.theta, drafted.belief), moved=True)
+    return drafted
 
 
-def _with_lag_uncertainty(
-    record: Record, fit: OutputErrorFit, *, moved: bool, lag_doubt_s: float
-) -> tuple[OutputErrorFit, LagCheck]:
-    """Widen the covariance by the uncertainty of an estimated or poorly known lag."""
-    lag = check_lag(record, fit)
-    if lag_doubt_s > 0.0:
-        fit = replace(fit, covariance=fit.covariance + delay_covariance(record, fit, lag_doubt_s))
-    elif moved or lag.significant:
-        doubt = lag.per_s * math.hypot(lag.sigma_s, lag.missing_s)
-        fit = replace(fit, covariance=fit.covariance + np.outer(doubt, doubt))
-    return fit, lag
-
-
-def result_of(motion: Motion, vehicle: Vehicle, assessment: Assessment, tuning: Tuning) -> MotionResult:
+def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
     """Result of one motion of an axis."""
     fit, model = assessment.fit, assessment.fit.model
     theta, calibrated = fit.theta, assessment.calibrated
-    if tuning.buoyancy_sigma_N > 0.0 and model.axis == 2:
-        index = model.names.index("b")
-        _, calibrated = with_known_buoyancy(theta, calibrated, index, vehicle.net_buoyancy_N, tuning.buoyancy_sigma_N)
     reported = reported_parameters(model, motion)
     covariance, widened = fit.covariance[reported.square], calibrated[reported.square]
     k = theta[reported.rows[:2]]
     numbers = numbers_of(model, motion, theta, fit.covariance, calibrated)
     excited = excitation(fit, motion.side)
+    drag = _drag(motion, assessment, excited)
     evidence = Evidence(
         k=k,
-        covariance=(fit.covariance + assessment.current.covariance(tuning.current_sigma_mps) + assessment.unmodeled)[
-            reported.square
-        ][:2, :2],
+        covariance=assessment.separable[reported.square][:2, :2],
         excitation=excited,
         effective_samples=fit.effective_samples,
         noise=fit.sigmas[0] if math.isfinite(fit.sigmas[0]) else 0.0,
@@ -239,8 +193,9 @@ def result_of(motion: Motion, vehicle: Vehicle, assessment: Assessment, tuning: 
         / max(1e-12, math.sqrt(widened[reported.mass, reported.mass])),
         converged=fit.converged,
         validation=assessment.validation,
-        form=assessment.form,
-        current=tuning.current_sigma_mps if model.axis in HORIZONTAL else 0.0,
+        drag_std=drag.separable_std,
+        largest=drag.budget[0],
+        current=assessment.budget.prior("current"),
         offset=_least_offset(theta, widened, reported) if model.axis in HORIZONTAL else 0.0,
     )
     reasons = tuple(reasons_against(evidence))
@@ -255,9 +210,11 @@ def result_of(motion: Motion, vehicle: Vehicle, assessment: Assessment, tuning: 
         identifiable=not reasons,
         reasons=reasons,
         speeds=(excited.low, excited.high),
-        drag=_band(k, covariance[:2, :2], widened[:2, :2], excited.low, excited.high),
+        drag=drag.band,
         methods=_methods(motion, assessment),
         quality=_quality(assessment),
+        budget={**_budget(assessment, reported), "drag": drag.budget},
+        warnings=assessment.budget.warnings(),
     )
 
 
@@ -301,13 +258,43 @@ def _within(values: Array, block: Array, reported: ReportedParameters) -> Array:
     return bounded(values, block, reported.low, reported.high)
 
 
-def _band(k: Array, covariance: Array, widened: Array, low: float, high: float) -> DragBand | None:
-    if not high > low > 0.0:
-        return None
-    speed = np.linspace(low, high, SPEEDS)
-    gradient = np.stack([speed**2, speed], axis=1)
-    spread = [array(np.sqrt(np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)))) for C in (covariance, widened)]
-    return DragBand(array(speed), array(gradient @ k), spread[0], spread[1])
+class _Drag(NamedTuple):
+    """Drag force of a motion; `separable_std`: at the highest speed, without what scales every force alike."""
+
+    band: DragBand | None
+    separable_std: float
+    budget: list[Contribution]
+
+
+def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
+    fit, budget = assessment.fit, assessment.budget
+    rows = reported_parameters(fit.model, motion).rows[:2]
+    speed = np.linspace(excited.low, excited.high, SPEEDS)
+    gradient = np.zeros((SPEEDS, len(fit.theta)))
+    gradient[:, rows[0]], gradient[:, rows[1]] = speed**2, speed
+    noise, own = (np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)) for C in (assessment.noise, fit.covariance))
+    sensitivity = budget.drag_sensitivity(array(gradient), array(speed * (motion.side or 1)))
+    wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
+    band = DragBand(array(speed), array(gradient @ fit.theta), array(np.sqrt(own)), array(wide))
+    known = excited.high > excited.low > 0.0
+    rows_of_top = _with_noise(float(noise[-1]), budget.contributions(sensitivity[-1]))
+    return _Drag(band if known else None, float(separable[-1]), rows_of_top)
+
+
+def _with_noise(variance: float, rows: list[Contribution]) -> list[Contribution]:
+    """Rows of a budget that count, with that of the noise, largest first."""
+    noise = Contribution("noise of the record", math.sqrt(max(0.0, variance)), "fly longer, or more runs")
+    ordered = sorted([noise, *rows], key=lambda row: -row.std)
+    return [row for row in ordered if row.std >= COUNTS * ordered[0].std]
+
+
+def _budget(assessment: Assessment, reported: ReportedParameters) -> dict[str, list[Contribution]]:
+    """Contributions to each coefficient of a motion, largest first."""
+    shifts, noise = assessment.budget.shifts, assessment.noise
+    return {
+        name: _with_noise(float(noise[at, at]), assessment.budget.contributions(shifts[at]))
+        for name, at in zip(reported.names, reported.rows.tolist(), strict=True)
+    }
 
 
 def _methods(motion: Motion, assessment: Assessment) -> dict[str, dict[str, Number]]:
@@ -334,14 +321,12 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         "ljung_box_expected": assessment.whiteness.expected,
         "largest_inflation": float(fit.inflation.max()),
         "plateaus": float(len(assessment.plateaus.v)),
-        "other_form": assessment.form.share if assessment.form.significant else 0.0,
         "lag_s": assessment.record.lag_s,
         "latency_s": assessment.record.latency_s,
-        "lag_missing_s": assessment.lag.missing_s,
-        "lag_missing_sigma_s": assessment.lag.sigma_s,
     }
-    if math.isfinite(assessment.current.sigma):
-        out |= {"current_mps": assessment.current.current, "current_sigma_mps": assessment.current.sigma}
+    current, sigma = assessment.budget.found("current")
+    if math.isfinite(current):
+        out |= {"current_mps": current, "current_sigma_mps": sigma}
     if checked is not None:
         out |= {"held_out_fit": checked.fit, "held_out_excess": checked.excess}
     return out

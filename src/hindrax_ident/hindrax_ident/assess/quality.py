@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.model_misfit import FormCheck
+from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
 from hindrax_ident.fit.output_error import OutputErrorFit, retrained
 from hindrax_ident.fit.output_error_problem import (
@@ -31,7 +31,6 @@ FEWEST_EFFECTIVE = 10.0
 FORCE_SHARE = 0.10
 SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5
-FORM_SHARE = 0.1
 OFFSET_SHARE = 0.2
 SAME_SPEED = 0.1
 ONE_SPEED_SHARE = 0.7
@@ -176,11 +175,14 @@ class Evidence:
     added_mass_sigmas: float
     converged: bool
     validation: Validation | None
-    form: FormCheck
+    drag_std: float
+    """Standard deviation of the drag at the highest speed [N, N m]."""
+    largest: Contribution
+    """The largest contribution to it."""
     current: float = 0.0
-    """Standard deviation of an unmeasured current, on axes with possible current [m/s]."""
+    """Prior standard deviation of a current along the axis [m/s]."""
     offset: float = 0.0
-    """Smallest constant force along such an axis consistent with the record [N]."""
+    """Smallest constant force along a horizontal axis consistent with the record [N]."""
 
 
 def reasons_against(evidence: Evidence) -> list[str]:
@@ -200,9 +202,10 @@ def reasons_against(evidence: Evidence) -> list[str]:
             *out,
             f"the drag at {high:.2g} is {force:.3g}, wanted above 0: check the sign of the wrench",
         ]
-    share = math.sqrt(max(0.0, float(gradient @ evidence.covariance @ gradient))) / force
+    share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
-        out.append(f"the drag at the highest speed is known to {share:.0%} only, wanted {FORCE_SHARE:.0%}")
+        known = f"the drag at the highest speed is known to {share:.0%} only, wanted {FORCE_SHARE:.0%}"
+        out.append(f"{known}; most by {largest.influence}: {largest.remedy}")
     out += _separation(evidence, force)
     out += _physics(evidence, force)
     return out
@@ -211,9 +214,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
 def _separation(evidence: Evidence, force: float) -> list[str]:
     low, high = evidence.excitation.low, evidence.excitation.high
     if 2.0 * evidence.current > SPLIT_SHARE * high:
-        change = (
-            f"an unnoticed current of {evidence.current:.2g} changes the drag by {2.0 * evidence.current / high:.0%}"
-        )
+        change = f"a current of {evidence.current:.2g} changes the drag by {2.0 * evidence.current / high:.0%}"
         return [f"at speeds up to {high:.2g} {change}: k_q and k_l cannot be separated"]
     if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
         share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
@@ -239,9 +240,6 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
     if evidence.offset > OFFSET_SHARE * force:
         beside = f"a constant force of {evidence.offset:.2g} or more, {evidence.offset / force:.0%} of the largest drag"
         out.append(f"{beside}, acts as well: a current, the tether, or an offset of the thrust")
-    form = evidence.form
-    if form.significant and form.share > FORM_SHARE:
-        out.append(f"the force differs from the model's by {form.share:.0%} of the largest drag ({form.description})")
     checked = evidence.validation
     if checked is not None and checked.fit < LEAST_FIT and checked.excess > 1.5:
         out.append(f"the held-out part of the run is predicted with a fit of only {checked.fit:.0%}")

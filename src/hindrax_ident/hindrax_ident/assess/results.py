@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -30,6 +30,15 @@ class Number:
         if math.isfinite(self.std_calibrated):
             out["std_calibrated"] = self.std_calibrated
         return out
+
+
+@dataclass(frozen=True, slots=True)
+class Contribution:
+    """One row of an uncertainty budget: standard deviation that a quantity would lose if the influence were known."""
+
+    influence: str
+    std: float
+    remedy: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +77,10 @@ class MotionResult:
     drag: DragBand | None
     methods: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     quality: Mapping[str, float] = field(default_factory=dict)
+    budget: Mapping[str, Sequence[Contribution]] = field(default_factory=dict)
+    """Per coefficient, and for the `drag` at the highest speed: contributions to the calibrated band, largest first."""
+    warnings: tuple[str, ...] = ()
+    """What the record shows beside the model, one sentence each."""
 
     def drag_force(self, speed: float) -> tuple[float, float]:
         """Drag and its standard deviation at a speed of this motion's direction [N, N m]."""
@@ -95,6 +108,8 @@ class MotionResult:
                 for method, numbers in self.methods.items()
             },
             "quality": dict(self.quality),
+            "budget": {name: {row.influence: row.std for row in rows} for name, rows in self.budget.items()},
+            "warnings": list(self.warnings),
         }
 
 

@@ -190,10 +190,3 @@ def fit_with_delays(
         record = replace(record, lag_s=float(after[0]), latency_s=float(after[1]))
         fit = refine(fit.model, record, fit.theta, belief)
     return record, fit
-
-
-def delay_covariance(record: Record, fit: OutputErrorFit, sigma_s: float) -> Array:
-    """Covariance due to the remaining uncertainty of lag and latency: (p, p)."""
-    found = score(fit, delay_impulses(record, fit.problem.grid))
-    open_s2 = np.linalg.inv(found.information + np.eye(2) / sigma_s**2)
-    return array(found.shifts @ open_s2 @ found.shifts.T)

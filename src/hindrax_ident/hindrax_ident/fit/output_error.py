@@ -59,7 +59,7 @@ class OutputErrorFit:
     `effective_samples`: equivalent independent samples of the plain residuals; the covariance uses whitened ones.
 
     `inflation` (p,): factor by which the scatter between blocks widened the standard deviations (1: not at all);
-    `sigmas`: standard deviations of the velocity and position residuals.
+    `sigmas`: standard deviations of the velocity and position residuals; `prior_information` (p, p) of the parameters.
     """
 
     model: Model
@@ -74,6 +74,7 @@ class OutputErrorFit:
     noise: Noise
     whitener: Whitener
     converged: bool
+    prior_information: Array
 
 
 def refine(model: Model, record: Record, start: Array, belief: Prior) -> OutputErrorFit:
@@ -231,6 +232,7 @@ def _fit_of(
         noise=white.noise,
         whitener=white,
         converged=converged,
+        prior_information=belief.information,
     )
 
 

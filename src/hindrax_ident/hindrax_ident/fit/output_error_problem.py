@@ -181,10 +181,13 @@ def linearize(
     path: Trajectory,
     white: Callable[[Array], Array],
     impulses: Array | None = None,
+    *,
+    readings: Array | None = None,
 ) -> LinearizedProblem | None:
     """Simulate from the start of each stretch of `path` and differentiate; None where it diverges.
 
-    With `impulses` (grid, m), J has m further columns after those of the parameters.
+    After the columns of the parameters, J has those of `impulses` (grid, m): unmodeled impulses over each step, and of
+    `readings` (n, k): errors of each measurement.
     """
     moved = trajectory(problem.model, theta, problem.grid, path)
     if moved is None:
@@ -193,8 +196,8 @@ def linearize(
     predicted = np.stack([moved.v, moved.s], axis=1)[problem.index, problem.channel]
     raw = problem.y - predicted
     p = len(theta)
-    table = np.column_stack([raw, S[:, :p], S[:, p + 2 :], S[:, p : p + 2]])
-    table = white(table)
+    extra = np.zeros((len(raw), 0)) if readings is None else readings
+    table = white(np.column_stack([raw, S[:, :p], S[:, p + 2 :], extra, S[:, p : p + 2]]))
     start = _project(problem, table)
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
 

@@ -16,38 +16,43 @@ from hindrax_ident.fit.output_error_problem import linearize
 
 @dataclass(frozen=True, slots=True)
 class ScoreTest:
-    """Score test of m unknown impulses.
+    """Score test of m unknowns that the model does not have.
 
-    `shifts` (p, m): error of the parameters per unit of each; `values` (m,): estimates from the residuals, with their
-    covariance (m, m) and its inverse, `information`, which is singular where they are not observable.
+    `shifts` (p, m): error of the parameters per unit of each; `gradient` (m,) and `information` (m, m) of the residuals
+    about the unknowns, once the parameters have taken their share.
     """
 
     shifts: Array
-    values: Array
-    covariance: Array
+    gradient: Array
     information: Array
 
     @property
-    def distance(self) -> float:
-        """Squared distance of the values from zero in units of their covariance: chi-squared with m degrees."""
-        return float(self.values @ np.linalg.solve(self.covariance, self.values))
+    def values(self) -> Array:
+        """Estimates from the residuals alone: (m,)."""
+        return array(self.covariance @ self.gradient)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the estimates: (m, m); zero where the residuals tell nothing."""
+        return array(np.linalg.pinv(self.information, rcond=1e-12, hermitian=True))
 
 
-def score(fit: OutputErrorFit, impulses: Array) -> ScoreTest:
-    """Test impulses over each step of the fit's grid: (n, m) [N s, N m s per unit]."""
-    p, m = len(fit.theta), impulses.shape[1]
-    linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses)
+def score(fit: OutputErrorFit, impulses: Array, readings: Array | None = None) -> ScoreTest:
+    """Test impulses over each step of the fit's grid, (n, m) [N s, N m s per unit], then errors of its measurements."""
+    p, m = len(fit.theta), impulses.shape[1] + (0 if readings is None else readings.shape[1])
+    linear = linearize(fit.problem, fit.theta, fit.linear.path, fit.whitener, impulses, readings=readings)
     if linear is None:
-        return ScoreTest(np.zeros((p, m)), np.zeros(m), np.eye(m), np.zeros((m, m)))
-    information = linear.information
-    shifts = array(np.linalg.lstsq(information[:p, :p], information[:p, p:], rcond=None)[0])
+        return ScoreTest(np.zeros((p, m)), np.zeros(m), np.zeros((m, m)))
+    information, size = linear.information, _noise(fit)
+    shifts = array(np.linalg.solve(information[:p, :p] + fit.prior_information, information[:p, p:]))
     rest = information[p:, p:] - information[p:, :p] @ shifts
-    inverse = np.linalg.pinv(rest, rcond=1e-12, hermitian=True)
-    values, size = array(inverse @ linear.gradient[p:]), _noise(fit)
-    return ScoreTest(shifts, values, array(inverse * size + 1e-30 * np.eye(m)), array(rest / size))
+    return ScoreTest(shifts, array(linear.gradient[p:] / size), array(0.5 * (rest + rest.T) / size))
 
 
 def _noise(fit: OutputErrorFit) -> float:
-    """Ratio of the covariance of the parameters to that for white noise of unit variance."""
-    plain = np.linalg.inv(fit.linear.information)
-    return float(np.median(np.diag(fit.covariance) / np.diag(plain)))
+    """Ratio of the covariance of the parameters to that for white noise of unit variance.
+
+    Without the scatter between blocks: what is tested here may be its cause.
+    """
+    plain = np.diag(np.linalg.inv(fit.linear.information + fit.prior_information)) * fit.inflation**2
+    return float(np.median(np.diag(fit.covariance) / plain))

@@ -180,7 +180,7 @@ class Session:
                 motions |= self._unidentified(axis, error)
                 continue
             for motion in self._reported_motions(axis, assessments[axis]):
-                motions[motion.name] = result_of(motion, self.vehicle, assessments[axis], self.tuning)
+                motions[motion.name] = result_of(motion, assessments[axis])
         return Outcome(Results(motions, self.vehicle), assessments)
 
     def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
@@ -239,4 +239,4 @@ class Session:
         side = side_of(record) if model.split else 0
         if side:
             model, belief, online = one_sided(model, belief, online, side)
-        return draft(model, record, belief, online, self.tuning.lag_doubt_s)
+        return draft(self.vehicle, model, record, belief, online, tuning=self.tuning)

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -207,11 +207,7 @@ def _document(
             {"bag": str(source.path), **results.to_json()} for source, results in zip(sources, found.runs, strict=True)
         ]
         out["spread"] = {
-            motion: {
-                key: {"scatter": one.scatter, "ratio": one.ratio, "mean": one.mean, "std": one.std, "runs": one.runs}
-                for key, one in spreads.items()
-            }
-            for motion, spreads in found.spreads.items()
+            motion: {key: asdict(one) for key, one in spreads.items()} for motion, spreads in found.spreads.items()
         }
     return out
 
@@ -227,8 +223,8 @@ def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: C
             print(f"{motion}: thrust lags by {lag_s:.2f} s, velocities come {late_s:.2f} s late, as the record has it")
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
-            times = f"{one.ratio:.1f} times what their deviations say"
-            print(f"{motion} {key}: {one.runs} runs scatter by {one.scatter:.3g}, {times}")
+            times = f"{one.ratio:.1f} times their deviations, expected 1"
+            print(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
     for path in (arguments.report, arguments.coefficients):
         if path:
             print(f"  {path}")

@@ -81,7 +81,7 @@ def trial(job: Job) -> Trial:
     flight = fly(job.motions, job.seed, job.world, vehicle=load_vehicle(job.vehicle_file), excitation=job.excitation)
     thrust_s = flight.world.conditions.thrust_density_s
     hull = HullTruth(flight.truth, flight.drag_N)
-    return trial_of(job.seed, flight.vehicle, flight.outcome, hull, trouble=flight.aborted, thrust_s=thrust_s)
+    return trial_of(job.seed, flight.outcome, hull, trouble=flight.aborted, thrust_s=thrust_s)
 
 
 def show(document: dict[str, Any]) -> None:

@@ -1,0 +1,381 @@
+"""Influence quantities: what may act on a record beside the model, one row each (GUM, JCGM 100, clause 4).
+
+A row has a name, a unit, a prior standard deviation, an effect and a remedy. Its effect is what one unit does to the
+record: unmodeled impulses on the vehicle, or errors of the measurements. From it alone `uncertainty_budget` computes
+what the row contributes to each coefficient, and what the record tells about it. A new influence is a new row.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
+from hindrax_ident.fit.delay import lag_impulse, latency_impulse, per_step
+from hindrax_ident.fit.output_error import OutputErrorFit
+from hindrax_ident.model.motion_model import HORIZONTAL
+from hindrax_ident.model.thrust_lag import LaggedThrust
+from hindrax_ident.records.axis_record import Record
+from hindrax_ident.tuning import Tuning
+
+LOST = 0.5
+"""Standard deviation of the share of thrust missing inside a dead band that nobody described [-]."""
+BETWEEN_RUNS_S = 900.0
+FOUND_DELAY_S = 0.1
+"""Prior standard deviation of a delay that the record gave against the vehicle file."""
+INFLOW_mps, INFLOW_N = 0.5, 10.0
+MEMORY_S, WAKE_S = 1.0, 3.0
+"""Time constants of fluid memory, and of the vehicle's own wake."""
+TETHER = 0.005
+"""Standard deviation of the pull of a tether, as a share of the largest thrust [-]."""
+TETHER_DRAG = 0.5
+"""Drag of the tether at the highest speed over its pull at the greatest distance [-]."""
+LAG, LATENCY = "thrust lag", "latency of the velocity"
+GAIN, RUN, MODEL = "gain", "run", "model"
+"""Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One axis of one run: its vehicle, record, fit and tuning; arrays on the fit's grid, (n,) each."""
+
+    vehicle: Vehicle
+    record: Record
+    fit: OutputErrorFit
+    tuning: Tuning
+    delay_found: bool = False
+    """Whether lag or latency of the record were estimated, against the vehicle file."""
+
+    @property
+    def axis(self) -> int:
+        """Axis of the fit: 0 to 5."""
+        return self.fit.model.axis
+
+    @cached_property
+    def steps_s(self) -> Array:
+        """Length of the step that ends at each time: (n,) [s]."""
+        return self.fit.problem.grid.steps_s
+
+    @property
+    def v(self) -> Array:
+        """Fitted velocity: (n,) [m/s, rad/s]."""
+        return self.fit.linear.path.v
+
+    @cached_property
+    def thrust(self) -> Array:
+        """Thrust after its lag: (n,) [N, N m]."""
+        return LaggedThrust(self.record.thrust.t, self.record.thrust.y, self.record.lag_s).force(self._thrust_s)
+
+    @cached_property
+    def speed(self) -> float:
+        """Highest speed: 98th percentile [m/s, rad/s]."""
+        return _highest(self.v)
+
+    @cached_property
+    def pull(self) -> float:
+        """Largest thrust commanded: 98th percentile [N, N m]."""
+        return _highest(self.record.thrust.y)
+
+    @property
+    def _thrust_s(self) -> Array:
+        return self.fit.problem.grid.times_s - self.record.latency_s
+
+    @property
+    def delay_sigma_s(self) -> float:
+        """Prior standard deviation of lag and latency [s]."""
+        found_s = FOUND_DELAY_S if self.delay_found else 0.0
+        return max(self.tuning.timing_sigma_s, self.tuning.lag_doubt_s, found_s)
+
+    def drag(self, v: Array) -> Array:
+        """Drag of the fit at velocities (n,): (n,) [N, N m]."""
+        drags = self.fit.model.drags
+        return array(self.fit.model.columns(v, v)[:, :drags] @ self.fit.theta[:drags])
+
+    @cached_property
+    def top_drag(self) -> float:
+        """Drag at the highest speed, without its sign [N, N m]."""
+        return float(np.abs(self.drag(array([self.speed]))[0]))
+
+    def slope(self) -> Array:
+        """Derivative of the drag: (n,) [N s/m, N m s]."""
+        return self.fit.model.slope(self.fit.theta, self.v)
+
+    def of_force(self, force: Array) -> Array:
+        """Impulses over each step of forces at its ends, (n,) or (n, k): (n, k) [N s, N m s]."""
+        table = force.reshape(len(self.v), -1)
+        return array(0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0)))
+
+    def of_commands(self, commands: Array) -> Array:
+        """Impulses over each step of errors of the commanded thrust, (commands, k), through its lag: (n, k)."""
+        totals = [LaggedThrust(self.record.thrust.t, one, self.record.lag_s) for one in commands.T]
+        return per_step(np.stack([one.impulse(self._thrust_s) for one in totals], axis=1), self.fit.problem.grid)
+
+    def delayed(self, time_s: float) -> Array:
+        """Velocity through a first-order lag, from rest at the start of each stretch: (n,) [m/s, rad/s]."""
+        value, out = 0.0, []
+        keep = np.exp(-self.steps_s / time_s).tolist()
+        for v, one, start in zip(self.v.tolist(), keep, self.fit.problem.grid.starts.tolist(), strict=True):
+            value = v if start else v + (value - v) * one
+            out.append(value)
+        return np.array(out)
+
+    @property
+    def position(self) -> Array:
+        """Position from the middle of the flown distance, in units of half of it: (n,) [-]."""
+        s = self.fit.linear.path.s - float(np.median(self.fit.linear.path.s))
+        return array(s / max(1e-9, _highest(s)))
+
+
+def _highest(values: Array) -> float:
+    return float(np.percentile(np.abs(values), 98.0)) if len(values) else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Influence:
+    """One row. `sigma`: prior standard deviation in `unit`, 0 where the influence cannot act.
+
+    `effect`: per unit, impulses over each step (grid, k), or with `of_readings` errors of each measurement (n, k).
+    `considered`: the record may not judge it, because it would do so by details that other rows explain as well.
+    `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
+    """
+
+    name: str
+    unit: str
+    scope: str
+    sigma: Callable[[Case], float]
+    effect: Callable[[Case], Array]
+    remedy: str
+    of_readings: bool = False
+    considered: bool = False
+    drag: Callable[[Case, Array], Array] | None = None
+
+
+# ---- thrust
+
+
+def _gains(case: Case) -> list[ThrustErrorMode]:
+    return modes(case.vehicle, case.axis) if len(case.record.thrust) else []
+
+
+def _calibration(case: Case) -> Array:
+    """One column per unknown of the thrust curves, each of one standard deviation."""
+    parts = [mode.error(case.record.thrust.y) @ _root(mode.covariance) for mode in _gains(case)]
+    return case.of_commands(array(np.hstack(parts)))
+
+
+def _root(covariance: Array) -> Array:
+    """Matrix square root of a covariance: (k, k)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return array(vectors * np.sqrt(np.maximum(0.0, values)))
+
+
+def _inflow(case: Case) -> Array:
+    """Thrust lost to water that already moves along: T = T_nn n|n| - T_nu |n| u, Fossen 2011 eq. 9.8.
+
+    A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust.
+    """
+    lost = np.zeros(len(case.v))
+    for per_newton, share in thrust_shares(case.vehicle, case.axis).values():
+        reference_N = INFLOW_N if case.vehicle.thrusters else abs(share) * case.pull
+        lost += per_newton**2 * np.sqrt(np.abs(share * case.thrust) * reference_N) * case.v / INFLOW_mps
+    return case.of_force(array(-lost))
+
+
+def _drift(case: Case) -> Array:
+    """Thrust that falls evenly from the start of a run; records that are pooled each start anew."""
+    t = case.fit.problem.grid.times_s
+    begins = np.where(np.diff(t, prepend=-np.inf) > BETWEEN_RUNS_S, t, 0.0)
+    begins[0] = min(float(t[0]), float(case.record.thrust.t[0]))
+    since_s = t - np.maximum.accumulate(begins)
+    return case.of_force(array(-case.thrust * since_s / max(1e-9, float(since_s.max()))))
+
+
+def _load(case: Case) -> Array:
+    return case.of_force(array(-case.thrust * np.abs(case.thrust) / max(1e-9, case.pull)))
+
+
+def _dead_band(case: Case) -> Array:
+    """Thrust reduced by a force of the size of the doubt, and lost below it: two columns of one deviation."""
+    command, band = case.record.thrust.y, max(1e-9, case.tuning.thrust_doubt * case.pull)
+    return case.of_commands(
+        np.stack([-band * np.clip(command / band, -1.0, 1.0), -LOST * command * (np.abs(command) < band)], axis=1)
+    )
+
+
+# ---- water
+
+
+def _memory(case: Case) -> Array:
+    return case.of_force(array(case.drag(case.v) - case.drag(case.delayed(MEMORY_S))))
+
+
+def _wake(case: Case) -> Array:
+    behind = case.delayed(WAKE_S)
+    return case.of_force(array(case.slope() * behind * (behind * case.v < 0.0)))
+
+
+def _asymmetry(case: Case, v: Array) -> Array:
+    """Quadratic drag greater ahead and smaller astern, in shares of that at the highest speed: (n, 1) [N, N m]."""
+    return array(case.top_drag * (v[:, None] / max(1e-9, case.speed)) ** 2)
+
+
+def _exponent(case: Case, v: Array) -> Array:
+    """Change of the drag per unit of its exponent: (n, 1) [N, N m]."""
+    x = np.abs(v) / max(1e-9, case.speed)
+    return array((case.top_drag * np.sign(v) * x * x * np.log(np.maximum(x, 1e-9)))[:, None])
+
+
+def _tether(case: Case) -> Array:
+    x = case.v / max(1e-9, case.speed)
+    return case.of_force(-np.stack([case.position, TETHER_DRAG * np.abs(x) * x], axis=1))
+
+
+def _coriolis(case: Case) -> Array:
+    grid = case.fit.problem.grid
+    totals = [LaggedThrust(error.t, error.y, 0.0).impulse(grid.times_s) for error in case.record.coriolis_errors]
+    return per_step(np.stack(totals, axis=1), grid)
+
+
+# ---- sensors
+
+
+def tilt_sigma_rad(vehicle: Vehicle, tuning: Tuning) -> float:
+    """Standard deviation of roll and pitch from the accelerometer; TDK DS-000189 table 2.
+
+    Uncalibrated: its typical offset of 25 mg as two standard deviations. After `hindrax imu calibrate`: 3 mg, the
+    drift over a few degrees of warming.
+    """
+    known = any(key.startswith("accel") for mount in vehicle.sensors.values() for key in mount.calibration)
+    return tuning.tilt_sigma_rad if known else tuning.raw_tilt_sigma_rad
+
+
+def _tilts(case: Case) -> bool:
+    return case.fit.model.restores or case.axis in HORIZONTAL
+
+
+def _tilt(case: Case) -> Array:
+    """Force or moment per radian of wrong roll or pitch; level by a tilted sensor, net buoyancy pushes along."""
+    if case.fit.model.restores:
+        return case.of_force(array(case.fit.theta[-2] * np.cos(case.fit.linear.path.s)))
+    return case.of_force(np.full(len(case.v), case.vehicle.net_buoyancy_N))
+
+
+def _velocity_gain(case: Case) -> Array:
+    """Every measured velocity, and every distance, larger by its share."""
+    problem, path = case.fit.problem, case.fit.linear.path
+    return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
+
+
+def _always(sigma: float) -> Callable[[Case], float]:
+    return lambda _case: sigma
+
+
+INFLUENCES: tuple[Influence, ...] = (
+    Influence(
+        "thrust calibration", "sigma", GAIN,
+        lambda case: 1.0 if _gains(case) else 0.0, _calibration,
+        "a known-weight or bollard-pull test measures the gain of the thrust",
+    ),
+    Influence(
+        "gain of the wrench", "-", GAIN,
+        lambda case: case.tuning.wrench_gain_sigma, lambda case: case.of_commands(case.record.thrust.y[:, None]),
+        "describe the thrusters in the vehicle file, or measure the wrench",
+    ),
+    Influence(
+        "losses between thrusters and hull", "-", GAIN,
+        _always(0.015), lambda case: case.of_commands(case.record.thrust.y[:, None]),
+        "a known-weight test on this axis measures the thrust with all losses",
+    ),
+    Influence(
+        "inflow loss", "of 10 N at 0.5 m/s", MODEL, _always(0.015), _inflow,
+        "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
+    ),
+    Influence(
+        "sag over the run", "-", MODEL, _always(0.007), _drift,
+        "measure the supply voltage, or repeat the first leg at the end",
+    ),
+    Influence(
+        "sag under load", "-", MODEL, _always(0.007), _load,
+        "measure the supply voltage at the ESCs",
+    ),
+    Influence(
+        "dead band of the thrust", "sigma", MODEL,
+        lambda case: 1.0 if case.tuning.thrust_doubt * case.pull > 0.0 else 0.0, _dead_band,
+        "describe the dead band in the vehicle file",
+    ),
+    Influence(
+        LAG, "s", RUN, lambda case: case.delay_sigma_s,
+        lambda case: lag_impulse(case.record, case.fit.problem.grid),
+        "measure the thrust lag with `hindrax step`",
+    ),
+    Influence(
+        LATENCY, "s", RUN, lambda case: case.delay_sigma_s,
+        lambda case: latency_impulse(case.record, case.fit.problem.grid),
+        "set velocity_latency_s to the latency of the instrument",
+    ),
+    Influence(
+        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s,
+        lambda case: lag_impulse(case.record, case.fit.problem.grid),
+        "record thrust and velocity with stamps of one clock", considered=True,
+    ),
+    Influence(
+        "current", "m/s", MODEL,
+        lambda case: case.tuning.current_sigma_mps if case.axis in HORIZONTAL else 0.0,
+        lambda case: case.of_force(case.slope()),
+        "fly each speed both ways, in still water",
+    ),
+    Influence(
+        "tether", "N", MODEL,
+        lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether,
+        "leave the tether slack, or float it, and fly near its fixed end",
+    ),
+    Influence(
+        "fluid memory", "-", MODEL, _always(0.02), _memory,
+        "longer plateaus and slower changes of speed",
+    ),
+    Influence(
+        "own wake", "-", MODEL, _always(0.02), _wake,
+        "rest between legs until the water is still",
+    ),
+    Influence(
+        "fore/aft asymmetry", "-", MODEL,
+        lambda case: 0.0 if case.fit.model.split else 0.015, lambda case: case.of_force(-_asymmetry(case, case.v)),
+        "identify each direction for itself", drag=_asymmetry,
+    ),
+    Influence(
+        "exponent of the drag", "-", MODEL, _always(0.02),
+        lambda case: case.of_force(-_exponent(case, case.v)),
+        "fly the speeds at which the coefficients will be used", drag=_exponent,
+    ),
+    Influence(
+        "masses of other axes", "sigma", RUN,
+        lambda case: 1.0 if case.record.coriolis_errors else 0.0, _coriolis,
+        "fly surge, sway and heave in the same run", considered=True,
+    ),
+    Influence(
+        "tilt of the accelerometer", "rad", RUN,
+        lambda case: tilt_sigma_rad(case.vehicle, case.tuning) if _tilts(case) else 0.0, _tilt,
+        "`hindrax imu calibrate`", considered=True,
+    ),
+    Influence(
+        "tilt of the mount", "rad", MODEL,
+        lambda case: case.tuning.mount_sigma_rad if _tilts(case) else 0.0, _tilt,
+        "align the sensors with the thrusters, and measure it", considered=True,
+    ),
+    Influence(
+        "gain of the velocity", "-", GAIN, lambda case: case.tuning.velocity_gain_sigma, _velocity_gain,
+        "compare the distance flown between two walls with a tape measure", of_readings=True, considered=True,
+    ),
+)  # fmt: skip
+
+
+def acting(case: Case, rows: Sequence[Influence] = INFLUENCES) -> list[tuple[Influence, float]]:
+    """Rows that can act on a case, with their prior standard deviations in their units."""
+    known = [(row, row.sigma(case)) for row in rows]
+    return [(row, sigma) for row, sigma in known if sigma > 0.0 and math.isfinite(sigma)]

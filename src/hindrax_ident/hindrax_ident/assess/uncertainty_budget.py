@@ -1,0 +1,213 @@
+"""Uncertainty budget of one axis: bands, warnings and remedies from one table of influence quantities.
+
+GUM (JCGM 100) clause 5.2 for correlated quantities. What a record tells about an influence is estimated from the
+residuals with its prior; what it cannot tell keeps its prior and is considered (Schmidt 1966). The parameters stay
+those of the fit: what the record shows of an influence is an error that they probably have, so it counts in the band.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, Case, Influence, acting
+from hindrax_ident.assess.results import Contribution
+from hindrax_ident.fit.score_test import score
+
+ALL = (GAIN, RUN, MODEL)
+FREEDOM = 1.0
+"""Degrees of freedom of the priors."""
+ROUNDS = 20
+GREAT = 10.0
+"""Scale from which the search for one great influence begins, in prior deviations."""
+SAME_EXPLANATION = 0.1
+"""Difference of two explanations, in prior deviations, below which they are one."""
+MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
+"""Limits in prior units: beyond them the inverse would lose its digits, and nothing would change."""
+SURPRISE = 3.0
+"""Standard deviations from zero beyond which what a record shows of an influence is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Influences in units of their prior deviations: m columns, of which `rows[k]` of influence k.
+
+    `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
+    after the record.
+    """
+
+    case: Case
+    influences: tuple[Influence, ...]
+    sigmas: tuple[float, ...]
+    rows: tuple[slice, ...]
+    shifts: Array
+    mean: Array
+    covariance: Array
+
+    def prior(self, name: str) -> float:
+        """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
+        return dict(zip((one.name for one in self.influences), self.sigmas, strict=True)).get(name, 0.0)
+
+    def band(self, scopes: Collection[str] = ALL) -> Array:
+        """Second moment of the parameters' errors due to influences of these scopes: (p, p)."""
+        return self._sandwich(self._moment, scopes)
+
+    def band_of_run(self) -> Array:
+        """Covariance of the parameters due to what differs in each run, and what this record shows beyond chance."""
+        excess = np.maximum(0.0, 1.0 - (SURPRISE / np.maximum(self._surprise, 1e-12)) ** 2)
+        shown = self.shifts @ (self.mean * excess)
+        return array(self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown))
+
+    def prior_band(self, name: str) -> Array:
+        """Covariance of the parameters due to one influence, before the record: (p, p)."""
+        out = np.zeros((len(self.shifts),) * 2)
+        for row, influence, _ in self._table():
+            if influence.name == name:
+                out += self.shifts[:, row] @ self.shifts[:, row].T
+        return out
+
+    def drag_sensitivity(self, gradient: Array, v: Array) -> Array:
+        """Error of the drag at velocities v (n,) per unit of each influence: (n, m); `gradient` (n, p) of the drag."""
+        out = array(gradient @ self.shifts)
+        for row, influence, sigma in self._table():
+            if influence.drag is not None:
+                out[:, row] -= sigma * np.sign(v)[:, None] * influence.drag(self.case, v)
+        return out
+
+    def variance(self, sensitivity: Array, scopes: Collection[str] = ALL) -> Array:
+        """Second moment of quantities with these sensitivities, (n, m): (n,)."""
+        kept = sensitivity * self._within(scopes)
+        return array(np.sum(kept @ self._moment * kept, axis=1))
+
+    def contributions(self, sensitivity: Array) -> list[Contribution]:
+        """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
+
+        It is the standard deviation that the quantity would lose if the influence were known: for an independent one
+        sensitivity times deviation (GUM eq. 11a).
+        """
+        out = []
+        for row, influence, _ in self._table():
+            along = self._moment[row] @ sensitivity
+            lost = float(along @ np.linalg.lstsq(self._moment[row, row], along, rcond=None)[0])
+            out.append(Contribution(influence.name, math.sqrt(max(0.0, lost)), influence.remedy))
+        return sorted(out, key=lambda one: -one.std)
+
+    def found(self, name: str) -> tuple[float, float]:
+        """Value of an influence with one unknown, in its unit, and its deviation after the record; NaN for no such."""
+        for row, influence, sigma in self._table():
+            if influence.name == name:
+                at = row.start
+                return sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
+        return math.nan, math.nan
+
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for each influence that the record shows beyond chance, the clearest first."""
+        out = []
+        for row, influence, sigma in self._table():
+            at = row.start + int(np.argmax(self._surprise[row]))
+            surprise = float(self._surprise[at])
+            if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
+                value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
+                size = f"{value:.2g} +- {spread:.1g} {influence.unit}"
+                out.append((surprise, f"the record shows {influence.name} ({size}): {influence.remedy}"))
+        return tuple(text for _, text in sorted(out, reverse=True))
+
+    @property
+    def _surprise(self) -> Array:
+        """Distance of what is known from zero, in its standard deviations: (m,)."""
+        return array(np.abs(self.mean) / np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def _moment(self) -> Array:
+        return array(self.covariance + np.outer(self.mean, self.mean))
+
+    def _table(self) -> Iterator[tuple[slice, Influence, float]]:
+        return zip(self.rows, self.influences, self.sigmas, strict=True)
+
+    def _within(self, scopes: Collection[str]) -> Array:
+        """1 for the columns of influences of these scopes, otherwise 0: (m,)."""
+        out = np.zeros(len(self.mean))
+        for row, influence, _ in self._table():
+            out[row] = influence.scope in scopes
+        return out
+
+    def _sandwich(self, moment: Array, scopes: Collection[str]) -> Array:
+        chosen = self.shifts * self._within(scopes)
+        return array(chosen @ moment @ chosen.T)
+
+
+def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
+    """Budget of a case: every row's effect, and what the residuals say about all rows together."""
+    known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
+    columns = [sigma * row.effect(case) for row, sigma in known]
+    on_body = sum(not row.of_readings for row, _ in known)
+    impulses = np.hstack([np.zeros((len(case.v), 0)), *columns[:on_body]])
+    readings = np.hstack([np.zeros((len(case.fit.problem.t), 0)), *columns[on_body:]])
+    found = score(case.fit, impulses, readings)
+    ends = np.cumsum([0, *(column.shape[1] for column in columns)]).tolist()
+    rows = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
+    told = np.ones(ends[-1])
+    for row, (influence, _) in zip(rows, known, strict=True):
+        told[row] = not influence.considered
+    information, gradient = found.information * np.outer(told, told), found.gradient * told
+    weighed = _weighed(case, found.shifts)
+    mean, covariance = _posterior(information + weighed[0], gradient + weighed[1])
+    return Budget(
+        case=case,
+        influences=tuple(row for row, _ in known),
+        sigmas=tuple(sigma for _, sigma in known),
+        rows=rows,
+        shifts=found.shifts,
+        mean=mean,
+        covariance=covariance,
+    )
+
+
+def _posterior(information: Array, gradient: Array) -> tuple[Array, Array]:
+    """Mean (m,) and covariance (m, m) of the influences under Student priors of unit scale.
+
+    Their tails let a record tell of an influence far greater than usual, instead of spreading it over all. Expectation
+    maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one: explanations
+    that the record cannot tell apart all count, by their evidence.
+    """
+    m = len(gradient)
+    power, axes = np.linalg.eigh(information)
+    root = axes * np.sqrt(np.clip(power, 0.0, MOST_INFORMATION))
+    variance = np.ones((m + 1, m)) + (GREAT**2 - 1.0) * np.eye(m + 1, m)
+    for _ in range(ROUNDS):
+        covariance, log_size = _given(variance, root)
+        mean = covariance @ gradient
+        spread = np.diagonal(covariance, axis1=1, axis2=2)
+        evidence = 0.5 * (mean @ gradient - log_size - FREEDOM * np.sum(np.log(variance) + 1.0 / variance, axis=1))
+        variance = np.minimum(MOST_VARIANCE, (FREEDOM + mean**2 + spread) / (FREEDOM + 1.0))
+    same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
+    weight = np.exp(evidence - evidence.max()) / same.sum(axis=1)
+    weight /= weight.sum()
+    middle = weight @ mean
+    apart = mean - middle
+    return array(middle), array(np.tensordot(weight, covariance, 1) + (weight[:, None] * apart).T @ apart)
+
+
+def _given(variance: Array, root: Array) -> tuple[Array, Array]:
+    """Covariances (k, m, m) for prior variances (k, m), and logarithms (k,) of the determinant of what was learned."""
+    scale = np.sqrt(variance)
+    scaled = scale[:, :, None] * root
+    learned = np.eye(len(root)) + scaled @ np.swapaxes(scaled, 1, 2)
+    covariance = np.linalg.inv(learned) * scale[:, :, None] * scale[:, None, :]
+    return array(covariance), array(np.linalg.slogdet(learned)[1])
+
+
+def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
+    """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then tells the gain of the thrust."""
+    m, sigma = shifts.shape[1], case.tuning.buoyancy_sigma_N
+    if case.axis != 2 or not sigma > 0.0:
+        return np.zeros((m, m)), np.zeros(m)
+    at = case.fit.model.names.index("b")
+    variance = sigma**2 + float(case.fit.covariance[at, at])
+    missing = float(case.fit.theta[at]) - case.vehicle.net_buoyancy_N
+    return array(np.outer(shifts[at], shifts[at]) / variance), array(shifts[at] * missing / variance)

@@ -1,0 +1,80 @@
+"""Every row of the uncertainty budget, made to act on a record: what it does is in the band."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_runs import back_and_forth, fly
+
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, Case, Influence
+from hindrax_ident.assess.uncertainty_budget import budget_of
+from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.model.simulation import sensitivities
+from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.tuning import Tuning
+
+SURGE = np.array([66.48, 1.25, 0.0, 27.3])
+TUNING = Tuning(velocity_gain_sigma=0.005, thrust_doubt=0.02, wrench_gain_sigma=0.02, stamp_doubt_s=0.002)
+GREAT, PLAIN = 3.0, 6.0
+ACTING = [row for row in INFLUENCES if row.name != "masses of other axes"]
+TOLD = ("tether", "fluid memory", "own wake")
+"""Rows that no other row can explain."""
+
+
+@pytest.fixture(scope="module")
+def flown(vehicle: Vehicle) -> tuple[Record, OutputErrorFit]:
+    """A record without noise and its fit, about which the rows act; the noise comes later."""
+    model = model_of(vehicle, 0)
+    flight = fly(model, SURGE, back_and_forth((3.2, 6.0, 9.5, 13.5), 4.0, 64.0), 0.15)
+    rng = np.random.default_rng(4)
+    t, v = flight.grid.times_s[::10], flight.path.v[::10]
+    measured = Series(t, v + 0.004 * rng.standard_normal(len(t)))
+    record = Record(measured, Series(flight.times_s, flight.commands), (Stretch(0.0, 63.9),), lag_s=0.15)
+    belief = wide_prior(vehicle, model)
+    return record, refine(model, record, belief.values, belief)
+
+
+@pytest.mark.parametrize("row", ACTING, ids=lambda row: row.name)
+def test_what_a_row_does_is_within_the_band(
+    vehicle: Vehicle, flown: tuple[Record, OutputErrorFit], row: Influence
+) -> None:
+    record, clean = flown
+    case = Case(vehicle, record, clean, TUNING)
+    size = row.sigma(case)
+    assert size > 0.0
+    # What cannot be told is as great as is believed; the rest is far greater.
+    size *= 1.0 if row.scope == GAIN or row.considered else PLAIN if row.name in TOLD else GREAT
+    column = size * row.effect(case)[:, :1]
+    problem = clean.problem
+    if row.of_readings:
+        moved = column[:, 0]
+    else:
+        response = sensitivities(clean.model, clean.theta, problem.grid, clean.linear.path, column)
+        moved = response[problem.index, problem.channel, -1]
+    t = problem.t
+    acted = replace(record, velocity=Series(t, record.velocity.between(t[0], t[-1]).y + moved))
+    fit = refine(clean.model, acted, clean.theta, wide_prior(vehicle, clean.model))
+    budget = budget_of(Case(vehicle, acted, fit, TUNING))
+    sigmas = np.sqrt(np.diag(fit.covariance + budget.band()))
+    assert np.all(np.abs(fit.theta - SURGE) < 3.0 * sigmas)
+    if row.name in TOLD:
+        assert any(row.name in warning for warning in budget.warnings())
+
+
+def test_names_are_distinct_and_every_row_has_a_remedy() -> None:
+    assert len({row.name for row in INFLUENCES}) == len(INFLUENCES)
+    assert all(row.remedy and row.unit for row in INFLUENCES)
+
+
+def test_contributions_of_independent_rows_are_sensitivity_times_deviation(
+    vehicle: Vehicle, flown: tuple[Record, OutputErrorFit]
+) -> None:
+    record, fit = flown
+    rows = [row for row in INFLUENCES if row.name in ("thrust calibration", "tilt of the mount")]
+    budget = budget_of(Case(vehicle, record, fit, TUNING), rows)
+    total = np.sqrt(sum(one.std**2 for one in budget.contributions(budget.shifts[0])))
+    assert total == pytest.approx(np.sqrt(budget.band()[0, 0]))
+    assert budget.contributions(budget.shifts[0])[0].influence == "thrust calibration"
