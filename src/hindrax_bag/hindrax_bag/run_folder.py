@@ -53,8 +53,11 @@ class RunFolder:
         return self.path / "report.html"
 
 
-def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
-    """Create the folder; UsageError when it is occupied or cannot be created, HindraxError when the disk is full."""
+def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = FREE_BYTES_WANTED) -> RunFolder:
+    """Create the folder; UsageError when it is occupied or cannot be created.
+
+    HindraxError when fewer than `wanted_bytes` are free on its disk.
+    """
     path = Path(wanted) if wanted else _dated()
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
@@ -62,9 +65,9 @@ def make_run_folder(wanted: str | None, vehicle_file: Path) -> RunFolder:
     try:
         path.mkdir(parents=True, exist_ok=True)
         free = shutil.disk_usage(path).free
-        if free < FREE_BYTES_WANTED:
+        if free < wanted_bytes:
             path.rmdir()
-            have, want = free // 1_000_000, FREE_BYTES_WANTED // 1_000_000
+            have, want = free // 1_000_000, wanted_bytes // 1_000_000
             raise HindraxError(
                 f"the disk of {path} is full: {have} MB are free, {want} MB are wanted; make room or use --out"
             )

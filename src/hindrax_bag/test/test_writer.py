@@ -197,7 +197,39 @@ def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path: Path) 
         writer(tmp_path / "never", BagLimits(planned_s=1e6, keep_free_MB=1e6))
     bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
     bag.free = lambda _folder: 1_000_000
-    assert _record(bag, 2) == ["less than 50 MB are free on the disk; recording stopped"]
+    assert _record(bag, 2) == ["less than 50 MB are free on the disk; recording waits for room"]
+    assert len(list(messages(tmp_path / "bag"))) == 100
+
+
+def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
+    bag.describe("hindrax", {"notes": "full"})
+    for free_MB, said, stopped in (
+        (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
+        (74, [], True),
+        (75, ["there is room on the disk again; recording goes on in bag_1.mcap"], False),
+        (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
+    ):
+        bag.free = lambda _folder, free_MB=free_MB: free_MB * 1_000_000  # type: ignore[misc]
+        assert _record(bag, 1) == said
+        assert bool(bag.stopped) is stopped
+    bag.close()
+    assert [len(list(messages(file))) for file in bag_files(tmp_path / "bag")] == [100, 100]
+    with bag_files(tmp_path / "bag")[1].open("rb") as stream:
+        assert next(iter(make_reader(stream).iter_metadata())).metadata == {"notes": "full"}
+
+
+def test_a_bag_of_no_planned_length_begins_on_a_full_disk_and_waits(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "bag", lookup, limits=BagLimits(keep_free_MB=50.0))
+    bag.free = lambda _folder: 1_000_000
+    bag.open()
+    bag.describe("hindrax", {"notes": "full"})
+    assert bag.stopped == "less than 50 MB are free on the disk; recording waits for room"
+    assert _record(bag, 1) == []
+    bag.free = lambda _folder: 1_000_000_000
+    assert bag.flush() == ["there is room on the disk again; recording goes on in bag_0.mcap"]
+    _record(bag, 1)
+    bag.close()
     assert len(list(messages(tmp_path / "bag"))) == 100
 
 

@@ -26,6 +26,9 @@ from hindrax_core.events import NS_PER_S
 
 __all__ = ["BagWriter", "Channel"]
 
+ROOM_AGAIN = 1.5
+"""Recording goes on when so many times the space that stays free is free again."""
+
 
 @dataclass(slots=True)
 class BagWriter:
@@ -36,13 +39,14 @@ class BagWriter:
     limits: BagLimits = field(default_factory=BagLimits)
     counts: Counter[str] = field(default_factory=Counter)
     stopped: str = ""
-    """Why nothing is recorded any more; empty while recording."""
+    """Why nothing is recorded; empty while recording."""
     free: Callable[[Path], int] = free_bytes
     _definitions: dict[str, str] = field(default_factory=dict)
     _extras: list[Callable[[BagFile], None]] = field(default_factory=list)
     _done: dict[str, Contents] = field(default_factory=dict)
     _begun: int = 0
     _part: BagFile | None = None
+    _waits_for_room: bool = False
     _lock: int = -1
 
     @property
@@ -58,16 +62,21 @@ class BagWriter:
     def open(self, *, resume: bool = False) -> list[Path]:
         """Create folder and file; returns files that an earlier recorder left unfinished.
 
-        HindraxError when it cannot be made, when the disk has no room, when another recorder writes there, and when
-        there is a bag already: unless that one is to be resumed.
+        A bag of no planned length waits for room on a full disk. HindraxError when it cannot be made, when the disk
+        has no room for the planned length, when another recorder writes there, and when there is a bag already: unless
+        that one is to be resumed.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            self.limits.check_space(self.folder)
+            if self.limits.planned_s:
+                self.limits.check_space(self.folder)
             self._lock = self._locked()
             if resume:
                 self._begun = self._next_number()
-            self._next_part()
+            if self.limits.planned_s or self._has_room():
+                self._next_part()
+            else:
+                self._wait_for_room()
             return [file for file in self._others() if not is_whole(file)]
         except FileExistsError as error:
             raise HindraxError(
@@ -102,9 +111,9 @@ class BagWriter:
 
     def flush(self, *, sync: bool = False) -> list[str]:
         """Write everything to disk, apply the limits, and return the decisions as sentences."""
-        if self._part is None:
-            return []
         try:
+            if self._part is None:
+                return self._resume() if self._waits_for_room and self._has_room(ROOM_AGAIN) else []
             self._part.flush(sync=sync)
             return self._keep_limits(self._part)
         except OSError as error:
@@ -154,9 +163,9 @@ class BagWriter:
         self._part = part
 
     def _extra(self, put: Callable[[BagFile], None]) -> None:
-        assert self._part is not None
         self._extras.append(put)
-        put(self._part)
+        if self._part is not None:
+            put(self._part)
 
     def _open_channel(self, part: BagFile, channel: Channel) -> None:
         if channel.type not in self._definitions:
@@ -174,9 +183,23 @@ class BagWriter:
             said.append(self._drop_oldest())
         if self.limits.over_budget(self.size_bytes):
             said.append(self._stop(f"the bag has used its {self.limits.budget_MB:g} MB of the disk"))
-        elif self.free(self.folder) < self.limits.keep_free_MB * 1e6:
-            said.append(self._stop(f"less than {self.limits.keep_free_MB:g} MB are free on the disk"))
+        elif not self._has_room():
+            self._finish(part)
+            said.append(self._wait_for_room())
         return said
+
+    def _has_room(self, times: float = 1.0) -> bool:
+        return self.free(self.folder) >= times * self.limits.keep_free_MB * 1e6
+
+    def _wait_for_room(self) -> str:
+        self._waits_for_room = True
+        self.stopped = f"less than {self.limits.keep_free_MB:g} MB are free on the disk; recording waits for room"
+        return self.stopped
+
+    def _resume(self) -> list[str]:
+        self._next_part()
+        self._waits_for_room, self.stopped = False, ""
+        return [f"there is room on the disk again; recording goes on in {self.path.name}"]
 
     def _drop_oldest(self) -> str:
         oldest = self._others()[0]
