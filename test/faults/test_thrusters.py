@@ -10,6 +10,7 @@ import pytest
 from thruster_rig import PATIENT_S, Flight, World, start, words_of
 
 from hindrax_bringup.stack import own_domain
+from hindrax_core.topics import NAMESPACE, THRUSTER_COMMAND
 
 PROMISED_S, FROZEN_S = 0.5, 2.0
 
@@ -92,6 +93,24 @@ def test_silence_is_neutral_in_time_and_speech_moves_again(flight: Flight) -> No
     assert flight.neutral_after(begin) <= PROMISED_S
     flight.pilot.speaking = True
     flight.pilot.until(flight.is_moving, "pulses again")
+
+
+def test_with_a_second_commander_neither_moves_anything_until_one_is_gone(flight: Flight) -> None:
+    from rclpy.node import Node
+
+    from hindrax_ros.graph import publisher
+
+    flight.take_off()
+    pilot = flight.pilot
+    stranger = Node("stranger", namespace=NAMESPACE, context=pilot.context)
+    publisher(stranger, THRUSTER_COMMAND)
+    pilot.until(lambda: pilot.states[-1].state == "disarmed", "nobody to be obeyed")
+    assert pilot.states[-1].reason.startswith("no command for ")
+    assert pilot.arm().accepted
+    pilot.run(10.0)
+    assert flight.is_neutral()
+    stranger.destroy_node()
+    flight.take_off()
 
 
 def test_a_killed_node_is_neutral_in_time_and_comes_back_disarmed(flight: Flight) -> None:

@@ -26,12 +26,12 @@ from hindrax_control.nodes.pilot_messages import (
     unfit_estimate,
 )
 from hindrax_control.pilot import BUSY, Pilot, PilotKnobs, PilotOutput
-from hindrax_control.sole_source import SoleSource
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
+from hindrax_core.sole_source import SoleSource
 from hindrax_core.stamp_window import EXPIRED, order_window
 from hindrax_core.topics import (
     ALLOCATION,

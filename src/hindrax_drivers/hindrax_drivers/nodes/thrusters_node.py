@@ -24,6 +24,7 @@ from rclpy.node import Node
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import AppliedPulses, Battery
+from hindrax_core.sole_source import SoleSource
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
@@ -36,13 +37,14 @@ from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import battery_to_msg, stamp_from_msg
 from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
-from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 from hindrax_ros.raw_frames import RECEIVED, SENT
 
 NAME = "thrusters"
 ANSWER_S = 2.0
+LOOK_S = 0.1
 PR_SET_PDEATHSIG = 1
 
 
@@ -64,6 +66,7 @@ class ThrustersNode(DeviceNode):
             len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, OutputGuardKnobs)
         )
         self._phase: Phase | None = None
+        self._commander, self._unfit, self._look_s = SoleSource(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
@@ -143,7 +146,18 @@ class ThrustersNode(DeviceNode):
         except ValueError as error:
             self.refused(Refusal("not a command", str(error)), self._thread.now)
             return
+        if unfit := self._unfit_sender():
+            self.refused(Refusal("sender", unfit), self._thread.now)
+            return
         self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
+
+    def _unfit_sender(self) -> str:
+        """Why the sender of commands is not obeyed, as the graph was at most `LOOK_S` ago; empty when it is."""
+        if (now_s := time.monotonic()) >= self._look_s:
+            self._look_s = now_s + LOOK_S
+            armed = self._phase is Phase.ARMED
+            self._unfit = self._commander.judge(publishers_of(self, THRUSTER_COMMAND), armed=armed)
+        return self._unfit
 
     def _on_arm(self, request: Any, response: Any) -> Any:
         asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)

@@ -1,6 +1,6 @@
 """Of several publishers none is obeyed, and the one who is stays while the thrusters are armed."""
 
-from hindrax_control.sole_source import UNKNOWN, SoleSource
+from hindrax_core.sole_source import UNKNOWN, SoleSource
 
 ONE, OTHER = "/rov/controller", "/stranger"
 
