@@ -29,14 +29,18 @@ while [ $# -gt 0 ]; do
   case $1 in
     --dry-run) dry=1 ;;
     --container) kind=container ;;
-    --tether) tether=${2-} && shift ;;
-    --root) root=${2-} && shift ;;
+    --tether | --root)
+      [ -n "${2-}" ] || fail "$1: found nothing after it, wanted a value; see --help"
+      if [ "$1" = --root ]; then root=$2; else tether=$2; fi
+      shift
+      ;;
     -h | --help) usage && exit ;;
     *) fail "found $1, wanted one of the options of --help" ;;
   esac
   shift
 done
-[[ -z $tether || $tether =~ ^[A-Za-z0-9._-]{1,15}:[0-9.]{7,15}$ ]] \
+byte='(25[0-5]|2[0-4][0-9]|1?[0-9]?[0-9])'
+[[ -z $tether || $tether =~ ^[A-Za-z0-9._-]{1,15}:$byte(\.$byte){3}$ ]] \
   || fail "--tether: found '$tether', wanted interface and address of the topside computer: eth0:192.168.2.1"
 [ -n "$root$dry" ] || [ "$(id -u)" = 0 ] || fail "changes the system: run it with sudo, or look with --dry-run"
 
@@ -68,10 +72,11 @@ act() { # COMMAND...
 
 boot=/boot/firmware/config.txt
 [ -e "$root$boot" ] || [ ! -e "$root/boot/config.txt" ] || boot=/boot/config.txt
-{
-  if [ -e "$root$boot" ]; then sed '/^# hindrax begin$/,/^# hindrax end$/d' "$root$boot"; fi
-  cat "$here/config.txt"
-} | keep "$boot" && reboot=1
+if [ -e "$root$boot" ]; then
+  { sed '/^# hindrax begin$/,/^# hindrax end$/d' "$root$boot" && cat "$here/config.txt"; } | keep "$boot" && reboot=1
+else
+  echo "no       $boot: this is no Raspberry Pi; the speed of its I2C is for you to set"
+fi
 keep /etc/modules-load.d/hindrax.conf <<<'i2c-dev' || true
 
 # --- Names, groups, time ----------------------------------------------------------------------------------------------

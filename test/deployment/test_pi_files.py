@@ -107,7 +107,18 @@ def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path: Path) ->
     assert re.fullmatch(r"I2C_GID=\d+\n", settings.read_text())
 
 
-@pytest.mark.parametrize("words", [["--tether", "eth0"], ["--tether", "e;h:1.2.3.4"], ["--frobnicate"]])
+def test_a_machine_that_is_no_pi_gets_no_boot_settings(tmp_path: Path) -> None:
+    assert "no       /boot/firmware/config.txt: this is no Raspberry Pi" in set_up(tmp_path)
+    assert not (tmp_path / "boot").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["--tether", "eth0"], ["--tether", "e;h:1.2.3.4"], ["--tether", "eth0:999.1.1.1"], ["--tether", "e:1.2.3"]),
+        *(["--tether"], ["--tether", ""], ["--root"], ["--frobnicate"]),
+    ],
+)
 def test_wrong_words_are_refused(tmp_path: Path, words: list[str]) -> None:
     done = subprocess.run([SET_UP, "--root", tmp_path, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2

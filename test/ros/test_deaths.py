@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
 from hindrax_operator.nodes.operator_node import Operator
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.process_state import is_stopped
+from hindrax_bringup.process_state import descendants, is_stopped
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
+from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.bus_operations import WriteRead
 from hindrax_core.events import seconds_between
@@ -33,6 +37,7 @@ US_PER_COUNT = 1e6 * 31 / 25e6
 """PRE_SCALE 30 on the nominal oscillator (NXP PCA9685 rev. 4, section 7.3.5)."""
 WORST_TILT_deg = 20.0
 """In none of these flights does the vehicle lean much, whatever its state says."""
+SERVICE = Path(__file__).parents[2] / "docker/pi/hindrax.service"
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 
 
@@ -40,7 +45,7 @@ class Wire:
     """An observer of the emulated PCA9685 who reads its registers, and knows the mock's time."""
 
     def __init__(self, port: str) -> None:
-        self.bus = open_bus(port, "observer")
+        self.port, self.bus = port, open_bus(port, "observer")
 
     def pulses(self) -> list[float]:
         data = self.bus.transfer(WriteRead(0x40, bytes([LED0_OFF]), CHANNEL_BYTES * THRUSTERS))
@@ -141,6 +146,37 @@ def test_neutral_within_two_seconds_of_a_freeze(flying: tuple[Supervisor, Operat
     since = operator.now()
     operator.wait(lambda: seconds_between(since, operator.now()) > 2.0, 180.0, lambda: "time to pass")
     assert wire.neutral(), "it must not come back armed"
+
+
+def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wire(
+    flying: tuple[Supervisor, Operator, Wire], tmp_path: Path
+) -> None:
+    supervisor, operator, wire = flying
+    dive(operator, wire)
+    operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
+    vehicle = [one.handle.pid for name, one in supervisor.children.items() if name != "mock"]
+    killed = [*vehicle, *(pid for one in vehicle for pid in descendants(one))]
+    for pid in killed:
+        os.kill(pid, signal.SIGSTOP)
+    for pid in killed:
+        os.kill(pid, signal.SIGKILL)
+    assert not wire.neutral(), "then nothing is to be shown"
+    file = tmp_path / "vehicle.yaml"
+    document = yaml.safe_load(default_vehicle().read_text())
+    document["output"]["port"] = wire.port
+    file.write_text(yaml.safe_dump(document))
+    (line,) = [one for one in SERVICE.read_text().splitlines() if one.startswith("ExecStopPost=")]
+    words = line.removeprefix("ExecStopPost=/opt/hindrax/hindrax ").split()
+    done = subprocess.run(
+        [sys.executable, "-m", "hindrax_cli.command_line", *words, "--vehicle", file],
+        env=os.environ | {FOLDER: str(tmp_path / "runtime")},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout == "neutral is on the wire\n"
+    assert wire.neutral()
+    operator.wait(lambda: not operator.thrusters.armed, 180.0, lambda: "the thrusters to be disarmed")
 
 
 def neutral_and_disarmed_after_the_sensors(operator: Operator, wire: Wire) -> None:

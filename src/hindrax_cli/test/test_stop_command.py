@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.stack_lock import FOLDER, StackLock
-from hindrax_cli.commands.operate.stop import on_the_wire
+from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
+from hindrax_cli.commands.operate.stop import neutral_on_output, on_the_wire
+from hindrax_core.errors import UsageError
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
 
@@ -37,3 +39,12 @@ def test_without_a_heartbeat_nothing_is_promised(tmp_path: Path, monkeypatch: py
     monkeypatch.setenv(FOLDER, str(tmp_path))
     for stack in (None, STACK):
         assert on_the_wire(stack) == "nothing here tells whether its thrusters turn; if they do, cut the power"
+
+
+def test_nobody_else_writes_to_an_output_that_a_stack_has_in_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    stack = StackLock(os.getpid(), mock=False, vehicle="v.yaml", folder="runs/a")
+    with announced(stack), pytest.raises(UsageError, match=f"process {os.getpid()} runs"):
+        neutral_on_output("v.yaml")

@@ -9,21 +9,32 @@ import time
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks
-from hindrax_core.errors import HindraxError
+from hindrax_cli.argument_types import add_vehicle
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_drivers.nodes.deadman import write_neutral
+from hindrax_drivers.nodes.thruster_settings import read_settings
 from hindrax_operator.connection import add_stack, joined
 
 NAME = "stop"
-HELP = "neutral, disarm, and cancel whatever flies, in every stack that runs here"
+HELP = "neutral, disarm, and cancel whatever flies, in every stack that runs here; or neutral where no stack is left"
 EXAMPLE = "./hindrax stop"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Which stack; here all of them by default, because nobody should have to look up a number first."""
     add_stack(parser)
+    parser.add_argument(
+        "--output",
+        action="store_true",
+        help="after a stack was killed: put neutral on the thruster output of --vehicle, without any stack",
+    )
+    add_vehicle(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Stop each; go on with the next when one cannot be reached."""
+    if arguments.output:
+        return neutral_on_output(arguments.vehicle)
     from hindrax_operator.nodes.orders import stop  # noqa: PLC0415  # rclpy is loaded only where it is needed
 
     found = stacks()
@@ -42,6 +53,17 @@ def run(arguments: argparse.Namespace) -> int:
     for sentence in failed:
         print(f"hindrax stop: {sentence}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def neutral_on_output(vehicle: str) -> int:
+    """Write neutral as the dead man would; refused while a stack has the output in hand."""
+    found = stacks()
+    if found:
+        raise UsageError(f"--output: {found[0].title} runs, and its dead man has the output; `./hindrax stop` stops it")
+    settings = read_settings(["--ros-args", "-p", f"vehicle:={vehicle}"])
+    if write_neutral(settings):
+        raise HindraxError(f"{settings.port}: neutral could not be written; cut the power")
+    return 0
 
 
 def on_the_wire(stack: StackLock | None) -> str:
