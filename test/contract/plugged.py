@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from contract.serial_bench import Bench, world_s
 from register_rig import START, STEP_S, Rig
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
+from hindrax_core.bus_operations import EDGES
 from hindrax_core.driver_interface import Identity, Output, Trouble
 from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
@@ -77,27 +79,31 @@ class RegisterBus(Rig):
 class Plugged:
     """`run` lets time pass; what the driver said is asked for by kind and time. Times count from the start."""
 
-    def __init__(self, name: str, faults: Sequence[FaultSpec] = (), truth: Truth | None = None, seed: int = 3) -> None:
+    def __init__(
+        self, name: str, faults: Sequence[FaultSpec] = (), truth: Truth | None = None, seed: int = 3, **changes: Any
+    ) -> None:
         vehicle, mount = mount_of(name)
+        mount = replace(mount, **changes)
         row, self.emulator = DEVICES[name], EMULATORS[name]
         self.truth = truth or self.emulator.example
         driver, part = row.make(row.knobs(), mount, vehicle), self.emulator.make(seed)
         self._wire: Any = (
             SerialLine(driver, part, self.truth, faults, seed)
             if row.serial
-            else self._bus(name, driver, part, mount.address, faults=faults, seed=seed)
+            else self._bus(name, driver, part, mount, faults=faults, seed=seed)
         )
 
     def _bus(
-        self, name: str, driver: Any, part: Any, address: int, *, faults: Sequence[FaultSpec], seed: int
+        self, name: str, driver: Any, part: Any, mount: Mount, *, faults: Sequence[FaultSpec], seed: int
     ) -> RegisterBus:
         afflicted = with_bus_faults(name, part, faults, seed, to_s(START))
-        ports = {address: part, **self.emulator.also_at(part)}
+        ports = {mount.address: part, **self.emulator.also_at(part, mount)}
 
         def tell(elapsed_s: float, now_s: float) -> None:
             part.set_truth(self.truth(elapsed_s), now_s)
 
-        return RegisterBus(driver, {at: afflicted.at(port) for at, port in ports.items()}, tell)
+        wired = {at: port if at >= EDGES else afflicted.at(port) for at, port in ports.items()}
+        return RegisterBus(driver, wired, tell)
 
     def run(self, seconds: float) -> None:
         self._wire.run(seconds)

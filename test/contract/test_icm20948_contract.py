@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from register_rig import START, Rig, identities, readings, reasons
 
+from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import seconds_between
 from hindrax_core.readings import Inertial, Magnetic, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2
-from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import SILENT_LINE, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.icm20948_selftest import SelfTest, self_test
 from hindrax_sim.devices.icm20948 import Icm20948 as Emulator
 from hindrax_sim.devices.imu_signal import ImuTruth, SensorErrors
@@ -191,3 +192,60 @@ def test_without_the_magnetometer_the_rest_goes_on() -> None:
     assert len(readings(outputs, Inertial)) > 600
     assert {reason for reason in reasons(outputs) if "magnetometer" in reason}
     assert len(reasons(outputs)) <= 3
+
+
+LINE = 17
+
+
+def timed_rig(part: Emulator) -> Rig:
+    """The part with its INT1 at a GPIO line; the rate is as different from nominal as a good part's."""
+    driver = Icm20948(Icm20948Knobs(data_ready=f"pinctrl-bcm2711:{LINE}"))
+    ports = {0x68: part, 0x0C: part.magnetometer, EDGES + LINE: part.data_ready}
+    return Rig(driver, ports, lambda _, now_s: part.set_truth(LEVEL, now_s))
+
+
+def test_with_a_data_ready_line_no_lateness_of_the_host_is_in_the_stamps() -> None:
+    part = Emulator(0, SensorErrors(clock_error=0.004, noise=NOISE))
+    bench = timed_rig(part)
+    found = bench.run(0.3)
+    for _ in range(40):  # a host that wakes late, every time
+        bench.sleep(0.015)
+        found += bench.run(0.02)
+    assert not reasons(found)
+    period_s, delay_s = 1.004 / 225.0, Icm20948Knobs().filter_delay_s
+    newest_s = part.data_ready._newest_s
+    for one in readings(found, Inertial)[60:]:
+        periods = (newest_s - delay_s - one.stamp / 1e9) / period_s
+        assert abs(periods - round(periods)) * period_s < 20e-6
+
+
+def test_a_line_that_is_cut_is_told_and_the_samples_go_on_by_the_time_of_the_host() -> None:
+    part = Emulator(0, FAITHFUL)
+    bench = timed_rig(part)
+    whole = bench.run(2.0)
+    assert identities(whole)[0].endswith("4 g, timed by line 17 of pinctrl-bcm2711")
+    assert not reasons(whole)
+    part.data_ready.cut = True
+    cut = bench.run(2.0)
+    assert set(reasons(cut)) == {SILENT_LINE}
+    assert len(reasons(cut)) <= 8
+    assert len(readings(cut, Inertial)) == pytest.approx(450, abs=5)
+    part.data_ready.cut = False
+    bench.run(0.1)
+    assert not reasons(bench.run(1.0))
+
+
+@pytest.mark.parametrize("kind", ["one lost", "one too many"])
+def test_an_edge_that_is_lost_or_of_something_else_moves_no_stamp(kind: str) -> None:
+    part = Emulator(0, FAITHFUL)
+    bench = timed_rig(part)
+    found = bench.run(1.0)
+    if kind == "one lost":
+        part.data_ready._edges -= 1
+        part.data_ready._newest_s -= 1 / 225.0
+    else:
+        part.data_ready.rise(part.data_ready._newest_s + 0.001)
+    found += bench.run(1.0)
+    assert not reasons(found)
+    steps = np.diff([one.stamp / 1e9 for one in readings(found, Inertial)][60:])
+    assert steps == pytest.approx(np.full(len(steps), 1 / 225.0), abs=20e-6)

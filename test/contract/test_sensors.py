@@ -133,10 +133,14 @@ def test_a_truth_that_moves_is_read_as_it_was_at_the_stamp(name: str) -> None:
     assert not plugged.false()
 
 
-@pytest.mark.parametrize(("name", "fault"), SWEEP)
-def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str) -> None:
+TIMED = [("icm20948", fault, {"data_ready": "pinctrl-bcm2711:17"}) for fault in ("bit_flips", "reset")]
+"""The inertial sensor once more, with its data-ready line: when bytes are wrong, and when the line falls silent."""
+
+
+@pytest.mark.parametrize(("name", "fault", "wired"), [*((*one, {}) for one in SWEEP), *TIMED])
+def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str, wired: dict[str, str]) -> None:
     begin_s = MID_CYCLE_S if fault in WITHOUT_POWER else BEGIN_S
-    plugged = Plugged(name, [FaultSpec(fault, (name,), begin_s, LASTS_S)])
+    plugged = Plugged(name, [FaultSpec(fault, (name,), begin_s, LASTS_S)], **wired)
     plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)
     before = kinds(plugged, BEGIN_S - AFTER_S, BEGIN_S)
     assert before, "worked before"

@@ -47,6 +47,10 @@ class Pause:
     slack_s: float = 0.0
 
 
+EDGES = 0x80
+"""Addresses from here on are GPIO lines beside the bus, EDGES + line. A write of the chip's name watches the line; a
+read of 12 bytes gives the number of its rising edges and the time of the newest, `>Iq`, in ns of the bus's clock."""
+
 Transaction: TypeAlias = Write | Read | WriteRead
 Operation: TypeAlias = Transaction | Pause
 

@@ -21,6 +21,7 @@ from hindrax_core.yaml_text import read_yaml
 GRAVITY_mps2 = 9.80665
 MOST_THRUSTERS = 16
 """Servo outputs of a PCA9685 (its datasheet, section 2) and of an autopilot."""
+LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
 
@@ -99,6 +100,14 @@ class Hydrodynamics:
         return found
 
 
+def chip_and_line(name: str, key: str) -> tuple[str, int]:
+    """Label or name of a GPIO chip and number of a line, 0 to 127; ValueError unless the name is CHIP:LINE."""
+    chip, _, line = name.rpartition(":")
+    if not chip or not line.isdecimal() or int(line) > LAST_LINE:
+        raise ValueError(f"{key}: found {name!r}, wanted CHIP:LINE, such as pinctrl-bcm2711:26")
+    return chip, int(line)
+
+
 @dataclass(frozen=True, slots=True)
 class Mount:
     """Position, orientation (sensor to body: yaw, then pitch, then roll) and port of a sensor."""
@@ -111,6 +120,12 @@ class Mount:
     position_m: Vec3 = knob((0.0, 0.0, 0.0), -100.0, 100.0, "position from the body origin [m]")
     rotation_deg: Vec3 = knob((0.0, 0.0, 0.0), -360.0, 360.0, "roll, pitch, yaw of the sensor in body axes [deg]")
     calibration: Mapping[str, tuple[float, ...]] = block(dict, "as its calibration command writes it")
+    data_ready: str = knob("", meaning="GPIO that an ICM-20948's INT1 is wired to, CHIP:LINE; it times the samples")
+
+    def __post_init__(self) -> None:
+        """Check the name of the line."""
+        if self.data_ready:
+            chip_and_line(self.data_ready, "data_ready")
 
 
 @dataclass(frozen=True, slots=True)

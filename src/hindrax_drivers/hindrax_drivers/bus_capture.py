@@ -11,7 +11,7 @@ from hindrax_core.bus_operations import DeviceError, Program
 from hindrax_core.bus_operations import run as run_program
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.events import Stamped, after
+from hindrax_core.events import Rejected, Stamped, after
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
@@ -22,10 +22,11 @@ ResultT = TypeVar("ResultT")
 
 @dataclass(frozen=True, slots=True)
 class CapturedReadings:
-    """Identity and readings of a device, in order."""
+    """Identity and readings of a device, in order, and each reason why something was rejected."""
 
     identity: str
     readings: tuple[Stamped[Reading], ...]
+    rejected: tuple[str, ...] = ()
 
     def of(self, kind: type[Any]) -> list[Any]:
         """Readings of one kind, without their stamps."""
@@ -43,6 +44,7 @@ def mount_of(vehicle: Vehicle, device: str) -> tuple[str, Mount]:
 def capture(port: str, device: RegisterDevice, seconds: float, progress: Callable[[float], None]) -> CapturedReadings:
     """Run a device for some seconds of bus time. HindraxError, with the last trouble, when it does not answer."""
     identity, trouble, readings = "", "no answer", []
+    rejected: dict[str, None] = {}
     with closing(_open(port)) as bus:
         schedule = BusSchedule()
         begin = bus.now()
@@ -57,11 +59,13 @@ def capture(port: str, device: RegisterDevice, seconds: float, progress: Callabl
                         trouble = output.text
                     elif isinstance(output, Stamped):
                         readings.append(output)
+                    elif isinstance(output, Rejected):
+                        rejected[output.reason] = None
             progress((now - begin) / (end - begin))
             bus.sleep_until(min(schedule.next_due(bus.now()), end))
     if not identity:
         raise HindraxError(f"{port}: {trouble}")
-    return CapturedReadings(identity, tuple(readings))
+    return CapturedReadings(identity, tuple(readings), tuple(rejected))
 
 
 def run_once(port: str, program: Program[ResultT]) -> ResultT:

@@ -75,7 +75,8 @@ class Timebase:
         self._modulus = modulus
         self._on_break = on_break
         self._steepest = knobs.drift_ppm * 1e-6
-        self._latency_ns = round(knobs.latency_s * NS_PER_S)
+        self.latency_ns = round(knobs.latency_s * NS_PER_S)
+        """Taken off every stamp."""
         self._jump_ns = knobs.jump_s * NS_PER_S
         self._block_ns = knobs.block_s * NS_PER_S
         self._height_blocks = knobs.height_blocks
@@ -121,7 +122,7 @@ class Timebase:
                 self._least = late = 0.0
         if x >= self._block_end or late > self._jump_ns:
             late = self._review(x, late, ticks, arrival)
-        self._last = Stamp(max(self._last, arrival - int(late) - self._latency_ns))
+        self._last = Stamp(max(self._last, arrival - int(late) - self.latency_ns))
         return self._last
 
     def _order(self, ticks: int, arrival: Stamp) -> int:
@@ -147,7 +148,7 @@ class Timebase:
         self._height = 0.0
         self._lowest.clear()
         self._late_since = None
-        self._last = Stamp(min(self._last, arrival - self._latency_ns))
+        self._last = Stamp(min(self._last, arrival - self.latency_ns))
         self._open_block(0.0, self._block_ns / 8.0)
 
     def _open_block(self, x: float, length_ns: float) -> None:

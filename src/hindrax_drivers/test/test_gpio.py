@@ -1,5 +1,6 @@
 """Lines of a GPIO chip, the one that enables the outputs among them, on a fake libgpiod 2."""
 
+import struct
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -7,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_core.bus_operations import DeviceError, Read, Write
+from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.output.enable_line import open_enable_line
@@ -25,9 +26,13 @@ class FakeGpiod(ModuleType):
             Direction=SimpleNamespace(OUTPUT="output", INPUT="input"),
             Bias=SimpleNamespace(AS_IS="none", PULL_UP="up", PULL_DOWN="down"),
             Value=SimpleNamespace(ACTIVE=1, INACTIVE=0),
+            Edge=SimpleNamespace(RISING="rising"),
+            Clock=SimpleNamespace(REALTIME="realtime"),
         )
         self.LineSettings = SimpleNamespace
         self.busy = False
+        self.edges: list[tuple[int, int]] = []
+        self.requested = 0
 
     def Chip(self, path: str) -> Any:
         name = Path(path).name
@@ -49,6 +54,8 @@ class FakeGpiod(ModuleType):
         ((line, settings),) = config.items()
         key = (Path(path).name, line)
         if settings.direction == "input":
+            if hasattr(settings, "edge_detection"):
+                return self._watched(settings)
             self.levels.setdefault(key, int(settings.bias == "up"))
             return SimpleNamespace(get_value=lambda number: self._level(key[0], number), release=lambda: None)
         assert settings.active_low
@@ -58,6 +65,20 @@ class FakeGpiod(ModuleType):
             set_value=lambda number, value: self.levels.__setitem__((key[0], number), 1 - value),
             release=lambda: self.levels.pop(key),
         )
+
+    def _watched(self, settings: Any) -> Any:
+        """A request for edges: those of `edges` wait to be read, two at a time as in a small buffer."""
+        assert (settings.edge_detection, settings.event_clock) == ("rising", "realtime")
+        self.requested += 1
+
+        def read() -> list[Any]:
+            found, self.edges = self.edges[:2], self.edges[2:]
+            return [SimpleNamespace(line_seqno=number, timestamp_ns=time_ns) for number, time_ns in found]
+
+        def release() -> None:
+            self.requested -= 1
+
+        return SimpleNamespace(wait_edge_events=lambda _: bool(self.edges), read_edge_events=read, release=release)
 
     def _level(self, chip: str, line: int) -> int:
         if self.busy:
@@ -133,3 +154,20 @@ def test_a_chip_is_a_bus_of_lines(gpiod: FakeGpiod) -> None:
 def test_a_chip_that_is_not_there_is_told() -> None:
     with pytest.raises(DeviceError, match="found the chips pinctrl-bcm2711"):
         open_bus("gpio:elsewhere")
+
+
+def test_lines_beside_a_bus_are_counted_and_stamped_by_the_kernel(gpiod: FakeGpiod) -> None:
+    lines = gpio.EdgeLines()
+    with pytest.raises(DeviceError, match="wanted a line that is watched"):
+        lines.transfer(Read(EDGES + 17, 12))
+    lines.transfer(Write(EDGES + 17, b"pinctrl-bcm2711"))
+    assert lines.transfer(Read(EDGES + 17, 12)) == bytes(12), "no edge yet"
+    gpiod.edges = [(1, 100), (2, 200), (3, 300)]
+    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, 300)
+    assert lines.transfer(Read(EDGES + 17, 12)) == struct.pack(">Iq", 3, 300), "the newest stays"
+    lines.transfer(Write(EDGES + 17, b"pinctrl-bcm2711"))
+    assert lines.transfer(Read(EDGES + 17, 12)) == bytes(12), "watched anew"
+    with pytest.raises(DeviceError, match="found the chips"):
+        lines.transfer(Write(EDGES + 17, b"elsewhere"))
+    lines.close()
+    assert gpiod.requested == 0

@@ -3,10 +3,11 @@
 import struct
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
-from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, Read, Transaction, Write, WriteRead
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s
 from hindrax_core.knobs import build
@@ -15,7 +16,7 @@ from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.icm20948 import CROOKED, NO_DATA_S, Icm20948, Icm20948Knobs
-from hindrax_drivers.devices.icm20948_samples import HUNG_AFTER, REPEATS
+from hindrax_drivers.devices.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock
 from hindrax_drivers.imu_calibration import Correction
 
 START = stamp_from_s(10.0)
@@ -284,3 +285,60 @@ def test_a_turn_between_two_fields_that_lie_far_apart_is_believed() -> None:
 def test_another_chip_in_place_of_the_magnetometer_is_named() -> None:
     mag = Ak09916(Correction())
     assert "found identity 4800, wanted 4809" in rehearse(mag.configure(), [*SET_UP[:2], (SET_UP[2][0], b"\x48\x00")])
+
+
+PERIOD_ns = 4_000_000
+
+
+def test_the_clock_of_edges_goes_by_the_edge_of_each_sample() -> None:
+    clock = EdgeClock(0.98 * PERIOD_ns)
+    assert clock.map(4, (7, 7 * PERIOD_ns)) is None, "nobody knows yet which edge belongs to which sample"
+    for ticks in (8, 12, 17):
+        assert clock.map(ticks, (ticks + 3, (ticks + 3) * PERIOD_ns)) == (ticks + 3) * PERIOD_ns
+    assert clock.period_ns == PERIOD_ns
+
+
+@pytest.mark.parametrize("ahead", [2, 4])
+def test_an_edge_lost_or_of_something_else_times_nothing_until_the_next_confirms_the_count(ahead: int) -> None:
+    clock = EdgeClock(PERIOD_ns)
+    for ticks in (4, 8):
+        clock.map(ticks, (ticks + 3, (ticks + 3) * PERIOD_ns))
+    assert clock.map(12, (12 + ahead, 0)) == 15 * PERIOD_ns
+    assert clock.map(16, None) == 19 * PERIOD_ns, "a sample came while the FIFO was read"
+    assert clock.map(20, (20 + ahead, 23 * PERIOD_ns + 1000)) == 23 * PERIOD_ns + 1000
+
+
+def test_without_edges_the_clock_of_edges_soon_says_nothing() -> None:
+    clock = EdgeClock(PERIOD_ns)
+    for ticks in (4, 8):
+        clock.map(ticks, (ticks, ticks * PERIOD_ns))
+    assert clock.map(60, None) == 60 * PERIOD_ns
+    assert clock.map(80, None) is None
+
+
+def test_a_step_of_the_host_s_clock_is_not_a_period() -> None:
+    clock = EdgeClock(PERIOD_ns)
+    for ticks in (4, 8):
+        clock.map(ticks, (ticks, ticks * PERIOD_ns))
+    assert clock.map(12, (12, 12 * PERIOD_ns - 10**9)) == 12 * PERIOD_ns - 10**9
+    assert clock.period_ns == PERIOD_ns
+
+
+def test_an_edge_between_two_looks_is_not_that_of_the_newest_sample_in_the_burst() -> None:
+    sensor = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False))
+    start, later = stamp_from_s(1.0), stamp_from_s(1.018)
+    line, count, burst = Read(0x81, 12), WriteRead(0x68, b"\x70", 2), WriteRead(0x68, b"\x72", 48)
+
+    def look(edges: int, newest_s: float) -> bytes:
+        return struct.pack(">Iq", edges, round(1e9 * newest_s))
+
+    def cycle(at: Stamp, before: bytes, after: bytes, turn: int) -> Any:
+        data = b"".join(struct.pack(">6h", turn, index, 8192, 1, 2, 3) for index in range(4))
+        return rehearse(sensor.cycle(at), [(line, before), (count, b"\x00\x30"), (burst, data), (line, after)])
+
+    cycle(start, look(4, 0.999), look(4, 0.999), 1)
+    (*_, newest) = cycle(later, look(8, 1.017), look(8, 1.017), 2)
+    delay_ns = round(1e9 * Icm20948Knobs().filter_delay_s)
+    assert newest.stamp == 1_017_000_000 - delay_ns
+    (*_, newest) = cycle(stamp_from_s(1.037), look(12, 1.0348), look(13, 1.0393), 3)
+    assert newest.stamp == pytest.approx(1_017_000_000 + 4e9 / 225.0 - delay_ns, abs=1)

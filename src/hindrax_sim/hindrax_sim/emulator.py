@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from hindrax_core.vehicle import Mount
 from hindrax_sim.world import Mounting, World
 
 
@@ -23,5 +24,5 @@ class Emulator:
     agrees: Callable[[Any, Any], bool]
     address: int = 0
     """Its I2C address where the vehicle file gives none; 0 for a part on a serial line."""
-    also_at: Callable[[Any], dict[int, Any]] = lambda _part: {}
-    """Further addresses on the bus that the same part answers at."""
+    also_at: Callable[[Any, Mount], dict[int, Any]] = lambda _part, _mount: {}
+    """Further addresses on the bus that the same part answers at, as it is mounted."""

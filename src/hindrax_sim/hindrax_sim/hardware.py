@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
@@ -92,6 +93,6 @@ class Hardware:
         self.registers[name] = device
         afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
         self.i2c.attach(mount.address or row.address, afflicted.at(device))
-        for address, part in row.also_at(device).items():
-            self.i2c.attach(address, afflicted.at(part))
+        for address, part in row.also_at(device, mount).items():
+            self.i2c.attach(address, part if address >= EDGES else afflicted.at(part))
         self._tellers.append(lambda now_s: device.set_truth(row.truth(self.world, at), now_s))

@@ -110,6 +110,17 @@ def test_configuration_says_what_the_data_sheet_wants_in_its_order() -> None:
     assert identity.text == "ICM-20948 at 0x68, AK09916, 225 Hz, 500 dps, 4 g"
 
 
+def test_the_data_ready_line_is_watched_and_then_pulses() -> None:
+    """INT_ENABLE_1 is 0x11 with RAW_DATA_0_RDY_EN in bit 0 (DS-000189, bank 0; SparkFun's ICM_20948_REGISTERS.h)."""
+    config = int(CASES["config_500dps_4g_filter_3"], 16)
+    line = [(Write(0x80 + 17, b"pinctrl-bcm2711"), b""), write(0x11, 0x01)]
+    sensor = Icm20948(Icm20948Knobs(data_ready="pinctrl-bcm2711:17"))
+    identity = rehearse(
+        sensor.configure(), RESET + converters(4, config, config) + BYPASS + MAG + [TEMPERATURE] + FIFO + line
+    )
+    assert identity.text.endswith("4 g, timed by line 17 of pinctrl-bcm2711")
+
+
 def narrow() -> Icm20948:
     sensor = Icm20948(NARROW)
     rehearse(sensor.configure(), RESET + converters(4, 0x19, 0x19) + BYPASS + [TEMPERATURE] + FIFO)

@@ -17,7 +17,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, SerialDevice, 
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, after, seconds_between
 from hindrax_core.readings import SonarHealth
-from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.vehicle import Mount, Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import capture
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
@@ -42,6 +42,11 @@ def ports(vehicle: Vehicle, instead: Ports) -> list[Check]:
     """Every port once: whether it is there, what it is, and whether this user may open it."""
     wanted = [instead.get(name, mount.port) for name, mount in vehicle.sensors.items()]
     wanted.append(instead.get("thrusters", vehicle.output.port))
+    wanted += [
+        f"{GPIO_PREFIX}{chip_and_line(mount.data_ready, name)[0]}"
+        for name, mount in vehicle.sensors.items()
+        if mount.data_ready and name not in instead
+    ]
     return [_of_kind(path)(path) for path in dict.fromkeys(wanted)]
 
 
@@ -138,7 +143,8 @@ def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:
     device = row.make(replace(row.knobs(), **QUIET.get(mount.device, {})), mount, vehicle)
     if not row.serial:
         heard = capture(where, device, RATE_S, lambda _part: None)
-        return f"{heard.identity}, {len({one.stamp for one in heard.readings}) / RATE_S:.0f} Hz"
+        rate = f"{len({one.stamp for one in heard.readings}) / RATE_S:.0f} Hz"
+        return "; ".join([f"{heard.identity}, {rate}", *heard.rejected])
     clock = open_clock(clock_port, "doctor")
     try:
         return _serial(where, device, clock)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import importlib
+import struct
 import time
 from pathlib import Path
 from typing import Any
 
-from hindrax_core.bus_operations import DeviceError, Read, Transaction, Write
+from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, Write
 from hindrax_drivers.buses.clock import SystemClock
 
 GPIO_PREFIX = "gpio:"
 DEVICES = Path("/dev")
 CONSUMER = "hindrax"
 BIASES = ("AS_IS", "PULL_UP", "PULL_DOWN")
+_EDGE = struct.Struct(">Iq")
 
 
 def library() -> Any:
@@ -63,6 +65,45 @@ def rising_edges(chip: str, line: int, seconds: float) -> list[int]:
     finally:
         request.release()
     return found
+
+
+class EdgeLines:
+    """Lines beside a bus whose rising edges the kernel counts and stamps, at the addresses from EDGES on."""
+
+    def __init__(self) -> None:
+        self._requests: dict[int, Any] = {}
+        self._newest: dict[int, tuple[int, int]] = {}
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Watch a line, or tell count and time of its edges. DeviceError names what is wrong."""
+        line = transaction.address - EDGES
+        if isinstance(transaction, Write):
+            self._watch(transaction.data.decode(errors="replace"), line)
+            return b""
+        if line not in self._requests:
+            raise DeviceError(f"GPIO line {line}: wanted a line that is watched")
+        request = self._requests[line]
+        try:
+            while request.wait_edge_events(0.0):
+                event = request.read_edge_events()[-1]
+                self._newest[line] = (event.line_seqno & 0xFFFFFFFF, event.timestamp_ns)
+        except OSError as error:
+            raise DeviceError(f"GPIO line {line}: cannot be read ({error.strerror or error})") from error
+        return _EDGE.pack(*self._newest[line])
+
+    def close(self) -> None:
+        """Give the lines back."""
+        for request in self._requests.values():
+            request.release()
+        self._requests.clear()
+
+    def _watch(self, chip: str, line: int) -> None:
+        if line in self._requests:
+            self._requests.pop(line).release()
+        kind = library().line
+        wanted = {"direction": kind.Direction.INPUT, "edge_detection": kind.Edge.RISING}
+        self._requests[line] = request_line(chip, line, event_clock=kind.Clock.REALTIME, **wanted)
+        self._newest[line] = (0, 0)
 
 
 class GpioBus(SystemClock):

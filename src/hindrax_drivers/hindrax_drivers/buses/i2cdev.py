@@ -6,8 +6,9 @@ import errno
 
 from smbus2 import SMBus, i2c_msg
 
-from hindrax_core.bus_operations import DeviceError, Read, Transaction, WriteRead
+from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, WriteRead
 from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.gpio import EdgeLines
 from hindrax_drivers.buses.register_bus import wire_error
 
 _REMEDY = {
@@ -20,11 +21,11 @@ _REMEDY = {
 
 
 class Smbus2Bus(SystemClock):
-    """An adapter such as /dev/i2c-1; time is the system's."""
+    """An adapter such as /dev/i2c-1, and GPIO lines beside it; time is the system's."""
 
     def __init__(self, port: str) -> None:
         super().__init__()
-        self._port = port
+        self._port, self._lines = port, EdgeLines()
         try:
             self._adapter = SMBus(port)
         except OSError as error:
@@ -35,6 +36,8 @@ class Smbus2Bus(SystemClock):
     def transfer(self, transaction: Transaction) -> bytes:
         """One I2C_RDWR call: START to STOP."""
         address = transaction.address
+        if address >= EDGES:
+            return self._lines.transfer(transaction)
         messages = []
         if not isinstance(transaction, Read):
             messages.append(i2c_msg.write(address, transaction.data))
@@ -47,6 +50,7 @@ class Smbus2Bus(SystemClock):
         return bytes(messages[-1]) if isinstance(transaction, Read | WriteRead) else b""
 
     def close(self) -> None:
-        """Close adapter and alarm."""
+        """Close adapter, lines and alarm."""
+        self._lines.close()
         self._adapter.close()
         super().close()

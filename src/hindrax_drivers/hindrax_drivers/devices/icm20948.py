@@ -1,20 +1,22 @@
 """TDK ICM-20948: specific force and angular rate from its FIFO, magnetic field through its bypass.
 
 The FIFO keeps every sample until it is fetched, so nothing is missed when the host is late, and samples are counted:
-they are stamped by the sample clock, not by the wake-up of a thread. Source: TDK DS-000189 r1.3.
+they are stamped by the sample clock, not by the wake-up of a thread. Where INT1 is wired to a GPIO, the kernel stamps
+the edge of each sample, and no lateness of the host is in the stamps. Source: TDK DS-000189 r1.3.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
 from hindrax_core.driver_interface import Identity
-from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
+from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Reading
+from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_drivers.devices import icm20948_registers as r
 from hindrax_drivers.devices.ak09916 import Ak09916
 from hindrax_drivers.devices.icm20948_samples import Samples
@@ -30,6 +32,9 @@ LATE = 1.1
 FILL = 0.6
 """Share of the FIFO that may fill up between two cycles; the rest is for a host that is late."""
 
+SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
+
+_EDGE = struct.Struct(">Iq")
 _COUNT = struct.Struct(">H")
 _TEMPERATURE = struct.Struct(">h")
 
@@ -53,6 +58,8 @@ class Icm20948Knobs:
     largest_rate_change_radps2: float = knob(225.0, 0.0, 1e5, "faster changes of the rate are damage [rad/s^2]")
     largest_force_change_mps3: float = knob(1125.0, 0.0, 1e6, "faster changes of the specific force are damage [m/s^3]")
 
+    data_ready: str = knob("", meaning="GPIO that INT1 is wired to, CHIP:LINE; times the samples of the FIFO")
+
     @property
     def rate_Hz(self) -> float:
         """Nominal sample rate."""
@@ -64,7 +71,9 @@ class Icm20948Knobs:
         return r.FILTER_DELAY_S[self.filter]
 
     def __post_init__(self) -> None:
-        """Check that the FIFO cannot overflow in normal operation."""
+        """Check that the FIFO cannot overflow in normal operation, and the name of the line."""
+        if self.data_ready:
+            chip_and_line(self.data_ready, "data_ready")
         wanted = self.period_s * self.rate_Hz * r.SAMPLE_BYTES
         if self.mode == "fifo" and wanted > FILL * r.FIFO_BYTES:
             longest = FILL * r.FIFO_BYTES / r.SAMPLE_BYTES / self.rate_Hz
@@ -99,7 +108,9 @@ class Icm20948:
         )
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
         self._turn = self._crooked = 0
-        self._fetched = Stamp(0)
+        self._fetched = self._timed = Stamp(0)
+        timed = knobs.data_ready if knobs.mode == "fifo" else ""
+        self._chip, self._line = chip_and_line(timed, "data_ready") if timed else ("", 0)
 
     @property
     def period_s(self) -> float:
@@ -118,12 +129,16 @@ class Icm20948:
         yield from self._fetch_temperature()
         if self._knobs.mode == "fifo":
             yield from self._start_fifo()
-        self._turn, self._crooked, self._fetched = 0, 0, Stamp(0)
+        if self._chip:
+            yield Write(EDGES + self._line, self._chip.encode())
+            yield self._write(r.INT_ENABLE_1, r.RAW_DATA_READY)
+        self._turn, self._crooked, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
         self._samples.restart()
         knobs = self._knobs
+        timed = f", timed by line {self._line} of {self._chip}" if self._chip else ""
         return Identity(
             f"ICM-20948 at {self._address:#04x}, {mag}, {knobs.rate_Hz:g} Hz, "
-            f"{knobs.gyro_range_dps} dps, {knobs.accel_range_g} g"
+            f"{knobs.gyro_range_dps} dps, {knobs.accel_range_g} g{timed}"
         )
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
@@ -200,6 +215,7 @@ class Icm20948:
 
     def _fetch_fifo(self, stamp: Stamp) -> Program[Outputs]:
         """Read the count, then all samples in one burst; a FIFO that has overflowed is emptied."""
+        last = yield from self._fetch_edge()
         raw = yield self._read(r.FIFO_COUNTH, 2)
         count: int = _COUNT.unpack(raw)[0]
         wrong = self._fifo_fault(count, stamp)
@@ -212,7 +228,25 @@ class Icm20948:
             return self._on_empty_fifo(stamp)
         self._fetched = stamp
         data = yield self._read(r.FIFO_R_W, count)
-        return self._samples.decode(data, stamp)
+        if not self._chip:
+            return self._samples.decode(data, stamp)
+        edge = yield from self._fetch_edge()
+        still = edge == last and abs(_EDGE.unpack(edge)[1] - stamp) < NS_PER_S * LATE / self._knobs.rate_Hz
+        outputs = self._samples.decode(data, stamp, _EDGE.unpack(edge) if still else None)
+        return outputs + self._watch_line(stamp, edge)
+
+    def _fetch_edge(self) -> Program[bytes]:
+        """Count and time of the newest edge; unchanged over a burst, it is that of the newest sample in it."""
+        return (yield Read(EDGES + self._line, _EDGE.size)) if self._chip else b""
+
+    def _watch_line(self, stamp: Stamp, edge: bytes) -> Outputs:
+        """Tell, four times a second, that the line does not give the time of the samples."""
+        if self._samples.by_edges or not 0 < self._timed <= stamp:
+            self._timed = stamp
+        if seconds_between(self._timed, stamp) <= NO_DATA_S:
+            return []
+        self._timed = stamp
+        return [Rejected(stamp, SILENT_LINE, edge)]
 
     def _fifo_fault(self, count: int, stamp: Stamp) -> str:
         """Reason why the FIFO must be emptied at this fill level; a half-written sample is waited for."""
@@ -258,4 +292,10 @@ class Icm20948:
         return WriteRead(self._address, bytes([register]), count)
 
 
-DRIVER = Driver(Icm20948Knobs, lambda knobs, mount, _vehicle: Icm20948(knobs, mount.address, mount.calibration))
+def _make(knobs: Icm20948Knobs, mount: Mount, _vehicle: object) -> Icm20948:
+    """Sensor of a mount; the parameter for the line goes before the vehicle file's."""
+    knobs = replace(knobs, data_ready=knobs.data_ready or mount.data_ready)
+    return Icm20948(knobs, mount.address, mount.calibration)
+
+
+DRIVER = Driver(Icm20948Knobs, _make)

@@ -18,8 +18,50 @@ HUNG_AFTER = 50
 BELIEVE_AFTER = 3
 """A step this often confirmed by the samples after it was real, however large."""
 
+LONGEST_GAP_ns = 0.25 * NS_PER_S
+LARGEST_DRIFT = 0.1
+
 Outputs = list[Stamped[Reading] | Rejected]
 Raw = tuple[int, int, int, int, int, int]
+
+
+class EdgeClock:
+    """Times of samples by the edges of their data-ready line, and by the measured period where an edge is missed."""
+
+    def __init__(self, period_ns: float) -> None:
+        self._nominal_ns = self._period_ns = period_ns
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget which edge belongs to which sample."""
+        self._ahead: int | None = None
+        self._anchor: tuple[int, int] | None = None
+
+    @property
+    def period_ns(self) -> float:
+        """Time between two samples as measured."""
+        return self._period_ns
+
+    def map(self, ticks: int, edge: tuple[int, int] | None) -> int | None:
+        """Time of a sample [ns], None where no edge tells it. `edge`: number and time of the newest one, if its own.
+
+        An edge counts if as many are ahead of the samples as at the last one: a lost or foreign edge times nothing.
+        """
+        if edge is not None:
+            before, self._ahead = self._ahead, edge[0] - ticks
+            if before == self._ahead:
+                self._take(ticks, edge[1])
+        if self._anchor is None:
+            return None
+        passed_ns = (ticks - self._anchor[0]) * self._period_ns
+        return self._anchor[1] + round(passed_ns) if passed_ns < LONGEST_GAP_ns else None
+
+    def _take(self, ticks: int, time_ns: int) -> None:
+        if self._anchor is not None and ticks > self._anchor[0]:
+            period_ns = (time_ns - self._anchor[1]) / (ticks - self._anchor[0])
+            if abs(period_ns - self._nominal_ns) < LARGEST_DRIFT * self._nominal_ns:  # else the host's clock was set
+                self._period_ns = period_ns
+        self._anchor = (ticks, time_ns)
 
 
 class Samples:
@@ -41,13 +83,16 @@ class Samples:
         self._force_step = largest_force_step_mps2 / accel_scale
         self._correction = None if correction.idle else correction
         self._period_ns = NS_PER_S / rate_Hz
-        self._timebase = timebase
+        self._timebase, self._edge_clock = timebase, EdgeClock(self._period_ns)
+        self.by_edges = False
+        """Whether edges have timed the last samples."""
         self.temperature_C = float("nan")
         self.restart()
 
     def restart(self) -> None:
         """Restart the sample count after a gap."""
         self._timebase.restart()
+        self._edge_clock.restart()
         self._ticks = 0
         self._stamp = Stamp(0)
         self._last: Raw | None = None
@@ -58,18 +103,22 @@ class Samples:
         """Whether samples have been equal for so long that a reset is needed."""
         return self._repeats > HUNG_AFTER
 
-    def decode(self, data: bytes, arrival: Stamp) -> Outputs:
+    def decode(self, data: bytes, arrival: Stamp, edge: tuple[int, int] | None = None) -> Outputs:
         """Decode whole samples that arrived together, oldest first.
 
-        Only the newest sample informs the sample clock: the others waited for it.
+        Only the newest sample informs the sample clock: the others waited for it. `edge` see EdgeClock.
         """
         outputs: Outputs = []
         count = len(data) // SAMPLE.size
         self._ticks += count
         newest = self._timebase.map(self._ticks, arrival)
+        timed = self._edge_clock.map(self._ticks, edge)
+        self.by_edges = timed is not None
         if arrival < self._stamp:  # no stamp is later than its arrival: the host's clock was set back
             self._stamp = Stamp(0)
         period_ns = self._period_ns * (1.0 + 1e-6 * self._timebase.drift_ppm)
+        if timed is not None:
+            newest, period_ns = Stamp(timed - self._timebase.latency_ns), self._edge_clock.period_ns
         if self._last is None:
             self._begin_with(data)
         for older, raw in zip(range(count - 1, -1, -1), SAMPLE.iter_unpack(data), strict=True):

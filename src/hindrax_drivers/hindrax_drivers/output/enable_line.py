@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
+from hindrax_core.vehicle import chip_and_line
 from hindrax_drivers.buses.gpio import library, request_line
 
 
@@ -58,7 +59,7 @@ def open_enable_line(name: str) -> EnableLine:
     """Open "CHIP:LINE"; an empty name is no line at all. DeviceError says what is wrong and the remedy."""
     if not name:
         return NoLine()
-    chip, _, line = name.rpartition(":")
-    if not chip or not line.isdecimal():
-        raise DeviceError(f"output.enable_line: found {name!r}, wanted CHIP:LINE, such as pinctrl-bcm2711:26")
-    return GpioLine(chip, int(line))
+    try:
+        return GpioLine(*chip_and_line(name, "output.enable_line"))
+    except ValueError as error:
+        raise DeviceError(str(error)) from error

@@ -9,7 +9,9 @@ import math
 import struct
 from typing import Any
 
+from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
+from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_sim.devices.ak09916 import Ak09916, Bypass
 from hindrax_sim.devices.icm20948_converters import SELF_TEST_CODES, Converters
 from hindrax_sim.devices.icm20948_fifo import Fifo
@@ -20,6 +22,7 @@ from hindrax_sim.register_emulator import NackError
 from hindrax_sim.world import Mounting, World
 
 WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x07, 0x0F
+INT_ENABLE_1 = 0x11
 I2C_MST_STATUS, INT_STATUS_1, INT_STATUS_2 = 0x17, 0x1A, 0x1B
 DATA_FIRST, TEMP_OUT, EXTERNAL_FIRST, EXTERNAL_LAST = 0x2D, 0x39, 0x3B, 0x52
 FIFO_EN_2, FIFO_RST, FIFO_MODE, FIFO_COUNTH, FIFO_COUNTL, FIFO_R_W = 0x67, 0x68, 0x69, 0x70, 0x71, 0x72
@@ -29,6 +32,8 @@ GYRO_CONFIG_1, ACCEL_CONFIG = 0x01, 0x14
 
 DEVICE_RESET, SLEEP = 0x80, 0x40
 ACCEL_OFF, GYRO_OFF = 0x38, 0x07
+NO_PULSE = 0xA0
+"""INT_PIN_CFG: active low, or a level that is held until the status is read."""
 FIFO_EN, I2C_MST_EN, FIFO_HOLD, BYPASS_EN = 0x40, 0x20, 0x01, 0x02
 TEMPORARY = 0x0E
 """Bits of USER_CTRL that start something and clear themselves."""
@@ -49,6 +54,7 @@ class Icm20948:
         self.magnetometer = Bypass(self.compass, self._bypassed, NackError)
         self._converters = Converters(self.signal)
         self._master = InnerMaster(self.compass)
+        self.data_ready = DataReadyLine(self)
         self._fifo = Fifo()
         self.power_cycle(0.0)
 
@@ -119,7 +125,10 @@ class Icm20948:
         """Advance the converters, then the inner master."""
         bank = self._banks[0]
         filling = bank[USER_CTRL] & FIFO_EN and not bank[FIFO_RST] & FIFO_HOLD
-        for sample in self._converters.advance(now_s):
+        pulsing = bank[INT_ENABLE_1] & 0x01 and not bank[INT_PIN_CFG] & NO_PULSE
+        for taken_s, sample in self._converters.advance(now_s):
+            if pulsing:
+                self.data_ready.rise(taken_s)
             self._sample, self._ready = self._switched(sample), True
             if filling:
                 self._fifo.push(self._sample, self._temperature(), bank[FIFO_EN_2], bank[FIFO_MODE])
@@ -213,6 +222,37 @@ class Icm20948:
             self._converters.start(now_s + WAKE_S)
 
 
+class DataReadyLine:
+    """INT1 as a GPIO whose rising edges a kernel counts and stamps, at an address from EDGES on."""
+
+    def __init__(self, part: Icm20948) -> None:
+        self._part = part
+        self._edges, self._newest_s = 0, 0.0
+        self.cut = False
+        """Fault: the wire is broken."""
+
+    def rise(self, taken_s: float) -> None:
+        """A sample is ready."""
+        if not self.cut:
+            self._edges, self._newest_s = self._edges + 1, taken_s
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """Be watched from now on; the name of the chip does not matter."""
+        del data
+        self._part.read(0, now_s)
+        self._edges, self._newest_s = 0, 0.0
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """Count and time of the edges."""
+        self._part.read(0, now_s)
+        return struct.pack(">Iq", self._edges, round(1e9 * self._newest_s))[:count]
+
+
+def _also_at(part: Icm20948, mount: Mount) -> dict[int, Any]:
+    line = {EDGES + chip_and_line(mount.data_ready, "data_ready")[1]: part.data_ready} if mount.data_ready else {}
+    return {COMPASS: part.magnetometer, **line}
+
+
 COMPASS = 0x0C
 
 
@@ -245,5 +285,5 @@ EMULATOR = Emulator(
     _example,
     _agrees,
     address=0x68,  # DS-000189, section 6.2, with AD0 low
-    also_at=lambda part: {COMPASS: part.magnetometer},
+    also_at=_also_at,
 )

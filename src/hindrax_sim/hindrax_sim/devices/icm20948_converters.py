@@ -59,8 +59,8 @@ class Converters:
         """Go to sleep."""
         self._next_s, self._count = math.inf, 0
 
-    def advance(self, now_s: float) -> Iterator[bytes]:
-        """All samples that have become due, oldest first; after a long time only the newest."""
+    def advance(self, now_s: float) -> Iterator[tuple[float, bytes]]:
+        """All samples that have become due with their times [s], oldest first; after a long time only the newest."""
         behind = (now_s - self._next_s) / self.period_s
         if behind > LOOK_BACK:
             skipped = int(behind) - LOOK_BACK
@@ -68,7 +68,7 @@ class Converters:
             self._count += skipped
             self._signal.forget()
         while self._next_s <= now_s:
-            yield self._make(self._next_s)
+            yield self._next_s, self._make(self._next_s)
             self._next_s += self.period_s
 
     def _make(self, t_s: float) -> bytes:

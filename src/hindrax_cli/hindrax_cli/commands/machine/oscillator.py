@@ -12,7 +12,7 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
 from hindrax_drivers.bus_capture import run_once
 from hindrax_drivers.buses.gpio import rising_edges
 from hindrax_drivers.devices.pca9685 import pca9685_of
@@ -40,14 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print and keep."""
     vehicle = load_vehicle(arguments.vehicle)
-    chip, _, line = arguments.gpio.rpartition(":")
-    _require_possible(vehicle, arguments.channel, chip, line)
+    chip, line = _gpio(arguments.gpio)
+    _require_possible(vehicle, arguments.channel)
     print(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), file=sys.stderr)
     output, port = vehicle.output, arguments.port or vehicle.output.port
     identity = run_once(port, pca9685_of(vehicle).configure()).text
     prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
     try:
-        edges_ns = rising_edges(chip, int(line), arguments.seconds)
+        edges_ns = rising_edges(chip, line, arguments.seconds)
         found_Hz = oscillator.clock_Hz(edges_ns, prescale)
     except DeviceError as error:
         raise HindraxError(str(error)) from error
@@ -69,15 +69,20 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _require_possible(vehicle: Vehicle, channel: int, chip: str, line: str) -> None:
+def _gpio(name: str) -> tuple[str, int]:
+    try:
+        return chip_and_line(name, "--gpio")
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def _require_possible(vehicle: Vehicle, channel: int) -> None:
     if vehicle.output.device != "pca9685":
         raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685: an STM32 has a crystal")
     taken = {*(one.channel for one in vehicle.thrusters), *vehicle.output.light_channels}
     if channel not in range(16) or channel in taken:
         free = ", ".join(str(one) for one in range(16) if one not in taken)
         raise UsageError(f"--channel: found {channel}, wanted one without thruster or lamp: {free}")
-    if not chip or not line.isdecimal():
-        raise UsageError(f"--gpio: found {chip}:{line}, wanted CHIP:LINE, such as pinctrl-bcm2711:17")
     up = [one for one in stacks() if not one.mock]
     if up:
         raise HindraxError(f"a stack is up (process {up[0].pid}) and has the output; end it first")
