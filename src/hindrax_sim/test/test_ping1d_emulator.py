@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import struct
+from types import SimpleNamespace
 
+import brping
 import pytest
 
 from hindrax_sim.devices.ping1d import Ping1d, PingTruth
@@ -181,3 +183,53 @@ def test_faults_of_its_own() -> None:
     assert frames(device.receive(host(1003, b"\x01"), 1.0))[0][0] == 2
     device.jump_clock(5.0)
     assert device.baud == 115200
+
+
+class Serial:
+    """A port of pyserial as the vendor's library uses it, with the sonar at its end; time goes by at every look."""
+
+    def __init__(self, device: Ping1d) -> None:
+        self._device, self._heard, self.now_s = device, b"", 0.0
+
+    def write(self, data: bytes) -> int:
+        self._heard += self._device.receive(bytes(data), self.now_s)
+        return len(data)
+
+    @property
+    def in_waiting(self) -> int:
+        self.sleep(0.005)
+        return len(self._heard)
+
+    def read(self, count: int) -> bytes:
+        found, self._heard = self._heard[:count], self._heard[count:]
+        return found
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+        self._device.set_truth(PingTruth(2.0, speed_of_sound_mps=1500.0))
+        self._heard += self._device.step(self.now_s)
+
+
+def test_the_vendor_s_own_library_reads_and_sets_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """bluerobotics-ping with its table of this sonar: in that of all sonars (its default), another has our numbers."""
+    line = Serial(Ping1d(noise=0.0))
+    monkeypatch.setattr(brping.device, "time", SimpleNamespace(time=lambda: line.now_s, sleep=line.sleep))
+    sonar = brping.Ping1D(brping.definitions.payload_dict_ping1d)
+    sonar.iodev = line
+    assert sonar.initialize()
+    line.sleep(2.0)
+    found = sonar.get_distance()
+    assert (found["distance"], found["confidence"]) == (2000, 100)
+    assert sonar.get_distance_simple()["distance"] == 2000
+    profile = sonar.get_profile()
+    echo = profile["profile_data"].index(max(profile["profile_data"]))
+    assert (echo + 0.5) * profile["scan_length"] / len(profile["profile_data"]) == pytest.approx(2000, abs=20)
+    assert sonar.get_general_info()["voltage_5"] == sonar.get_voltage_5()["voltage_5"] == 5000
+    assert sonar.get_processor_temperature() == {"processor_temperature": 3000}
+    assert sonar.get_device_information()["device_type"] == 1
+    assert sonar.set_mode_auto(0)
+    assert sonar.set_range(100, 4000)
+    assert sonar.set_gain_setting(3)
+    assert sonar.set_ping_interval(100)
+    assert sonar.set_device_id(7)
+    assert sonar.get_oss_profile_configuration() is None, "of the open firmware alone"

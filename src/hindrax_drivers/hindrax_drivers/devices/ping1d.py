@@ -35,7 +35,7 @@ FARTHEST_mm = 140_000
 HEALTH = (protocol.DEVICE_ID, protocol.SUPPLY_mV, protocol.PROCESSOR_cC, protocol.BOARD_cC)
 HEALTH_EVERY_S = 10.0
 SUPPLY_V = (4.5, 5.5)
-"""What the sonar runs on. Blue Robotics, Ping2 and Ping Sonar, technical details: supply voltage."""
+"""A 5 V rail (ping1d.json of ping-protocol, message 1202 voltage_5) within a tenth; the tenth is our own limit."""
 
 
 class Ping1d:
