@@ -31,6 +31,7 @@ KEY_OF_MODULE = {
     "rich": "python3-rich",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
+    "segno": None,
     "smbus2": "python3-smbus2",
     "textual": "python3-textual",
     "tornado": "python3-tornado",

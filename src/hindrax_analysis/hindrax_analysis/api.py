@@ -3,7 +3,7 @@
     from hindrax_analysis import api as hindrax
 
 A table is a mapping from names to columns of one length, as `pandas.DataFrame(table)` takes it; neither pandas nor
-xarray is needed here.
+xarray is needed here. Tutorial: docs/how-to/analyze-in-python.ipynb.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, Page, served
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate.web import startup_text
+from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_control.maneuver.plan import MOTIONS
@@ -544,6 +544,22 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(server.Server, "run", lambda _server: None)
     assert main(["web", "--port", "0"]) == 1
     assert "start `./hindrax web` again" in capsys.readouterr().err
+
+
+def test_a_qr_code_is_square_with_its_three_corners_and_a_quiet_edge_in_any_color() -> None:
+    lines = qr_code(page_url("192.168.2.2", 8480, "x" * 32)).splitlines()
+    text = [line.removeprefix("  \x1b[38;5;16;48;5;231m").removesuffix("\x1b[0m") for line in lines]
+    rows = [[cell in top for cell in line] for line in text for top in ("▀█", "▄█")][: len(text[0])]
+    edge, count = 4, len(rows)
+    assert count < 60, "wider than a terminal"
+    assert all(len(row) == count for row in rows)
+    # ISO/IEC 18004: a quiet zone of four modules, then in three corners a frame of seven with a core of three in it.
+    assert not any(any(row[:edge]) or any(row[-edge:]) for row in rows)
+    assert not any(any(row) for row in (*rows[:edge], *rows[-edge:]))
+    finder = [[max(abs(x - 3), abs(y - 3)) != 2 for x in range(7)] for y in range(7)]
+    far = count - edge - 7
+    for left, top in ((edge, edge), (far, edge), (edge, far)):
+        assert [row[left : left + 7] for row in rows[top : top + 7]] == finder
 
 
 def test_the_address_is_said_with_the_token_where_no_server_sees_it() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import secrets
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -98,6 +99,8 @@ def _serve(
         _wait_for_vehicle(link, over)
         server.start()
         print(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only), flush=True)
+        if sys.stdout.isatty() and "localhost" not in access.hosts:
+            print(qr_code(page_url(arguments.address, server.port, access.token)), flush=True)
         while not over() and link.is_alive():
             if not server.is_alive():
                 raise HindraxError(
@@ -126,6 +129,16 @@ def _wait_for_vehicle(link: GraphLink, over: Callable[[], bool]) -> None:
 def page_url(address: str, port: int, token: str) -> str:
     """Return the address of the page with the token, as a browser takes it."""
     return f"http://{f'[{address}]' if ':' in address else address}:{port}/#{token}"
+
+
+def qr_code(text: str) -> str:
+    """Return a QR code for a terminal: black on white whatever its colors are, two rows of modules per line."""
+    import segno  # noqa: PLC0415  # only an address for a phone needs it
+
+    rows = [list(row) for row in segno.make(text, error="m", micro=False).matrix_iter(border=4)]
+    pairs = zip(rows[::2], [*rows[1::2], [0] * len(rows[0])], strict=False)
+    lines = ["".join(" \u2584\u2580\u2588"[2 * top + low] for top, low in zip(*pair, strict=True)) for pair in pairs]
+    return "\n".join(f"  \x1b[38;5;16;48;5;231m{line}\x1b[0m" for line in lines)
 
 
 def startup_text(address: str, port: int, token: str, *, read_only: bool) -> str:

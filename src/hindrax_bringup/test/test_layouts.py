@@ -1,20 +1,27 @@
-"""The Foxglove layout shows what there is: every path in it is a field of a topic of the table."""
+"""The layouts of Foxglove and PlotJuggler show what there is: fields of the table's topics, numbers in real bags."""
 
 from __future__ import annotations
 
 import importlib
 import json
 import re
+import xml.etree.ElementTree as ET
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from hindrax_bag.message_comparison import flat
+from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.share_files import share_folder
 from hindrax_core.topics import TOPICS, resolved
 
 LAYOUT = json.loads((share_folder("foxglove") / "hindrax.json").read_text(encoding="utf-8"))
 TYPES = {resolved(topic): topic.type for topic in TOPICS}
 PANELS = LAYOUT["configById"]
+JUGGLED = ET.parse(share_folder("plotjuggler") / "hindrax.xml").getroot()
+BAGS = Path(__file__).parents[3] / "test/replay/bags"
 
 
 def paths() -> list[str]:
@@ -88,3 +95,64 @@ def check_place(layout: Any) -> None:
         assert 0 < layout.get("splitPercentage", 50) < 100
         check_place(layout["first"])
         check_place(layout["second"])
+
+
+# ---- against recorded bags
+
+
+@cache
+def numbers() -> dict[str, set[str]]:
+    """Names of the numbers in the first messages of every topic of two bags, one with estimates."""
+    found: dict[str, set[str]] = {}
+    for bag in ("surge", "surge_estimates"):
+        for message in messages(BAGS / bag):
+            if message.topic not in found:
+                fields = dict(flat(message.decoded())).items()
+                found[message.topic] = {name for name, value in fields if isinstance(value, int | float)}
+    return found
+
+
+def curves() -> list[str]:
+    """Curves of the PlotJuggler layout: topic and field, all with slashes."""
+    return [curve.attrib["name"] for curve in JUGGLED.iter("curve")]
+
+
+def plotted() -> list[tuple[str, str]]:
+    """Topic and field of all that is drawn as a line in either layout; those that the bags have."""
+    lines = [path["value"] for name, panel in PANELS.items() if name.startswith("Plot") for path in panel["paths"]]
+    both = {tuple(line.split(".", 1)) for line in lines}
+    for curve in curves():
+        topic = max((name for name in TYPES if curve.startswith(f"{name}/")), key=len)
+        both.add((topic, curve.removeprefix(f"{topic}/").replace("/", ".")))
+    return sorted(both)
+
+
+def test_both_layouts_plot_the_same_topics() -> None:
+    ours = {topic for topic, _ in plotted()}
+    assert ours == {path.split(".")[0] for name, one in PANELS.items() if "Plot!" in name for path in _values(one)}
+
+
+def _values(panel: Any) -> list[str]:
+    return [path["value"] for path in panel["paths"]]
+
+
+@pytest.mark.parametrize(("topic", "field"), plotted())
+def test_what_is_plotted_is_a_number_in_a_recorded_bag(topic: str, field: str) -> None:
+    assert field in numbers()[topic]
+
+
+def test_it_has_what_plotjuggler_asks_of_a_layout() -> None:
+    """Tabs with one container each, splitters that count their parts, plots of curves with a color and a name."""
+    (window,) = JUGGLED.findall("tabbed_widget")
+    assert window.attrib["parent"] == "main_window"
+    tabs = window.findall("Tab")
+    assert [tab.attrib["tab_name"] for tab in tabs] == [tab["title"] for tab in PANELS["Tab!main"]["tabs"]]
+    assert [tab.attrib["containers"] for tab in tabs] == [str(len(tab.findall("Container"))) for tab in tabs]
+    for splitter in window.iter("DockSplitter"):
+        sizes = [float(size) for size in splitter.attrib["sizes"].split(";")]
+        assert int(splitter.attrib["count"]) == len(splitter) == len(sizes)
+        assert sum(sizes) == pytest.approx(1.0, abs=0.001)
+        assert splitter.attrib["orientation"] in {"-", "|"}
+    assert {plot.attrib["mode"] for plot in window.iter("plot")} == {"TimeSeries"}
+    assert all(re.fullmatch(r"#[0-9a-f]{6}", curve.attrib["color"]) for curve in window.iter("curve"))
+    assert window.find("currentTabIndex") is not None
