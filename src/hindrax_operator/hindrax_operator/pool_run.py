@@ -16,6 +16,7 @@ from hindrax_analysis.identification.bag_identification import IdentifiedBag, id
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
+from hindrax_bringup.processes import RECORDER
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.stack_runner import health_changes
@@ -27,6 +28,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.progress import Progress
 
 UP_S = 30.0
+ABORT, CONTINUE = "abort", "continue"
 FLY_S = 3600.0
 ARMING_S = 60.0
 MOTION_S = 240.0
@@ -45,6 +47,8 @@ class PoolOptions:
     seed: int
     excitation: str
     on_cancel: str
+    without_record: str
+    """ABORT or CONTINUE: what a flight does when it is no longer recorded."""
     headless: bool
     json: bool
 
@@ -157,9 +161,11 @@ def _operate(
         for sentence in supervisor.check():
             progress.report(sentence)
             deaths.append(sentence)
-        supervisor.require()
+        supervisor.require(*([RECORDER.name] if options.without_record == CONTINUE else []))
         beating.beat(operator)
-        if not flight.armed:
+        if flight.armed:
+            watch_record(operator, heard, progress, options.without_record)
+        else:
             report_devices(operator, heard, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
@@ -235,6 +241,18 @@ def report_devices(operator: Any, heard: dict[str, str], progress: Progress) -> 
     for sentence in health_changes(heard, now):
         progress.report(sentence)
     heard.update(now)
+
+
+def watch_record(operator: Any, heard: dict[str, str], progress: Progress, without_record: str) -> None:
+    """Say at once that a flight is no longer recorded; HindraxError when it then is to end."""
+    name = RECORDER.name
+    status = operator.diagnostics.get(f"hindrax: {name}")
+    failure = str(status.message) if status is not None and status.level == b"\x02" else ""
+    for sentence in health_changes({name: heard.get(name, "")}, {name: failure}):
+        progress.report(sentence)
+    heard[name] = failure
+    if failure and without_record == ABORT:
+        raise HindraxError(f"{name}: {failure}; --without-record {CONTINUE} flies on")
 
 
 def _trouble(status: Any) -> str:

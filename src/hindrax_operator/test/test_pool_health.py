@@ -12,9 +12,10 @@ import pytest
 
 from hindrax_bringup.liveness import felt, pulse
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_operator.pool_run import Beating, report_devices
+from hindrax_core.errors import HindraxError
+from hindrax_operator.pool_run import ABORT, CONTINUE, Beating, report_devices, watch_record
 
-OK, ERROR = b"\x00", b"\x02"
+OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
 
 @pytest.mark.parametrize(
@@ -55,3 +56,17 @@ def test_each_device_is_told_of_once_when_it_is_up_and_when_its_reason_to_wait_c
         one = SimpleNamespace(level=level, message=message)
         report_devices(SimpleNamespace(diagnostics={"hindrax: icm20948": one}), heard, progress)
     assert told == ["icm20948: has not answered yet", "icm20948: gyroscope: resting for 1 s", "icm20948: well"]
+
+
+def test_a_flight_that_is_no_longer_recorded_says_so_at_once_and_ends_unless_told_otherwise() -> None:
+    told: list[str] = []
+    progress: Any = SimpleNamespace(report=told.append)
+    heard = {"recorder": "starting"}
+    full = SimpleNamespace(level=ERROR, message="less than 200 MB are free on the disk")
+    lossy = SimpleNamespace(level=WARN, message="recording; 3 messages lost")
+    for status in (None, lossy, full, full, lossy, full):
+        found = {"hindrax: recorder": status} if status else {}
+        watch_record(SimpleNamespace(diagnostics=found), heard, progress, CONTINUE)
+    assert told == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
+    with pytest.raises(HindraxError, match="200 MB are free on the disk; --without-record continue flies on"):
+        watch_record(SimpleNamespace(diagnostics={"hindrax: recorder": full}), heard, progress, ABORT)

@@ -10,7 +10,7 @@ from typing import Any
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
-from hindrax_operator.pool_run import PoolOptions, run_pool_test
+from hindrax_operator.pool_run import ABORT, PoolOptions, run_pool_test
 
 SEED = 7
 
@@ -28,6 +28,7 @@ def rows() -> list[dict[str, Any]]:
                 seed=SEED,
                 excitation="plateaus",
                 on_cancel="neutral",
+                without_record=ABORT,
                 headless=True,
                 json=True,
             )

@@ -14,7 +14,7 @@ from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
-from hindrax_operator.pool_run import PoolOptions, run_pool_test
+from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
 NAME = "pool-test"
 HELP = "fly the maneuvers and identify the vehicle: the main job"
@@ -44,6 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="neutral",
         help="how a guard ends it, before it is disarmed; default: neutral",
     )
+    parser.add_argument(
+        "--without-record",
+        choices=(ABORT, CONTINUE),
+        default=ABORT,
+        help="what happens when the recorder or its disk fails in flight; default: abort",
+    )
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
     add_vehicle(parser)
     parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
@@ -67,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             excitation=arguments.excitation,
             on_cancel=arguments.on_cancel,
+            without_record=arguments.without_record,
             headless=arguments.headless or arguments.json,
             json=arguments.json,
         )
