@@ -25,7 +25,11 @@ FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kin
 
 
 class Line:
-    enabled = False
+    def __init__(self) -> None:
+        self.enabled, self.writes = False, 0
+
+    def written(self) -> None:
+        self.writes += 1
 
     def set(self, *, enabled: bool) -> None:
         self.enabled = enabled
@@ -134,6 +138,18 @@ def test_neutral_is_repeated_at_ten_hertz_or_more() -> None:
     before = len(flight.told)
     flight.run(5.0, None)
     assert len(flight.told) - before >= 50
+
+
+def test_the_timer_of_the_enable_line_is_triggered_in_time_while_the_output_is_served_and_only_then() -> None:
+    flight = Flight().armed()
+    for pulses in (MOVING, NEUTRAL, None):
+        for _ in range(30):
+            before = flight.line.writes
+            flight.run(0.2, pulses)
+            assert flight.line.writes - before >= 2, "a timer of 0.3 s would run out"
+    before = flight.line.writes
+    flight.bus.sleep_until(after(flight.bus.now(), 1.0))  # frozen
+    assert flight.line.writes == before
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 0.0, 65535.0])

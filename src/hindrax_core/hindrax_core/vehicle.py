@@ -139,7 +139,13 @@ class Output:
     clock_Hz: float = knob(25e6, 20e6, 50e6, "measured oscillator frequency of the PCA9685 [Hz]")
     external_clock: bool = knob(False, meaning="the PCA9685 has a clock of its own at EXTCLK")
     enable_line: str = knob("", meaning="GPIO that enables the outputs when low, CHIP:LINE (label or name of the chip)")
+    enable_timer: bool = knob(False, meaning="a retriggerable timer drives OE; the line pulses at every write")
     light_channels: tuple[int, ...] = knob((8, 9), 0, 15, "output channels of the lamps")
+
+    def __post_init__(self) -> None:
+        """A timer without its line would never enable the outputs."""
+        if self.enable_timer and not self.enable_line:
+            raise ValueError("enable_timer: found no enable_line, wanted the GPIO that triggers the timer")
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ class FakeGpiod(ModuleType):
     def __init__(self) -> None:
         super().__init__("gpiod")
         self.levels: dict[tuple[str, int], int] = {}
+        self.said: list[int] = []
         self.line = SimpleNamespace(
             Direction=SimpleNamespace(OUTPUT="output", INPUT="input"),
             Bias=SimpleNamespace(AS_IS="none", PULL_UP="up", PULL_DOWN="down"),
@@ -61,10 +62,12 @@ class FakeGpiod(ModuleType):
         assert settings.active_low
         assert settings.direction == "output"
         self.levels[key] = 1 - settings.output_value
-        return SimpleNamespace(
-            set_value=lambda number, value: self.levels.__setitem__((key[0], number), 1 - value),
-            release=lambda: self.levels.pop(key),
-        )
+
+        def set_value(number: int, value: int) -> None:
+            self.levels[key[0], number] = 1 - value
+            self.said.append(1 - value)
+
+        return SimpleNamespace(set_value=set_value, release=lambda: self.levels.pop(key))
 
     def _watched(self, settings: Any) -> Any:
         """A request for edges: those of `edges` wait to be read, two at a time as in a small buffer."""
@@ -107,9 +110,22 @@ def test_the_outputs_are_off_until_they_are_enabled_and_low_enables(gpiod: FakeG
     assert gpiod.levels == {}
 
 
+def test_a_timer_gets_a_low_pulse_for_each_write_while_the_outputs_are_enabled(gpiod: FakeGpiod) -> None:
+    line = open_enable_line("pinctrl-bcm2711:26", timer=True)
+    line.written()
+    assert gpiod.said == []
+    line.set(enabled=True)
+    line.written()
+    assert gpiod.said == [0, 1, 0, 1]
+    line.set(enabled=False)
+    line.written()
+    assert gpiod.said == [0, 1, 0, 1]
+
+
 def test_no_name_is_no_line() -> None:
     line = open_enable_line("")
     line.set(enabled=True)
+    line.written()
     line.close()
 
 

@@ -1,7 +1,8 @@
 """The line that enables the outputs of a PCA9685 (OE, active low), by libgpiod 2 where a vehicle has one.
 
 Pull the line up: then the outputs are off until software enables them, and off again when the process that held the
-line has died.
+line has died. A retriggerable timer between line and OE needs a pulse at least every 0.3 s: then the outputs are off
+also when the process is frozen, or the computer (circuit in docs/explanation/safety.md).
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ class EnableLine(Protocol):
     def set(self, *, enabled: bool) -> None:
         """Enable or disable the outputs."""
 
+    def written(self) -> None:
+        """Take note that pulses were written: while they are, the outputs stay enabled."""
+
     def close(self) -> None:
         """Give the line back."""
 
@@ -27,6 +31,9 @@ class NoLine:
     """An output that is always enabled by its wiring."""
 
     def set(self, *, enabled: bool) -> None:
+        """Do nothing."""
+
+    def written(self) -> None:
         """Do nothing."""
 
     def close(self) -> None:
@@ -50,16 +57,36 @@ class GpioLine:
         """Low enables."""
         self._request.set_value(self._line, self._value.ACTIVE if enabled else self._value.INACTIVE)
 
+    def written(self) -> None:
+        """Do nothing: the level stays."""
+
     def close(self) -> None:
         """Give the line back."""
         self._request.release()
 
 
-def open_enable_line(name: str) -> EnableLine:
+class TimedLine(GpioLine):
+    """A line that triggers a timer: one low pulse for each write while the outputs are enabled."""
+
+    _enabled = False
+
+    def set(self, *, enabled: bool) -> None:
+        """Begin or end the pulses; without them the timer disables the outputs."""
+        self._enabled = enabled
+        self.written()
+
+    def written(self) -> None:
+        """Trigger the timer."""
+        if self._enabled:
+            self._request.set_value(self._line, self._value.ACTIVE)
+            self._request.set_value(self._line, self._value.INACTIVE)
+
+
+def open_enable_line(name: str, *, timer: bool = False) -> EnableLine:
     """Open "CHIP:LINE"; an empty name is no line at all. DeviceError says what is wrong and the remedy."""
     if not name:
         return NoLine()
     try:
-        return GpioLine(*chip_and_line(name, "output.enable_line"))
+        return (TimedLine if timer else GpioLine)(*chip_and_line(name, "output.enable_line"))
     except ValueError as error:
         raise DeviceError(str(error)) from error
