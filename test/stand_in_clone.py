@@ -32,6 +32,8 @@ case "$(basename "$0") $*" in
   python*' -I -c '*) ;;
   python*' -I -B - '*)
     echo "answered without a set-up: ${*:5}" ;;
+  python*'/setup/vehicle_lock.py '*)
+    echo "of-a-vehicle==1" ;;
   python*' -m venv '*)
     begin venv; mkdir -p "$last"; echo half >"$last/half"; half_done venv; rm "$last/half"; play "$last" python ;;
   python*' -m pip install '*)

@@ -94,7 +94,7 @@ def test_the_last_commit_arrives_and_is_started(place: Path, capsys: pytest.Capt
     folder.mkdir(parents=True)
     assert main(["deploy", "pi@rov", "--with", "native", "--folder", str(folder)]) == 0, capsys.readouterr().err
     assert sent(folder) == {"hindrax", "docker/pi/set-up.sh", "docs/old page.md", "src/new.py"}
-    assert done_there(place)[:2] == [f"sudo {folder}/docker/pi/set-up.sh", "hindrax setup"]
+    assert done_there(place)[:2] == [f"sudo {folder}/docker/pi/set-up.sh", "hindrax setup --vehicle"]
     assert done_there(place)[2] == "sudo systemctl restart hindrax"
     assert done_there(place)[3] == f"sudo -u hindrax HINDRAX_RUNTIME_DIR=/run/hindrax {folder}/hindrax health"
     assert all(words[-2] == "pi@rov" for words in calls(place))
@@ -116,7 +116,7 @@ def test_a_second_one_removes_what_is_gone_and_keeps_what_was_made_there(place: 
     kept = {"runs/today/bag.mcap", "ros_ws/build/complete", "notes of mine.txt"}
     assert sent(folder) == {"hindrax", "docker/pi/set-up.sh", "docs/new page.md", "src/new.py"} | kept
     assert (folder / "src/new.py").read_text() == TELLS
-    assert done_there(place) == ["hindrax setup", "hindrax setup"]
+    assert done_there(place) == ["hindrax setup --vehicle", "hindrax setup --vehicle"]
 
 
 def test_what_is_not_committed_is_said(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,45 @@ def test_a_ros_installation_is_used_when_it_is_there(clone: Clone, tmp_path: Pat
     native = {"HINDRAX_ROS": str(tmp_path / "ros"), "HINDRAX_PYTHON": "python3", "VERSION": "3.12"}
     assert clone.run("test", **native).returncode == 0
     assert "native.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8")
+
+
+def test_a_vehicle_installs_less_until_all_is_wanted(clone: Clone) -> None:
+    clone.run("setup")
+    clone.steps()
+    assert clone.run("setup", "--vehicle").returncode == 0
+    assert clone.steps() == ["uv-venv", "install", "colcon", "try"]
+    assert (clone.root / ".hindrax/vehicle.lock").read_text(encoding="utf-8") == "of-a-vehicle==1\n"
+    assert "/vehicle.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8").splitlines()[-1]
+    assert clone.run("up").returncode == 0
+    assert clone.steps() == [], "what is chosen stays chosen"
+    assert clone.run("setup", "--all").returncode == 0
+    assert clone.steps() == ["try", "uv-venv", "install", "colcon", "try"][1:]
+    assert "/wheels.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8").splitlines()[-1]
+
+
+@pytest.mark.parametrize("name", ["wheels.lock", "native.lock"])
+def test_what_a_vehicle_needs_is_whole_and_without_tools(name: str) -> None:
+    script = [sys.executable, ROOT / "setup/vehicle_lock.py", ROOT / "setup" / name]
+    said = subprocess.run(script, capture_output=True, text=True, check=True).stdout
+    kept = dict(re.findall(r"^([a-z][\w.-]*)(?:\[\w,]+)?==(\S+)", said, re.MULTILINE))
+    asked = re.findall(r"^([a-z][\w-]*)", (ROOT / "setup/runtime.in").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(asked) - {"numpy"} <= kept.keys()
+    assert not kept.keys() & {"mypy", "ruff", "pandas", "xarray", "hypothesis", "rosbags", "quadprog", "distributed"}
+    # Nothing is missing that a package of this machine says it needs.
+    for package in kept:
+        for line in _needs(package):
+            assert line in kept or (name == "native.lock" and line == "numpy"), f"{package} needs {line}"
+    assert said.count("--hash=sha256:") > len(kept)
+
+
+def _needs(package: str) -> set[str]:
+    """Names of what an installed package always needs; none where it is not installed or declares nothing."""
+    try:
+        declared = metadata.requires(package) or []
+    except metadata.PackageNotFoundError:
+        return set()
+    named = [re.match(r"[\w.-]+", line)[0].lower().replace("_", "-") for line in declared if ";" not in line]
+    return {name.replace(".", "-") for name in named}
 
 
 def test_the_index_that_pip_uses_is_used(clone: Clone) -> None:

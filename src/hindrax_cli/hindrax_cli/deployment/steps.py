@@ -121,7 +121,9 @@ def _made(target: Target) -> Step:
     if target.kind is DeploymentKind.CONTAINER:
         script = f"docker compose -f {target.folder}/docker/compose.yaml build"
         return Step("build the image (the first time takes a quarter of an hour)", script)
-    return Step("set up environment and workspace (the first time takes minutes)", f"{target.folder}/hindrax setup")
+    return Step(
+        "set up environment and workspace (the first time takes minutes)", f"{target.folder}/hindrax setup --vehicle"
+    )
 
 
 def _until(ask: str, tail: str) -> str:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
+from hindrax_core.errors import UsageError
 
 NAME = "test"
 HELP = "all checks and tests, on all cores; with arguments only pytest, with those"
@@ -35,6 +36,8 @@ TYPES = [sys.executable, "-m", "mypy"]
 def run(arguments: argparse.Namespace) -> int:
     """Run the checks and the tests, all to their end; 1 if any failed."""
     root = clone_root()
+    if (root / ".hindrax/vehicle").exists():
+        raise UsageError("this set-up is a vehicle's, without the tests; `./hindrax setup --all` brings them")
     words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
     if words:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
