@@ -29,7 +29,7 @@ GROUPS = {
     ),
     "machine": (
         "the machine and its devices",
-        ("doctor", "health", "vehicle", "mock", "dvl", "imu", "depth", "ping", "oscillator", "deploy"),
+        ("doctor", "health", "vehicle", "mock", "dvl", "imu", "depth", "ping", "oscillator", "esc", "deploy"),
     ),
     "data": ("recorded data", ("bag", "identify", "replay")),
     "experiment": (

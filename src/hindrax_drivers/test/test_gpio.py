@@ -2,6 +2,7 @@
 
 import struct
 import sys
+import threading
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 import pytest
 
 from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
+from hindrax_core.vehicle import Output
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
-from hindrax_drivers.output.enable_line import open_enable_line
+from hindrax_drivers.output.enable_line import open_enable_line, outputs_enabled
 
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
 
@@ -187,3 +189,21 @@ def test_lines_beside_a_bus_are_counted_and_stamped_by_the_kernel(gpiod: FakeGpi
         lines.transfer(Write(EDGES + 17, b"elsewhere"))
     lines.close()
     assert gpiod.requested == 0
+
+
+@pytest.mark.parametrize("timer", [False, True])
+def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeGpiod, *, timer: bool) -> None:
+    levels, low = gpiod.levels, threading.Event()
+
+    class Watched(dict[tuple[str, int], int]):
+        def __setitem__(self, key: tuple[str, int], level: int) -> None:
+            super().__setitem__(key, level)
+            self.times = getattr(self, "times", 0) + (level == 0)
+            if self.times == (3 if timer else 1):
+                low.set()
+
+    gpiod.levels = levels = Watched()
+    output = Output(enable_line="pinctrl-bcm2711:26", enable_timer=timer)
+    with outputs_enabled(output):
+        assert low.wait(10.0), "a timer is triggered again and again"
+    assert levels == {}, "given back"

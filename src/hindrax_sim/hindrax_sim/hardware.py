@@ -9,7 +9,7 @@ from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.pca9685 import Pca9685
+from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
 from hindrax_sim.emulator_registry import EMULATORS, SERIAL
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, with_bus_faults, with_faults
@@ -20,6 +20,8 @@ START = stamp_from_s(10.0)
 STEP_s = 0.005
 STEP_ns = stamp_from_s(STEP_s)
 ALL_CALL, GENERAL_CALL = 0x70, 0x00
+LOOP_CHANNEL, LOOP_LINE = 15, 17
+"""Spare channel of the PCA9685, and the GPIO that it is wired back to, as `hindrax oscillator` has it by default."""
 THRUSTERS = "thrusters"
 
 
@@ -81,6 +83,9 @@ class Hardware:
         self.i2c.attach(output.address, afflicted.at(chip))
         self.i2c.attach(ALL_CALL, chip.all_call)
         self.i2c.attach(GENERAL_CALL, chip.general_call)
+        taken = {one.data_ready.rpartition(":")[2] for one in self.vehicle.sensors.values()}
+        if str(LOOP_LINE) not in taken:
+            self.i2c.attach(EDGES + LOOP_LINE, LoopBack(chip, LOOP_CHANNEL))
 
     def _attach(self, name: str, mount: Mount, seed: int) -> None:
         row = EMULATORS[mount.device]

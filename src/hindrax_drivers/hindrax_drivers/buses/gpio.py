@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import struct
-import time
 from pathlib import Path
 from typing import Any
 
@@ -51,20 +50,6 @@ def request_line(chip: str, line: int, **settings: Any) -> Any:
             f"GPIO {chip}:{line}: cannot be had ({error.strerror or error}); find who uses it with `gpioinfo`, and add "
             "the user to the group gpio"
         ) from error
-
-
-def rising_edges(chip: str, line: int, seconds: float) -> list[int]:
-    """Times of the rising edges of a line for a while [ns], as the kernel stamps them."""
-    kind = library().line
-    request = request_line(chip, line, direction=kind.Direction.INPUT, edge_detection=kind.Edge.RISING)
-    end_s, found = time.monotonic() + seconds, []
-    try:
-        while (left_s := end_s - time.monotonic()) > 0.0:
-            if request.wait_edge_events(left_s):
-                found += [event.timestamp_ns for event in request.read_edge_events()]
-    finally:
-        request.release()
-    return found
 
 
 class EdgeLines:

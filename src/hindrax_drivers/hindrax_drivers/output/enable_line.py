@@ -7,11 +7,16 @@ also when the process is frozen, or the computer (circuit in docs/explanation/sa
 
 from __future__ import annotations
 
+import contextlib
+import threading
+from collections.abc import Iterator
 from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
-from hindrax_core.vehicle import chip_and_line
+from hindrax_core.vehicle import Output, chip_and_line
 from hindrax_drivers.buses.gpio import library, request_line
+
+TRIGGER_S = 0.1
 
 
 class EnableLine(Protocol):
@@ -80,6 +85,27 @@ class TimedLine(GpioLine):
         if self._enabled:
             self._request.set_value(self._line, self._value.ACTIVE)
             self._request.set_value(self._line, self._value.INACTIVE)
+
+
+@contextlib.contextmanager
+def outputs_enabled(output: Output) -> Iterator[None]:
+    """Enable the outputs for a while; a timer behind the line is triggered as long as this process runs."""
+    over = threading.Event()
+    with contextlib.closing(open_enable_line(output.enable_line, timer=output.enable_timer)) as line:
+
+        def trigger() -> None:
+            while not over.wait(TRIGGER_S):
+                line.written()
+
+        line.set(enabled=True)
+        thread = threading.Thread(target=trigger, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+            line.set(enabled=False)
 
 
 def open_enable_line(name: str, *, timer: bool = False) -> EnableLine:

@@ -1,23 +1,28 @@
 """Measure the oscillator of a PCA9685 by its own pulses on a spare channel, wired back to a GPIO. Pure.
 
-The period of a pulse is 4096 * (PRE_SCALE + 1) cycles (NXP PCA9685 rev. 4, section 7.3.5), and the kernel stamps every
-edge by the crystal of the computer, which is hundreds of times more exact than the oscillator.
+The period of a pulse is 4096 * (PRE_SCALE + 1) cycles (NXP PCA9685 rev. 4, section 7.3.5), and the kernel counts and
+stamps the edges by the crystal of the computer, which is hundreds of times more exact than the oscillator.
 """
 
 from __future__ import annotations
 
-import statistics
+import struct
 from collections.abc import Sequence
 from itertools import pairwise
 
-from hindrax_core.bus_operations import DeviceError, Program, Write, WriteRead
+from hindrax_core.bus_operations import EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
 from hindrax_drivers.devices.pca9685 import LED0, MODE1, OFF, PRE_SCALE, SLEEP, STEPS
 
 HALF = STEPS // 2
+LOOKS = 50
 FEWEST = 100
 IRREGULAR = 0.05
 """Largest distance of an interval from a whole number of periods, in periods; a busy kernel is a tenth of that late."""
 BELIEVABLE_Hz = (20e6, 50e6)
+_EDGE = struct.Struct(">Iq")
+
+Edge = tuple[int, int]
+"""Number of an edge on its line, and its time [ns]."""
 
 
 def begin(address: int, channel: int) -> Program[int]:
@@ -29,25 +34,31 @@ def begin(address: int, channel: int) -> Program[int]:
     return (yield WriteRead(address, bytes([PRE_SCALE]), 1))[0]
 
 
+def edges(chip: str, line: int, seconds: float) -> Program[Sequence[Edge]]:
+    """Newest rising edge of a line, at 51 looks over some seconds."""
+    yield Write(EDGES + line, chip.encode())
+    found = []
+    for _ in range(LOOKS + 1):
+        yield Pause(seconds / LOOKS)
+        found.append(_EDGE.unpack((yield Read(EDGES + line, _EDGE.size))))
+    return found
+
+
 def end(address: int, channel: int) -> Program[None]:
     """Switch the channel off."""
     yield Write(address, _channel(channel, OFF))
 
 
-def clock_Hz(edges_ns: Sequence[int], prescale: int) -> float:
-    """Frequency of the oscillator [Hz] by the times of rising edges; lost edges do no harm.
-
-    DeviceError where there are too few edges, or edges of another signal.
-    """
-    if len(edges_ns) < FEWEST:
-        raise DeviceError(f"found {len(edges_ns)} edges, wanted at least {FEWEST}; check wire, channel and GPIO line")
-    steps = [after - before for before, after in pairwise(edges_ns)]
-    period_ns = max(1.0, statistics.median(steps))
-    counts = [round(step / period_ns) for step in steps]
-    wrong = [step for step, n in zip(steps, counts, strict=True) if abs(step / period_ns - n) > IRREGULAR]
-    if len(wrong) > len(steps) // 100:
-        raise DeviceError(f"found {len(wrong)} of {len(steps)} intervals irregular, wanted pulses; check the wire")
-    found_Hz = STEPS * (prescale + 1) * sum(counts) * 1e9 / max(1, edges_ns[-1] - edges_ns[0])
+def clock_Hz(found: Sequence[Edge], prescale: int) -> float:
+    """Frequency of the oscillator [Hz]. DeviceError where there are too few edges, or edges of another signal."""
+    count, elapsed_ns = found[-1][0] - found[0][0], found[-1][1] - found[0][1]
+    if count < FEWEST:
+        raise DeviceError(f"found {count} edges, wanted at least {FEWEST}; check wire, channel and GPIO line")
+    steps = [(after[0] - before[0], after[1] - before[1]) for before, after in pairwise(found)]
+    wrong = sum(abs(ns * count / max(1, elapsed_ns) - number) > IRREGULAR for number, ns in steps)
+    if wrong:
+        raise DeviceError(f"found {wrong} of {len(steps)} intervals irregular, wanted pulses; check the wire")
+    found_Hz = STEPS * (prescale + 1) * count * 1e9 / max(1, elapsed_ns)
     if not BELIEVABLE_Hz[0] <= found_Hz <= BELIEVABLE_Hz[1]:
         raise DeviceError(f"found {found_Hz / 1e6:.3f} MHz, wanted 20 to 50 MHz; is another signal on the line?")
     return found_Hz

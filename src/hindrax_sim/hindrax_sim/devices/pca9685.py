@@ -198,6 +198,26 @@ class Pca9685:
         self._pulses_us = pulses
 
 
+class LoopBack:
+    """A channel that is wired back to a GPIO, whose rising edges a kernel counts and stamps, at EDGES and the line."""
+
+    def __init__(self, chip: Pca9685, channel: int) -> None:
+        self._chip, self._channel = chip, channel
+        self._since_s = 0.0
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """Be watched from now on; the name of the chip does not matter."""
+        del data
+        self._since_s = now_s
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """Count and time of the edges, as if the pulses had been there since the line is watched."""
+        if self._chip.pulse_us(self._channel) is None:
+            return bytes(count)
+        edges = int((now_s - self._since_s) * self._chip.rate_Hz)
+        return struct.pack(">Iq", edges, round(1e9 * (self._since_s + edges / self._chip.rate_Hz)))[:count]
+
+
 @dataclass(frozen=True, slots=True)
 class AllCall:
     """The all-call address of a chip: writable while MODE1 says so, never readable."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -14,9 +15,10 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
 from hindrax_drivers.bus_capture import run_once
-from hindrax_drivers.buses.gpio import rising_edges
+from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output import oscillator
+from hindrax_drivers.output.enable_line import outputs_enabled
 
 NAME = "oscillator"
 HELP = "measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO"
@@ -31,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     parser.add_argument("--channel", type=int, default=15, metavar="N", help="spare channel of the PCA9685, 0 to 15")
     parser.add_argument("--gpio", default="pinctrl-bcm2711:17", metavar="CHIP:LINE", help="where it is wired to")
-    parser.add_argument("--port", metavar="PORT", help="I2C bus; default: of the vehicle file")
+    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to measure [s]")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
@@ -41,18 +43,20 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure, print and keep."""
     vehicle = load_vehicle(arguments.vehicle)
     chip, line = _gpio(arguments.gpio)
-    _require_possible(vehicle, arguments.channel)
+    _require_channel(vehicle, arguments.channel)
+    require_output_free(vehicle)
     print(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), file=sys.stderr)
     output, port = vehicle.output, arguments.port or vehicle.output.port
-    identity = run_once(port, pca9685_of(vehicle).configure()).text
-    prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
-    try:
-        edges_ns = rising_edges(chip, line, arguments.seconds)
-        found_Hz = oscillator.clock_Hz(edges_ns, prescale)
-    except DeviceError as error:
-        raise HindraxError(str(error)) from error
-    finally:
-        run_once(port, oscillator.end(output.address, arguments.channel))
+    with contextlib.nullcontext() if port.startswith(MOCK_PREFIX) else outputs_enabled(output):
+        identity = run_once(port, pca9685_of(vehicle).configure()).text
+        prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
+        try:
+            edges = run_once(port, oscillator.edges(chip, line, arguments.seconds))
+            found_Hz = oscillator.clock_Hz(edges, prescale)
+        except DeviceError as error:
+            raise HindraxError(str(error)) from error
+        finally:
+            run_once(port, oscillator.end(output.address, arguments.channel))
     if arguments.write:
         set_key(Path(arguments.vehicle), ("output", "clock_Hz"), round(found_Hz))
     percent = 100.0 * (found_Hz / output.clock_Hz - 1.0)
@@ -60,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         "output": identity,
         "clock_Hz": round(found_Hz),
         "before_Hz": output.clock_Hz,
-        "edges": len(edges_ns),
+        "edges": edges[-1][0] - edges[0][0],
         "written": arguments.write,
     }
     kept = f"written to {arguments.vehicle}" if arguments.write else "not kept; --write puts it into the vehicle file"
@@ -76,13 +80,17 @@ def _gpio(name: str) -> tuple[str, int]:
         raise UsageError(str(error)) from error
 
 
-def _require_possible(vehicle: Vehicle, channel: int) -> None:
+def require_output_free(vehicle: Vehicle) -> None:
+    """Refuse where another output is on board, or a stack that is up has it."""
     if vehicle.output.device != "pca9685":
-        raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685: an STM32 has a crystal")
+        raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685")
+    up = [one for one in stacks() if not one.mock]
+    if up:
+        raise HindraxError(f"a stack is up (process {up[0].pid}) and has the output; end it first")
+
+
+def _require_channel(vehicle: Vehicle, channel: int) -> None:
     taken = {*(one.channel for one in vehicle.thrusters), *vehicle.output.light_channels}
     if channel not in range(16) or channel in taken:
         free = ", ".join(str(one) for one in range(16) if one not in taken)
         raise UsageError(f"--channel: found {channel}, wanted one without thruster or lamp: {free}")
-    up = [one for one in stacks() if not one.mock]
-    if up:
-        raise HindraxError(f"a stack is up (process {up[0].pid}) and has the output; end it first")

@@ -1,0 +1,113 @@
+"""`hindrax esc` on the emulated chip: what is put out at each step, and what it refuses."""
+
+from __future__ import annotations
+
+import io
+import signal
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hindrax_bringup.share_files import default_vehicle, hindrax_with
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.machine import esc as command
+from hindrax_cli.commands.machine import oscillator
+from hindrax_core.bus_operations import Program
+from hindrax_core.bus_operations import run as run_program
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.readings import Battery
+from hindrax_drivers.bus_capture import CapturedReadings
+from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.devices.pca9685 import Pca9685
+
+Say = Callable[..., int]
+NEUTRAL = (1500.0,) * 8
+
+
+@pytest.fixture
+def chip(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pca9685]:
+    made, wires = Pca9685(), VirtualI2c()
+    wires.attach(0x40, made)
+    bus = LockStep(wires, Stamp(10**9))
+
+    def run_once(_port: str, program: Program[object]) -> object:
+        return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
+
+    monkeypatch.setattr(command, "run_once", run_once)
+    monkeypatch.setattr(oscillator, "stacks", list)
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield made
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def say(monkeypatch: pytest.MonkeyPatch) -> Say:
+    def words(*arguments: str, answers: str = "off\n\n\n") -> int:
+        monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+        return main(["esc", "calibrate", "--vehicle", str(default_vehicle()), *arguments])
+
+    return words
+
+
+def put_out(chip: Pca9685) -> list[tuple[float, ...]]:
+    """Pulses of the thrusters one after the other, to the microsecond that a count is."""
+    found = [tuple(round(pulse or 0.0, -1) for pulse in change.pulses_us[:8]) for change in chip.changes]
+    return [one for before, one in zip([(), *found], found, strict=False) if one != before and any(one)]
+
+
+def test_full_then_least_throttle_then_neutral_and_the_others_never_move(chip: Pca9685, say: Say) -> None:
+    assert say("--thrusters", "T2", "T3", "--propellers-off") == 0
+    full, least = [1500.0] * 8, [1500.0] * 8
+    full[1] = full[2] = 1900.0
+    least[1] = least[2] = 1100.0
+    assert put_out(chip) == [NEUTRAL, tuple(full), tuple(least), NEUTRAL]
+    assert not chip.violations
+
+
+@pytest.mark.parametrize(
+    ("arguments", "case"),
+    [
+        ((), ("", "take every propeller off")),
+        (("--thrusters", "T9", "--propellers-off"), ("", "found T9, wanted thrusters of T1")),
+        (("--propellers-off",), ("yes\n", "wanted the word off; nothing but neutral")),
+        (("--propellers-off",), ("", "the input ended")),
+    ],
+)
+def test_what_it_refuses_moves_nothing(
+    chip: Pca9685, say: Say, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], case: tuple[str, str]
+) -> None:
+    answers, sentence = case
+    assert say(*arguments, answers=answers) in (1, 2)
+    assert sentence in capsys.readouterr().err
+    assert put_out(chip) in ([], [NEUTRAL])
+
+
+@pytest.mark.parametrize("answers", ["off\n", "off\n\n"])
+def test_an_input_that_ends_leaves_neutral(chip: Pca9685, say: Say, answers: str) -> None:
+    assert say("--propellers-off", answers=answers) == 1
+    assert put_out(chip)[-1] == NEUTRAL
+    assert (1900.0,) * 8 in put_out(chip)
+
+
+@pytest.fixture
+def supplied(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """A vehicle with a battery sensor that reads what it is told."""
+
+    def reads(volts: float) -> None:
+        heard = CapturedReadings("INA226", (Stamped(Stamp(0), Battery(volts)),))
+        monkeypatch.setattr(command, "load_vehicle", lambda _file: hindrax_with("ina226"))
+        monkeypatch.setattr(command, "capture", lambda *_: heard)
+
+    return reads
+
+
+@pytest.mark.parametrize(("volts", "code"), [(14.8, 1), (0.1, 0)])
+def test_speed_controllers_with_supply_get_no_full_throttle(
+    chip: Pca9685, say: Say, supplied: Callable[[float], None], volts: float, code: int
+) -> None:
+    supplied(volts)
+    assert say("--propellers-off") == code
+    assert ((1900.0,) * 8 in put_out(chip)) == (code == 0)
+    assert put_out(chip)[-1] == NEUTRAL
