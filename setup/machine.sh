@@ -213,8 +213,9 @@ make_bootstrap() {
   stamped "$state/bootstrap/complete" "$identity" && return
   discard "$state/bootstrap"
   step "making a place for the installer" "$python" -I -m venv "$state/bootstrap"
-  step "fetching the installer" "$state/bootstrap/bin/python" -I -m pip install --disable-pip-version-check --no-input \
-    --no-cache-dir \
+  # pip asks rustc for its version; where that is rustup's, it would put its settings into the home.
+  step "fetching the installer" env RUSTUP_HOME="$state/cache/rustup" \
+    "$state/bootstrap/bin/python" -I -m pip install --disable-pip-version-check --no-input --no-cache-dir \
     --require-hashes --only-binary :all: --requirement "$root/setup/bootstrap.lock"
   echo "$identity" >"$state/bootstrap/complete"
 }

@@ -113,13 +113,23 @@ QUESTIONS = (
 )
 
 
-def ask(line_of: Callable[[str], str]) -> Answers:
-    """Put the questions; `line_of` shows a prompt and returns the line that was typed."""
+def ask(line_of: Callable[[str], str], on_wrong: Callable[[UsageError], None]) -> Answers:
+    """Put the questions; `line_of` shows a prompt and returns the line that was typed.
+
+    After a wrong answer `on_wrong` raises, or says it, and the question is put again; the end of the input raises.
+    """
     answers: dict[str, tuple[float, ...]] = {}
     for question in QUESTIONS:
         if question.key in ("angle", "vectored", "vertical", "thrust") and answers["layout"] == (0.0,):
             continue
-        answers[question.key] = question.read(line_of(question.prompt(answers)), answers)
+        while question.key not in answers:
+            line = line_of(question.prompt(answers))
+            try:
+                answers[question.key] = question.read(line, answers)
+            except UsageError as error:
+                if not line:
+                    raise
+                on_wrong(error)
     return answers
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import re
 import signal
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace as Message
 
@@ -22,8 +24,9 @@ from hindrax_bringup.stack_runner import asked_to_end, health_changes, startup_t
 from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import hold, lights, wrench
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
 from hindrax_operator.pool_run import FlownManeuver, finish
 
@@ -155,6 +158,21 @@ def test_one_thruster_alone_gets_a_pulse_and_the_others_rest(name: str) -> None:
     assert 1100.0 < pulses[2] < 1475.0
     assert [pulse for at, pulse in enumerate(pulses) if at != 2] == [1500.0] * 7
     assert pulses_of(VEHICLE, name, 4.0)[1][2] > 1525.0
+
+
+def test_a_thruster_at_a_desk_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextlib.contextmanager
+    def nobody(_stack: object) -> Iterator[Message]:
+        yield Message(thrusters=None, pause=lambda _seconds: None)
+
+    monkeypatch.setattr(one_thruster, "joined", nobody)
+    monkeypatch.setattr(one_thruster, "stacks", list)
+    monkeypatch.setattr(one_thruster, "_own_thrusters", lambda _run: pytest.fail("started"))
+    text = Path(default_vehicle()).read_text(encoding="utf-8").replace("/dev/i2c-1", str(tmp_path / "i2c"))
+    (tmp_path / "vehicle.yaml").write_text(text, encoding="utf-8")
+    run = one_thruster.ThrusterRun("T1", 3.0, 1.0, tmp_path / "vehicle.yaml", mock=False)
+    with pytest.raises(HindraxError, match=r"no thrusters on the graph and no .*/i2c on this machine.* --mock"):
+        one_thruster.run_one(run)
 
 
 @pytest.mark.parametrize(

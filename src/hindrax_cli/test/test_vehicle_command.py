@@ -12,7 +12,7 @@ import yaml
 from hindrax_analysis.experiments.estimate import Dimensions, empirical
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
-from hindrax_cli.vehicle_questions import QUESTIONS
+from hindrax_cli.vehicle_questions import QUESTIONS, ask
 from hindrax_cli.vehicle_review import DOWN, UP, findings, largest_wrench, picture
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
@@ -74,6 +74,21 @@ def test_an_answer_that_makes_no_sense_is_refused(
     assert answer(monkeypatch, **given) == 2
     assert wanted in capsys.readouterr().err
     assert not home.exists()
+
+
+def test_a_person_who_mistypes_is_asked_again_and_keeps_what_was_answered() -> None:
+    asked: list[str] = []
+    wrong: list[str] = []
+    lines = iter(["heavy\n", "11.5\n", *["\n"] * 20])
+
+    def line_of(prompt: str) -> str:
+        asked.append(prompt)
+        return next(lines) if len(asked) < 4 else ""
+
+    with pytest.raises(UsageError, match="found 'nothing'"):  # the end of the input
+        ask(line_of, lambda error: wrong.append(str(error)))
+    assert asked[0] == asked[1] != asked[2]
+    assert "found 'heavy'" in wrong[0]
 
 
 def test_a_vehicle_without_thrusters_is_enough_for_identification(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:

@@ -112,8 +112,18 @@ def _thrusters(run: ThrusterRun) -> Iterator[Operator]:
             if operator.thrusters is not None:
                 yield operator
                 return
+        require_port(load_vehicle(run.vehicle_file).output.port)
     with _own_thrusters(run) as operator:
         yield operator
+
+
+def require_port(port: str) -> None:
+    """HindraxError when the port of the output is not there: nobody waits for thrusters that are not here."""
+    if port.startswith("/") and not Path(port).exists():
+        raise HindraxError(
+            f"found no thrusters on the graph and no {port} on this machine; check cable and power (`./hindrax doctor` "
+            "has the remedy), join the vehicle over its tether, or run one without a vehicle: --mock"
+        )
 
 
 @contextlib.contextmanager

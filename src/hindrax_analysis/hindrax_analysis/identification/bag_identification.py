@@ -75,8 +75,9 @@ def show(identified: IdentifiedBag) -> None:
             printed = f"{paper[key][0]:.2f} +- {paper[key][1]:.2f}" if key in paper else ""
             row = (motion, f"{key} [{number.unit}]", measured(number.value, number.std_calibrated))
             table.add_row(*(escape(cell) for cell in row), *truth, *((printed,) if papers else ()))
-    print_table(table)
-    if papers:
+    if table.row_count:
+        print_table(table)
+    if table.row_count and papers:
         print(f"{PAPER}: {CITATION}")
     show_budgets(motions)
     for motion, result in motions.items():

@@ -56,7 +56,7 @@ def new(arguments: argparse.Namespace) -> int:
     out = arguments.out or own_vehicles() / f"{name}.yaml"
     if out.exists():
         raise UsageError(f"{out}: is there already; take another name, or remove it")
-    text = file_text(name, ask(_line))
+    text = file_text(name, ask(_line, _say_or_end))
     vehicle = vehicle_from_text(text, str(out))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -74,6 +74,13 @@ def _line(prompt: str) -> str:
     if not sys.stdin.isatty():
         print(line.strip(), file=sys.stderr)
     return line
+
+
+def _say_or_end(error: UsageError) -> None:
+    """Tell a person, who is asked again; a script that answers wrongly ends."""
+    if not sys.stdin.isatty():
+        raise error
+    print(error, file=sys.stderr)
 
 
 def check(arguments: argparse.Namespace) -> int:
