@@ -1,7 +1,7 @@
-"""The launch files describe the same processes as the tool, and what they describe runs.
+"""The launch files start the same stack as the tool, and what they start runs.
 
-A stand-in for launch, which is not among the wheels of ROS, takes the words that launch takes and reads the files out;
-then the processes are started as launch would start them. Where launch is installed it has its own say.
+A stand-in for launch, which is not among the wheels of ROS, takes the words that launch takes; then the processes are
+started as launch would start them. Where launch is installed it has its own say.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ import ast
 import configparser
 import contextlib
 import importlib.util
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import yaml
@@ -27,30 +28,29 @@ pytest.importorskip("rclpy", reason="the mock's own words are read from its proc
 
 from ament_index_python import get_package_prefix
 
-from hindrax_bringup import launch_settings, security
+from hindrax_bag.run_folder import make_run_folder
+from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack import PROFILE, own_domain
-from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, choose, stacks
+from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain
+from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, stacks
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_core.errors import UsageError
 from hindrax_sim.nodes.mock import parser as mock_parser
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(ROOT.glob("src/hindrax_bringup/launch/*.launch.py"))
-ALLOWED = {"launch", "launch_ros", "hindrax_bringup"}
-LOCAL = {"output", "on_exit", "respawn", "respawn_delay", "condition"}
+ACTIONS = "hindrax_bringup.launch_actions"
+LOCAL = {"output", "on_exit", "respawn", "respawn_delay"}
 KEYWORDS = {
     "LaunchDescription": set(),
     "DeclareLaunchArgument": {"default_value", "description"},
     "SetEnvironmentVariable": set(),
     "ExecuteProcess": {"cmd"} | LOCAL,
-    "Shutdown": set(),
-    "IfCondition": set(),
-    "LaunchConfiguration": set(),
-    "NotEqualsSubstitution": set(),
-    "OpaqueFunction": {"function", "kwargs"},
+    "OpaqueFunction": {"function", "args"},
+    "Shutdown": {"reason"},
     "Node": {"package", "executable", "parameters", "ros_arguments"} | LOCAL,
     "ExecutableInPackage": {"package", "executable"},
-    "ParameterValue": {"value_type"},
 }
 """What of launch 3.4 and launch_ros 0.26 (Jazzy) the files use, with keywords that these take: see their sources."""
 
@@ -69,37 +69,49 @@ def take(kind: str, *words: Any, **keywords: Any) -> Said:
     return Said(kind, words, keywords)
 
 
-def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = ("launch", "launch.actions", "launch.conditions", "launch.substitutions")
-    there = ("launch_ros.actions", "launch_ros.substitutions", "launch_ros.parameter_descriptions")
-    for name in (*here, *there):
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    for name in ("launch", "launch.actions", "launch_ros.actions", "launch_ros.substitutions"):
         module = ModuleType(name)
         module.__getattr__ = lambda kind: partial(take, kind)  # type: ignore[method-assign]
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setitem(sys.modules, "launch_ros", ModuleType("launch_ros"))
+    monkeypatch.delitem(sys.modules, ACTIONS, raising=False)
+    monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
+    monkeypatch.delenv(PROFILE, raising=False)
+    yield
+    sys.modules.pop(ACTIONS, None)
 
 
-def described(file: Path) -> list[Said]:
-    spec = importlib.util.spec_from_file_location("launch_file", file)
+def described(name: str) -> tuple[dict[str, str], Said]:
+    """Arguments of a launch file with their defaults, and what it does once they are known."""
+    spec = importlib.util.spec_from_file_location("launch_file", ROOT / f"src/hindrax_bringup/launch/{name}.launch.py")
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.generate_launch_description().words[0]
+    *declared, action = module.generate_launch_description().words[0]
+    return {one.words[0]: one.keywords["default_value"] for one in declared}, action
 
 
-def processes(found: list[Said]) -> set[tuple[str, str]]:
+def executed(name: str, **chosen: str) -> list[Said]:
+    """Actions of a launch file with these arguments."""
+    defaults, action = described(name)
+    context = SimpleNamespace(launch_configurations=defaults | chosen)
+    return cast("list[Said]", action.keywords["function"](context, *action.keywords["args"]))
+
+
+def processes(found: Sequence[Said]) -> set[tuple[str, str]]:
     """Package and executable of everything that is started."""
     started = [one for one in found if one.kind == "Node"]
     started += [one.keywords["cmd"][0] for one in found if one.kind == "ExecuteProcess"]
     return {(one.keywords["package"], one.keywords["executable"]) for one in started}
 
 
-def words_of(found: list[Said]) -> list[str]:
-    """Words of the one process that is no node of ROS, with a choice of ours where that of the user stands."""
+def words_of(found: Sequence[Said]) -> list[str]:
+    """Words of the one process that is no node of ROS."""
     (process,) = (one for one in found if one.kind == "ExecuteProcess")
-    return [
-        one if isinstance(one, str) else {"world": "ideal"}.get(one.words[0], "1")
-        for one in process.keywords["cmd"][1:]
-    ]
+    return list(process.keywords["cmd"][1:])
 
 
 def pairs(wanted: tuple[Process, ...]) -> set[tuple[str, str]]:
@@ -121,8 +133,8 @@ def test_they_use_launch_and_our_own_packages_only(file: Path) -> None:
         if isinstance(node, ast.Import):
             names |= {one.name.partition(".")[0] for one in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names.add(node.module.partition(".")[0])
-    assert names - sys.stdlib_module_names <= ALLOWED
+            names.add(str(node.module).partition(".")[0])
+    assert names - sys.stdlib_module_names <= {"launch", "hindrax_bringup"}
 
 
 @pytest.mark.parametrize("process", [*ONBOARD, RECORDER, MOCK], ids=lambda process: process.name)
@@ -130,59 +142,99 @@ def test_every_process_is_an_executable_of_its_package(process: Process) -> None
     assert scripts_of(process.package)[process.executable] == f"{process.module}:main"
 
 
-def test_the_vehicle_is_the_onboard_stack_with_its_identities(monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in(monkeypatch)
-    monkeypatch.delenv(PROFILE, raising=False)
-    found = described(FILES[-1])
-    assert FILES[-1].name == "vehicle.launch.py"
-    assert processes(found) == pairs((*ONBOARD, RECORDER))
-    nodes = [one for one in found if one.kind == "Node"]
-    assert {one.keywords["executable"]: one.keywords["ros_arguments"] for one in nodes} == {
-        one.executable: security.arguments(one.name) for one in (*ONBOARD, RECORDER)
-    }
-    assert all(one.keywords["respawn"] for one in nodes)
-    assert all(
-        value.keywords == {"value_type": str} for one in nodes for value in one.keywords["parameters"][0].values()
-    )
-    (recorder,) = (one for one in nodes if one.keywords["executable"] == RECORDER.executable)
-    assert [one for one in nodes if "bag" in one.keywords["parameters"][0]] == [recorder], "no other node declares it"
-    assert recorder.keywords["condition"].words[0].words == (Said("LaunchConfiguration", ("record",), {}), "")
-    set_here = {one.words for one in found if one.kind == "SetEnvironmentVariable"}
-    assert any(key == PROFILE and value.endswith("loopback.xml") for key, value in set_here)
-
-
-def test_the_mock_brings_its_own_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
-    stand_in(monkeypatch)
-    found = described(ROOT / "src/hindrax_bringup/launch/mock.launch.py")
-    assert processes(found) == pairs((*ONBOARD, MOCK))
-    words = mock_parser().parse_args(words_of(found))
-    (file,) = {one.keywords["parameters"][0] for one in found if one.kind == "Node"}
-    parameters = yaml.safe_load(Path(file).read_text())
-    assert parameters["/**"]["ros__parameters"]["use_sim_time"]
-    assert parameters["/**/dvl75"]["ros__parameters"]["port"] == f"{words.folder}/dvl75"
-    assert parameters["/**/icm20948"]["ros__parameters"]["port"] == f"mock:{words.folder}/i2c"
-
-
-@pytest.mark.parametrize("name", ["mock", "vehicle"])
-def test_what_launch_starts_is_found_by_the_commands(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+@pytest.mark.usefixtures("stand_in")
+def test_asking_for_the_arguments_makes_no_file_and_waits_for_nothing(
+    file: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """As long as launch lives, and with the arguments that it was given."""
-    monkeypatch.setenv(FOLDER, str(tmp_path))
-    monkeypatch.setattr(launch_settings, "_announced", announced := [])
-    stand_in(monkeypatch)
-    found = described(ROOT / f"src/hindrax_bringup/launch/{name}.launch.py")
-    (one,) = (one for one in found if one.kind == "OpaqueFunction")
-    arguments = {} if name == "mock" else {"vehicle": "/somewhere/else.yaml", "record": "bag"}
-    one.keywords["function"](SimpleNamespace(launch_configurations=arguments), **one.keywords["kwargs"])
-    (stack,) = stacks()
-    assert (stack.mock, stack.purpose, stack.bag) == (name == "mock", LAUNCHED, arguments.get("record", ""))
-    assert stack.vehicle == arguments.get("vehicle", str(default_vehicle()))
-    assert stack.graph["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("loopback.xml")
-    assert choose(stacks(), None) == stack
-    for file in announced:
-        file.close()
-    assert stacks() == []
+    monkeypatch.setenv("HINDRAX_TETHER", "nowhere0")
+    defaults, _ = described(file.name.partition(".")[0])
+    assert {"vehicle", "namespace", "params_file", "record", "without_operator"} <= set(defaults)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_nodes_start_when_the_tether_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HINDRAX_TETHER", "nowhere0")
+    (waiting,) = executed("vehicle")
+    assert waiting.keywords["cmd"] == [sys.executable, "-m", "hindrax_bringup.tether"]
+    given_up = waiting.keywords["on_exit"](SimpleNamespace(returncode=1), None)
+    assert given_up.kind == "Shutdown"
+
+
+class Started(Supervisor):
+    """A supervisor that starts nothing, and keeps what it was to start."""
+
+    def __init__(self, facts: Mapping[str, object]) -> None:
+        super().__init__(Path("logs"), {})
+        self.facts, self.words = facts, {}
+
+    def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> Any:
+        assert not pipe
+        self.words[process] = list(arguments)
+
+
+def told(words: Sequence[str], parameters: str) -> tuple[list[str], Any]:
+    """ROS arguments of a process, and the content of its parameter file."""
+    return list(words), yaml.safe_load(Path(parameters).read_text(encoding="utf-8"))
+
+
+MINE = "/**/pilot: {ros__parameters: {holds: {turn_radps: 0.3}}}"
+
+
+@pytest.mark.parametrize("mock", [False, True])
+@pytest.mark.usefixtures("stand_in")
+def test_both_ways_start_the_same_stack(mock: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Same processes, in the same order, with the same parameters and ROS arguments: so the same nodes and topics."""
+    mine, folder = tmp_path / "mine.yaml", make_run_folder(str(tmp_path / "run"), default_vehicle())
+    mine.write_text(MINE, encoding="utf-8")
+    chosen = {"vehicle": str(folder.vehicle), "namespace": "/rov1", "params_file": str(mine), "record": str(folder.bag)}
+    found = executed("mock" if mock else "vehicle", without_operator="neutral", **chosen)
+    launched = [one for one in found if one.kind == "Node"]
+    (lock,) = stacks()
+    assert (lock.mock, lock.namespace, lock.purpose) == (mock, "/rov1", LAUNCHED)
+    facts = {"ports": lock.ports, "clock": lock.ports.get("thrusters", "")}
+
+    supervisor = Started(facts)
+    monkeypatch.setattr(Stack, "start_mock", lambda self, *_: setattr(self, "mock_facts", facts))
+    Stack(folder, supervisor, "ros2 launch", Tuning("/rov1", str(mine))).start(
+        MockOptions() if mock else None, record=True, without_operator="neutral"
+    )
+    assert processes(launched) == pairs((*ONBOARD, RECORDER))
+    assert [one.keywords["executable"] for one in launched] == [one.executable for one in supervisor.words]
+    for one, (process, words) in zip(launched, supervisor.words.items(), strict=True):
+        assert words[:2] == ["--ros-args", "--params-file"]
+        launch_way = told(one.keywords["ros_arguments"], one.keywords["parameters"][0])
+        assert launch_way == told(words[3:], words[2]), process.name
+        assert launch_way[1]["/**/pilot"] == {"ros__parameters": {"holds.turn_radps": 0.3}}
+        assert launch_way[1]["/**"]["ros__parameters"].get("use_sim_time", False) is mock
+        assert one.keywords["respawn"]
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_mock_is_told_what_was_chosen_and_ends_the_rest_when_it_dies() -> None:
+    found = executed("mock", seed="7", rate="2", namespace="/rov2", faults="garbage:dvl75@30+5 no_power@50")
+    words = mock_parser().parse_args(words_of(found))
+    assert (words.seed, words.rate, words.namespace) == (7, 2.0, "/rov2")
+    assert words.fault == ["garbage:dvl75@30+5", "no_power@50"]
+    (lock,) = stacks()
+    assert lock.ports["dvl75"] == f"{words.folder}/dvl75"
+    assert lock.ports["icm20948"] == f"mock:{words.folder}/i2c"
+    (mock,) = (one for one in found if one.kind == "ExecuteProcess")
+    assert mock.keywords["on_exit"].kind == "Shutdown"
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_a_process_that_refuses_what_it_was_told_is_not_started_for_ever() -> None:
+    thrusters = next(one for one in executed("vehicle") if one.keywords.get("executable") == "thrusters")
+    assert thrusters.keywords["on_exit"](SimpleNamespace(returncode=-9), None) is None
+    assert thrusters.keywords["on_exit"](SimpleNamespace(returncode=UsageError.exit_code), None).kind == "Shutdown"
+
+
+@pytest.mark.usefixtures("stand_in")
+def test_the_graph_of_a_launched_vehicle_keeps_to_this_machine() -> None:
+    set_here = {one.words for one in executed("vehicle") if one.kind == "SetEnvironmentVariable"}
+    assert any(key == PROFILE and value.endswith("loopback.xml") for key, value in set_here)
 
 
 def command(one: Said) -> list[str]:
@@ -190,7 +242,7 @@ def command(one: Said) -> list[str]:
     if one.kind == "ExecuteProcess":
         program, rest = one.keywords["cmd"][0].keywords, words_of([one])
     else:
-        program, rest = one.keywords, ["--ros-args", *one.keywords.get("ros_arguments", [])]
+        program, rest = one.keywords, ["--ros-args", *one.keywords["ros_arguments"]]
         rest += [word for file in one.keywords["parameters"] for word in ("--params-file", file)]
     return [f"{get_package_prefix(program['package'])}/lib/{program['package']}/{program['executable']}", *rest]
 
@@ -217,23 +269,25 @@ def domain_of(number: int | None) -> dict[str, str]:
 
 
 WATCH = """
+import json, sys
 from hindrax_operator.nodes.operator_node import Operator
+wanted = set(json.loads(sys.argv[1]))
 with Operator(mock=True) as operator:
     operator.wait(lambda: operator.navigation is not None, 90.0, lambda: "a navigation solution")
+    there = lambda: {name for name, space in operator.node.get_node_names_and_namespaces() if space == "/hindrax"}
+    operator.wait(lambda: wanted <= there(), 30.0, lambda: f"the nodes {wanted - there()}")
 """
 
 
 @pytest.mark.ros
-def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    stand_in(monkeypatch)
-    found = described(ROOT / "src/hindrax_bringup/launch/mock.launch.py")
-    monkeypatch.undo()
+@pytest.mark.usefixtures("stand_in")
+def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(tmp_path: Path) -> None:
+    found = executed("mock")
     environment = os.environ | {one.words[0]: one.words[1] for one in found if one.kind == "SetEnvironmentVariable"}
     log = tmp_path / "log"
+    wanted = {node for process in (MOCK, *ONBOARD) for node in process.nodes}
     with own_domain(mock=True) as domain, running(found, environment | domain_of(domain), log):
-        watch = [sys.executable, "-c", WATCH]
+        watch = [sys.executable, "-c", WATCH, json.dumps(sorted(wanted))]
         seen = subprocess.run(
             watch, env=environment | domain_of(domain), check=False, capture_output=True, text=True, timeout=150
         )

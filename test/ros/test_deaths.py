@@ -26,7 +26,6 @@ from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.bus_operations import WriteRead
 from hindrax_core.events import seconds_between
 from hindrax_core.signals import NAN
-from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_operator.pool_run import adopted
 
@@ -72,12 +71,11 @@ def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Superviso
     """A mock vehicle that holds its depth under water, thrusters at work."""
     from hindrax_operator.nodes.operator_node import Operator
 
-    vehicle = load_vehicle(default_vehicle())
     folder = make_run_folder(str(tmp_path_factory.mktemp("deaths") / "run"), default_vehicle())
     with own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
         with Supervisor(folder.logs, made) as supervisor, adopted(made):
-            stack = Stack(folder, vehicle, supervisor)
+            stack = Stack(folder, supervisor)
             stack.start(MockOptions(seed=2, rate=2.0), record=False)
             with Operator(mock=True, tick=supervisor.check) as operator:
                 operator.wait(lambda: operator.navigation is not None, 180.0, lambda: "navigation")

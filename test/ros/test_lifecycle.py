@@ -20,8 +20,9 @@ from lifecycle_client import LifecycleClient
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack import adopted, environment, mock_parameters, own_domain
+from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, TOPICS
 from hindrax_core.vehicle import load_vehicle
@@ -89,7 +90,7 @@ def sensors(tmp_path: Path) -> Iterator[Sensors]:
         adopted(made := environment(mock=True, domain=domain)),
         MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as mock,
     ):
-        values = mock_parameters({"ports": mock.ports, "clock": mock.clock})
+        values = wire_parameters({"ports": mock.ports, "clock": mock.clock})
         words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}} | values)
         rclpy.init(args=[])
         arguments = [sys.executable, "-m", "hindrax_drivers.nodes.sensors", *words, "-r", f"__ns:={NAMESPACE}"]

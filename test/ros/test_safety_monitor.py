@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,8 +16,11 @@ pytest.importorskip("hindrax_msgs", reason="needs the built workspace: run ./hin
 import rclpy
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
 
-from hindrax_bringup.nodes.safety_monitor import HOLD, NEUTRAL, STAY, SafetyMonitor
+from hindrax_bringup.link_monitor import HOLD, NEUTRAL, STAY
+from hindrax_bringup.liveness import LivenessFile
+from hindrax_bringup.nodes.safety_monitor import SafetyMonitor, health_change
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, NAMESPACE, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import Heartbeat, ThrusterHealth
@@ -32,9 +36,12 @@ class Vehicle:
     """In the process of the safety monitor: thrusters and pilot that note their requests, and an operator."""
 
     def __init__(self, monitor: SafetyMonitor) -> None:
-        self.monitor, self.said = monitor, []
+        self.monitor, self.said = monitor, list[str]()
+        monitor.report = self.said.append  # type: ignore[method-assign]
         self.node = rclpy.create_node("stand_in", namespace=NAMESPACE)
-        monitor._executor.add_node(self.node)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.executor.add_node(monitor)
         self.armed: list[bool] = []
         self.reasons: list[str] = []
         self.cancelled = 0
@@ -68,21 +75,22 @@ class Vehicle:
             assert time.monotonic() < deadline, self.said
             if beating:
                 self.beat.publish(self.heartbeat())
-            self.monitor.spin(0.05)
-            self.said += self.monitor.new_messages()
+            self.executor.spin_once(timeout_sec=0.05)
+            self.monitor.drain()
+            self.monitor.publish_queue.flush()
 
 
 @pytest.fixture
-def watched(request: pytest.FixtureRequest) -> Iterator[Vehicle]:
+def watched(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Vehicle]:
     """Not `vehicle`: a fixture of that name lives as long as the session, and its parameters would too."""
-    with (
-        own_domain(mock=True) as domain,
-        adopted(environment(mock=True, domain=domain)),
-        SafetyMonitor(mock=False, without_operator=request.param) as monitor,
-    ):
-        made = Vehicle(monitor)
+    with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
+        rclpy.init(args=["--ros-args", "-p", f"without_operator:={request.param}"])
+        made = Vehicle(SafetyMonitor(LivenessFile(tmp_path / "pulse")))
         yield made
+        made.executor.shutdown()
         made.node.destroy_node()
+        made.monitor.destroy_node()
+        rclpy.shutdown()
 
 
 @pytest.mark.parametrize(("watched", "asked"), [(HOLD, []), (NEUTRAL, [False])], indirect=["watched"])
@@ -134,3 +142,17 @@ def test_a_list_from_the_future_is_not_kept_and_does_not_outrank_a_later_one(wat
     say.publish(listed)
     watched.until(lambda: kept, beating=False)
     assert kept == [["T2"]]
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "told"),
+    [
+        (None, "no answer for 1.2 s", "dvl75: no answer for 1.2 s"),
+        (None, "", "dvl75: well"),
+        ("no answer for 1.2 s", "no answer for 2.2 s", ""),
+        ("no answer for 1.2 s", "", "dvl75: well"),
+        ("", "", ""),
+    ],
+)
+def test_only_what_changes_is_news(before: str | None, now: str, told: str) -> None:
+    assert health_change("dvl75", before, now) == told

@@ -17,6 +17,8 @@ from hindrax_bag.metadata import NAME, OFFERED, Channel, Contents, metadata_text
 from hindrax_core.topics import TOPICS, Quality, resolved
 
 HASH = "topic_type_hash"
+DESCRIPTION = "hindrax"
+"""Name of the metadata record in which the recorder describes the run."""
 QUALITIES = {resolved(topic): topic.quality for topic in TOPICS}
 
 

@@ -84,7 +84,10 @@ def _dated() -> Path:
 
 
 def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:
-    """Write ROS parameters (per node name; `/**` for all) and return the arguments for a process to read them."""
+    """Write ROS parameters, per pattern of node names, and return the arguments for a process to read them.
+
+    Of two patterns that name one node the later wins.
+    """
     blocks = {node: {"ros__parameters": values} for node, values in parameters.items()}
-    folder.parameters.write_text(yaml.safe_dump(blocks, sort_keys=True), encoding="utf-8")
+    folder.parameters.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")
     return ["--ros-args", "--params-file", str(folder.parameters)]

@@ -29,11 +29,11 @@ def _local_ports(table: str) -> Iterator[int]:
         yield int(line.split()[1].rpartition(":")[2], 16)
 
 
-def require_no_stack(domain: int, environment: Mapping[str, str]) -> None:
-    """HindraxError when nodes of a stack are in this domain; viewers and nodes of the user may be there."""
+def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]) -> None:
+    """HindraxError when nodes of a stack of this namespace are in this domain; other nodes may be there."""
     if domain not in occupied_domains():
         return
-    words = [sys.executable, "-m", "hindrax_bringup.nodes.stack_search"]
+    words = [sys.executable, "-m", "hindrax_bringup.nodes.stack_search", namespace]
     # A process of its own: the middleware keeps the profile of the first node for as long as its process lives.
     try:
         done = subprocess.run(  # noqa: S603  # our own module

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hindrax_core.knobs import choice
+
+HOLD, NEUTRAL, STAY = "hold", "neutral", "stay"
 PATIENCE_s = 2.0
 """Four beats; half of them may be lost before the link counts as lost."""
 STEADY_BEATS = 4
 """Heartbeats, none later than the patience after the one before, from which a link counts as steady."""
 UNSTEADY_PATIENCE_s = 10.0
 """Longest silence of a link that is not steady yet: discovery and a busy machine delay the first heartbeats."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyMonitorKnobs:
+    """Reaction to the loss of the operator's link."""
+
+    without_operator: str = choice(
+        STAY, (HOLD, NEUTRAL, STAY), "hold: end the maneuver; neutral: disarm as well; stay: no link is watched"
+    )
 
 
 @dataclass(slots=True)

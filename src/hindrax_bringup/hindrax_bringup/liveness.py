@@ -27,6 +27,8 @@ NOBODY = "no stack is up here; start one with `./hindrax up`"
 STARTING = {"stack": "starting"}
 """Trouble of a stack whose processes are not up yet."""
 NOTIFY = "NOTIFY_SOCKET"
+NODES = ".nodes.pulse"
+"""End of the name of a pulse that tells of the nodes of a stack; it begins with the id of the stack's tool."""
 
 
 def notify(words: str, environment: Mapping[str, str] = os.environ) -> None:
@@ -68,9 +70,22 @@ class LivenessFile:
 
 @contextlib.contextmanager
 def pulse() -> Iterator[LivenessFile]:
-    """Yield the pulse of this process; it leaves nothing behind."""
-    path = runtime_folder() / f"{os.getpid()}.pulse"
+    """Yield the pulse of this tool; it leaves nothing behind."""
     notify("READY=1")
+    with _pulse(f"{os.getpid()}.pulse") as made:
+        yield made
+
+
+@contextlib.contextmanager
+def pulse_of_nodes() -> Iterator[LivenessFile]:
+    """Yield the pulse of the nodes of a stack, for a process that the tool of this stack has started."""
+    with _pulse(f"{os.getppid()}{NODES}") as made:
+        yield made
+
+
+@contextlib.contextmanager
+def _pulse(name: str) -> Iterator[LivenessFile]:
+    path = runtime_folder() / name
     made = LivenessFile(path)
     try:
         yield made
@@ -88,13 +103,22 @@ def felt(folder: Path, now_s: float) -> tuple[bool, str]:
 
 
 def pulses(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
-    """What each tool does that looks after a stack, and what is wrong with it, by its process."""
-    found = ((int(path.stem), _felt(path, now_s)) for path in sorted(folder.glob("*.pulse")))
-    return {pid: one for pid, one in found if one is not None}
+    """What each tool does that looks after a stack, and what is wrong with it or its nodes, by its process."""
+    found: dict[int, tuple[str, list[str]]] = {}
+    for path in sorted(folder.glob("*.pulse")):  # that of the nodes first: what the tool does counts
+        if (one := _felt(path, now_s)) is not None:
+            pid = _stack_of(path)
+            known = found.get(pid, ("", []))[1]
+            found[pid] = (one[0], [*one[1], *(trouble for trouble in known if trouble not in one[1])])
+    return {pid: (status, "; ".join(troubles)) for pid, (status, troubles) in found.items()}
 
 
-def _felt(path: Path, now_s: float) -> tuple[str, str] | None:
-    """What the tool behind a pulse does, and what is wrong with it (empty when all is well); None without a tool."""
+def _stack_of(path: Path) -> int:
+    return int(path.name.partition(".")[0])
+
+
+def _felt(path: Path, now_s: float) -> tuple[str, list[str]] | None:
+    """What the process behind a pulse does, and what is wrong with it; None without a process."""
     try:
         with path.open(encoding="utf-8") as file:
             if not owned(file):
@@ -103,11 +127,12 @@ def _felt(path: Path, now_s: float) -> tuple[str, str] | None:
             beat = json.load(file)
     except (OSError, ValueError):  # it has just ended
         return None
-    age_s = now_s - beat["at_s"]
+    age_s, pid, of_nodes = now_s - beat["at_s"], _stack_of(path), path.name.endswith(NODES)
     if not 0.0 <= age_s <= DEAD_S:
-        return "", f"process {path.stem}: no pulse for {abs(age_s):.0f} s; end it and start it again"
+        who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
+        return "", [f"{who}: no pulse for {abs(age_s):.0f} s; end it and start it again"]
     troubles = [f"{name}: {trouble}" for name, trouble in beat["troubles"].items() if trouble]
-    return beat["status"], "; ".join([*silent(beats(path.parent, int(path.stem), now_s)), *troubles])
+    return beat["status"], troubles if of_nodes else [*silent(beats(path.parent, pid, now_s)), *troubles]
 
 
 def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:

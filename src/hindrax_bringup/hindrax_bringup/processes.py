@@ -23,6 +23,8 @@ class Process:
     restart: bool = True
     last_resort: tuple[str, ...] = ()
     """Words with which it only leaves its output safe, for when it had to be killed; none where it has no output."""
+    reports: bool = False
+    """Whether its stderr is for the operator."""
 
 
 SENSORS = Process(
@@ -58,6 +60,15 @@ IDENTIFIER = Process(
     ("identifier",),
     "online identification",
 )
+SAFETY_MONITOR = Process(
+    "safety_monitor",
+    "hindrax_bringup",
+    "hindrax_bringup.nodes.safety_monitor",
+    "safety_monitor",
+    ("safety_monitor",),
+    "operator link, thrusters out of use, health of the nodes",
+    reports=True,
+)
 RECORDER = Process(
     "recorder",
     "hindrax_bag",
@@ -85,7 +96,7 @@ REPLAY = Process(
     "recorded wires as hardware",
     restart=False,
 )
-ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER)
+ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, SAFETY_MONITOR)
 UNHEARD = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
 """Remaps for a replay: the identifier receives the recorded maneuver, not the pilot's."""
 EVERY: tuple[Process, ...] = (*ONBOARD, RECORDER, MOCK, REPLAY)

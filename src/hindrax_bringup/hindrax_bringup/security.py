@@ -171,14 +171,14 @@ def enclaves() -> tuple[str, ...]:
     return tuple(dict.fromkeys(path(role.enclave) for role in ROLES))
 
 
-def path(process: str) -> str:
+def path(process: str, namespace: str = NAMESPACE) -> str:
     """Path of the enclave of a process."""
-    return f"{NAMESPACE}/{process}"
+    return f"{namespace}/{process}"
 
 
-def arguments(process: str) -> list[str]:
+def arguments(process: str, namespace: str = NAMESPACE) -> list[str]:
     """Words that give a process its identity; without security they have no effect."""
-    return ["--enclave", path(process)]
+    return ["--enclave", path(process, namespace)]
 
 
 def settings(keystore: str, environment: Mapping[str, str]) -> dict[str, str]:

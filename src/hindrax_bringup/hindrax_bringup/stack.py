@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import select
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,15 +17,17 @@ from typing import IO
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup import security
 from hindrax_bringup.graph_presence import occupied_domains, require_no_stack
+from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network_profile import profile_file
-from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.topics import NAMESPACE
 
-MOCK_READY_S = 20.0
+MOCK_READY_S = 60.0
 DOMAINS = range(1, 101)
 FAULT_HELP = (
     "mock: what goes wrong, where, when [s] and for how long: garbage:dvl75@30+5; repeatable, any other word lists all"
@@ -51,23 +54,35 @@ class Stack:
     """Starts everything of one run in order; the supervisor ends it."""
 
     folder: RunFolder
-    vehicle: Vehicle
     supervisor: Supervisor
     notes: str = ""
+    tuning: Tuning = field(default_factory=Tuning)
     mock_facts: Mapping[str, object] = field(default_factory=dict)
 
-    def start(self, mock: MockOptions | None, *, record: bool, onboard: Sequence[Process] = ONBOARD) -> None:
-        """Start the mock (when asked for by name), the onboard processes and the recorder."""
-        parameters: dict[str, dict[str, object]] = {"/**": {"vehicle": str(self.folder.vehicle)}}
+    def start(
+        self,
+        mock: MockOptions | None,
+        *,
+        record: bool,
+        onboard: Sequence[Process] | None = None,
+        without_operator: str = "",
+    ) -> None:
+        """Start the mock (when asked for by name), the recorder, and the onboard processes or some of them."""
         if mock is not None:
-            self.start_mock(mock)
-            parameters["/**"]["use_sim_time"] = True
-            parameters |= mock_parameters(self.mock_facts)
-        truth = json.dumps(self.mock_facts.get("truth", {})) if mock is not None else ""
-        parameters["/**/recorder"] = {"bag": str(self.folder.bag), "notes": self.notes, "truth": truth}
-        arguments = write_parameters(self.folder, parameters)
-        for process in (RECORDER, *onboard) if record else onboard:
-            self.supervisor.start(process, [*arguments, *security.arguments(process.name)])
+            self.start_mock(mock, "--namespace", self.tuning.namespace)
+        options = NodeOptions(
+            str(self.folder.vehicle),
+            self.tuning,
+            str(self.folder.bag) if record else "",
+            self.notes,
+            without_operator,
+            self.mock_facts if mock is not None else None,
+        )
+        for sentence in options.strange_blocks():
+            print(sentence, file=sys.stderr)
+        words = write_parameters(self.folder, options.parameters())
+        for process in options.processes if onboard is None else onboard:
+            self.supervisor.start(process, [*words, *options.arguments(process)])
 
     def last_facts(self) -> Mapping[str, object]:
         """End the mock and return its ground truth; empty without one."""
@@ -103,15 +118,9 @@ def presence_of(stack: Stack, made: Mapping[str, str]) -> StackLock:
         graph_settings(made),
         ports,
         purpose=stack.notes.partition(" ")[0],
+        namespace=stack.tuning.namespace,
         bag=str(folder.bag) if RECORDER.name in started else "",
     )
-
-
-def mock_parameters(facts: Mapping[str, object]) -> dict[str, dict[str, object]]:
-    """Ports and clock of the mock as parameters of the nodes that use them."""
-    ports = facts["ports"]
-    assert isinstance(ports, dict)
-    return {f"/**/{node}": {"port": port, "clock": facts["clock"]} for node, port in ports.items()}
 
 
 def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[str, object]:
@@ -143,6 +152,7 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     made = dict(os.environ)
     made.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
     made["PYTHONUNBUFFERED"] = "1"
+    made.pop(NOTIFY, None)  # only the tool itself tells the service manager that it lives
     if domain is not None:
         made["ROS_DOMAIN_ID"] = str(domain)
     if mock or tether is not None or PROFILE not in made:
@@ -152,10 +162,10 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
 
 
 @contextlib.contextmanager
-def adopted(wanted: Mapping[str, str], process: str = "operator") -> Iterator[None]:
-    """Use the ROS settings of a stack in this process, with the enclave of `process`, before its node is made."""
+def adopted(wanted: Mapping[str, str]) -> Iterator[None]:
+    """Use the ROS settings of a stack in this process, with the operator's enclave, before its node is made."""
     before = dict(os.environ)
-    os.environ.update(graph_settings(security.with_enclave(wanted, process)))
+    os.environ.update(graph_settings(security.with_enclave(wanted, "operator")))
     try:
         yield
     finally:
@@ -164,17 +174,17 @@ def adopted(wanted: Mapping[str, str], process: str = "operator") -> Iterator[No
 
 
 @contextlib.contextmanager
-def own_domain(*, mock: bool) -> Iterator[int | None]:
+def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None]:
     """A ROS domain in which nobody on this machine lives; None (leave as it is) where the user chose one.
 
-    HindraxError when a mock would join a stack in the domain that the user chose.
+    HindraxError when a mock would join a stack of the same namespace in the domain that the user chose.
     """
     if not mock:
         yield None
         return
     if chosen := os.environ.get("ROS_DOMAIN_ID", ""):
         if chosen.isdecimal():  # the client library refuses anything else
-            require_no_stack(int(chosen), environment(mock=True, domain=None))
+            require_no_stack(int(chosen), namespace, environment(mock=True, domain=None))
         yield None
         return
     folder = Path(f"/tmp/hindrax-domains-{os.getuid()}")  # noqa: S108  # only empty lock files, per user

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO
 
 from hindrax_core.errors import UsageError
+from hindrax_core.topics import NAMESPACE
 
 FOLDER = "HINDRAX_RUNTIME_DIR"
 """Environment variable that moves the folder; by default it is below XDG_RUNTIME_DIR, or in /tmp per user."""
@@ -41,6 +42,7 @@ class StackLock:
     graph: Mapping[str, str] = field(default_factory=dict)
     ports: Mapping[str, str] = field(default_factory=dict)
     purpose: str = UP
+    namespace: str = NAMESPACE
     bag: str = ""
     """Where it records; empty: nowhere."""
     started_s: float = field(default_factory=time.monotonic)
@@ -61,7 +63,8 @@ class StackLock:
         """Short description."""
         kind = "mock vehicle" if self.mock else "vehicle"
         purpose = "" if self.purpose == UP else f"{self.purpose}, "
-        return f"{purpose}{kind}, ROS domain {self.domain}, process {self.pid}"
+        space = "" if self.namespace == NAMESPACE else f" {self.namespace}"
+        return f"{purpose}{kind}{space}, ROS domain {self.domain}, process {self.pid}"
 
 
 def runtime_folder() -> Path:

@@ -7,26 +7,27 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder
 from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
-from hindrax_bringup.processes import MOCK, ONBOARD, THRUSTERS
-from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
+from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS
+from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import StackLock, announced
 from hindrax_bringup.supervisor import Supervisor, last_words
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import load_vehicle
 
-VITAL = (MOCK.name, THRUSTERS.name)
+VITAL = (MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name)
 """Without these nothing is left to operate; without another one the rest still serves."""
 TURN_S = 0.1
-STAY = "stay"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +39,15 @@ class UpOptions:
     record: bool
     out: str | None
     tether: Tether | None = None
-    without_operator: str = STAY
+    without_operator: str = ""
+    tuning: Tuning = field(default_factory=Tuning)
 
 
 def run_up(options: UpOptions) -> int:
     """Start everything, say how to reach it, look after it; 0 when a signal ended it."""
-    vehicle = load_vehicle(options.vehicle_file)
-    mock = options.mock is not None
-    with asked_to_end() as over, own_domain(mock=mock) as domain, pulse() as beating:
+    load_vehicle(options.vehicle_file)
+    mock, namespace = options.mock is not None, options.tuning.namespace
+    with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, pulse() as beating:
         # A vehicle with a full disk can be flown; its recorder says that it waits for room.
         folder = make_run_folder(options.out, options.vehicle_file, wanted_bytes=0)
         address = awaited(options.tether, over, beating)
@@ -53,14 +55,15 @@ def run_up(options: UpOptions) -> int:
             return 0
         made = environment(mock=mock, domain=domain, tether=options.tether)
         complete_earlier(RUNS)
-        with Supervisor(folder.logs, made) as supervisor:
+        with Supervisor(folder.logs, made, show_reports=True) as supervisor:
             beating.beat("up", STARTING)
-            stack = Stack(folder, vehicle, supervisor, "up in mock" if mock else "up")
-            stack.start(options.mock, record=options.record)
+            stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
+            without_operator = options.without_operator if options.tether else ""
+            stack.start(options.mock, record=options.record, without_operator=without_operator)
             presence = presence_of(stack, made)
-            with announced(presence), adopted(made, "safety_monitor"):
+            with announced(presence):
                 print(startup_text(presence, folder, record=options.record), flush=True)
-                _look_after(supervisor, over, options, address, beating)
+                _look_after(supervisor, over, options.tether, address, beating)
             report("ending; the thrusters go neutral and disarm")
         report("ended; neutral is on the wire")
     return 0
@@ -88,24 +91,18 @@ def awaited(tether: Tether | None, over: Callable[[], bool], beating: LivenessFi
 
 
 def _look_after(
-    supervisor: Supervisor, over: Callable[[], bool], options: UpOptions, address: str, beating: LivenessFile
+    supervisor: Supervisor, over: Callable[[], bool], tether: Tether | None, address: str, beating: LivenessFile
 ) -> None:
-    from hindrax_bringup.nodes.safety_monitor import SafetyMonitor  # noqa: PLC0415  # rclpy reads the environment as it is imported
-
-    told: dict[str, str] = {}
-    without_operator = options.without_operator if options.tether else STAY
-    with SafetyMonitor(mock=options.mock is not None, without_operator=without_operator) as monitor:
-        while not over():
-            monitor.spin(TURN_S)
-            for sentence in (*supervisor.check(), *health_changes(told, monitor.troubles), *monitor.new_messages()):
-                report(sentence)
-            _require_same(options.tether, address)
-            beating.beat("up", monitor.troubles)
-            told = dict(monitor.troubles)
-            lost = [name for name in VITAL if name in supervisor.children and supervisor.children[name].ended]
-            if lost:
-                words = last_words(supervisor.logs / f"{lost[0]}.log")
-                raise HindraxError(f"{lost[0]}: the process is gone for good; {words}; look into {supervisor.logs}")
+    while not over():
+        time.sleep(TURN_S)
+        for sentence in supervisor.check():
+            report(sentence)
+        _require_same(tether, address)
+        beating.beat("up", {})
+        lost = [name for name in VITAL if name in supervisor.children and supervisor.children[name].ended]
+        if lost:
+            words = last_words(supervisor.logs / f"{lost[0]}.log")
+            raise HindraxError(f"{lost[0]}: the process is gone for good; {words}; look into {supervisor.logs}")
 
 
 def _require_same(tether: Tether | None, address: str) -> None:
@@ -118,22 +115,6 @@ def _require_same(tether: Tether | None, address: str) -> None:
         return
     if now != address:
         raise HindraxError(f"{tether.interface}: its address was {address} and is {now}; start again to be found there")
-
-
-def health_changes(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Return what has changed in the health of the nodes, one sentence for each; numbers alone are no news."""
-    found = []
-    for name, trouble in now.items():
-        old = before.get(name)
-        if trouble and _words(trouble) != _words(old or ""):
-            found.append(f"{name}: {trouble}")
-        elif not trouble and old != "":
-            found.append(f"{name}: well")
-    return found
-
-
-def _words(text: str) -> str:
-    return "".join(letter for letter in text if not (letter.isdigit() or letter in ".-+"))
 
 
 @contextlib.contextmanager

@@ -69,6 +69,8 @@ class Supervisor:
 
     logs: Path
     environment: Mapping[str, str]
+    show_reports: bool = False
+    """Whether what a process reports to the operator (`Process.reports`) goes to this terminal."""
     children: dict[str, SupervisedProcess] = field(default_factory=dict)
     _heartbeats: Path = field(init=False)
     _looked_s: float = 0.0
@@ -90,7 +92,7 @@ class Supervisor:
             raise HindraxError(f"{error}; {unsafe}") from error
 
     def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> SupervisedProcess:
-        """Start one process; its output goes to `logs/NAME.log`, or its stdout to a pipe."""
+        """Start one process; its output goes to `logs/NAME.log`, its stdout to a pipe on request."""
         words, heartbeat = tuple(arguments), self._heartbeats / process.name
         handle = self._spawn(process, words, heartbeat, pipe=pipe)
         child = SupervisedProcess(process, words, handle, heartbeat, time.monotonic())
@@ -107,7 +109,7 @@ class Supervisor:
                 [sys.executable, "-m", process.module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE if pipe else log,
-                stderr=log,
+                stderr=None if process.reports and self.show_reports else log,
                 env={**self.environment, VARIABLE: str(heartbeat)},
                 preexec_fn=_in_a_group_of_its_own,  # noqa: PLW1509  # no threads here, and nothing else can set the death signal
             )

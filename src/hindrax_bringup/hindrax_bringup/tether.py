@@ -13,6 +13,7 @@ import os
 import re
 import socket
 import struct
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -133,3 +134,15 @@ def wait_for_address(tether: Tether, seconds: float, over: Callable[[], bool], r
                 report(f"waiting for the tether; {reported}")
         time.sleep(LOOK_S)
     return ""
+
+
+def main() -> int:
+    """Wait for the tether that this terminal names, for launch files."""
+    tether = tether_setting()
+    if tether is not None:
+        wait_for_address(tether, FOREVER_S, lambda: False, lambda sentence: print(sentence, file=sys.stderr))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

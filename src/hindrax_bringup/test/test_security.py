@@ -149,12 +149,10 @@ def test_one_setting_enforces_them(tmp_path: Path) -> None:
     assert OVERRIDE not in with_enclave({}, "safety_monitor")
 
 
-def test_a_node_in_the_tool_is_the_operator_unless_it_says_who_else() -> None:
+def test_a_node_in_the_tool_is_the_operator() -> None:
     secured = {"ROS_SECURITY_ENABLE": "true"}
     with adopted(secured):
         assert os.environ[OVERRIDE] == "/hindrax/operator"
-    with adopted(secured, "safety_monitor"):
-        assert os.environ[OVERRIDE] == "/hindrax/safety_monitor"
     with adopted({}):
         assert OVERRIDE not in os.environ
 

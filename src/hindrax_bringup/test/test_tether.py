@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import socket
+import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 
 from hindrax_bringup import network_profile, stack_runner, tether
 from hindrax_bringup.link_monitor import LinkMonitor
-from hindrax_bringup.liveness import NOTIFY, felt, notify, pulse
+from hindrax_bringup.liveness import NODES, NOTIFY, LivenessFile, felt, notify, pulse, pulses
 from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
 from hindrax_bringup.stack import PROFILE, environment
 from hindrax_bringup.stack_lock import FOLDER
@@ -255,6 +256,20 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
         beating.beat("up", {"pilot": "", "dvl75": "silence"})
         assert felt(path.parent, at_s + 1.0) == (False, "dvl75: silence")
     assert list(path.parent.glob("*.pulse")) == []
+
+
+def test_what_is_wrong_with_its_nodes_is_told_of_a_stack_and_of_one_that_launch_started(tmp_path: Path) -> None:
+    nodes = LivenessFile(tmp_path / f"{os.getpid()}{NODES}")
+    nodes.beat("nodes in /rov1", {"dvl75": "silence", "pilot": ""})
+    now_s = time.monotonic()
+    assert pulses(tmp_path, now_s) == {os.getpid(): ("nodes in /rov1", "dvl75: silence")}
+    tool = LivenessFile(tmp_path / f"{os.getpid()}.pulse")
+    tool.beat("up", {"dvl75": "silence"})
+    assert pulses(tmp_path, time.monotonic()) == {os.getpid(): ("up", "dvl75: silence")}
+    assert "safety monitor of process" in pulses(tmp_path, now_s + 60.0)[os.getpid()][1]
+    nodes.close()
+    tool.close()
+    assert pulses(tmp_path, now_s) == {}
 
 
 def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 
+from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
+from hindrax_core.topics import NAMESPACE
 
 WHICH = "vehicle: its file, or its name"
 
@@ -45,3 +47,21 @@ def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH, *, defaul
     """Which vehicle; `default`: the usual one where none is named, else None."""
     usual = usual_vehicle() if default else None
     parser.add_argument("--vehicle", type=vehicle, default=usual, metavar="NAME", help=meaning)
+
+
+def add_tuning(parser: argparse.ArgumentParser) -> None:
+    """Namespace and parameters of the nodes."""
+    parser.add_argument("--namespace", default=NAMESPACE, metavar="/NAME", help=f"of the nodes; default {NAMESPACE}")
+    parser.add_argument("--params", default="", metavar="FILE", help="ROS parameter file for the nodes")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.NAME:=VALUE",
+        help="one parameter, repeatable: pilot.holds.turn_radps:=0.3 (docs/reference/parameters.md)",
+    )
+
+
+def tuning_of(arguments: argparse.Namespace) -> Tuning:
+    """Read them back."""
+    return Tuning(arguments.namespace, arguments.params, tuple(arguments.set))

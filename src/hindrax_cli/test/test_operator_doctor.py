@@ -203,7 +203,7 @@ def mock_ports(tmp_path: Path) -> Iterator[dict[str, Any]]:
     folder.path.mkdir()
     shutil.copyfile(default_vehicle(), folder.vehicle)
     with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
-        stack = Stack(folder, load_vehicle(folder.vehicle), supervisor)
+        stack = Stack(folder, supervisor)
         stack.start_mock(MockOptions(), "--no-ros")
         yield {**stack.mock_facts["ports"], "clock": stack.mock_facts["clock"]}
 

@@ -20,7 +20,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import FOLDER, StackLock
-from hindrax_bringup.stack_runner import asked_to_end, health_changes, startup_text
+from hindrax_bringup.stack_runner import asked_to_end, startup_text
 from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import hold, lights, wrench
@@ -274,16 +274,6 @@ def test_up_says_how_to_reach_it(tmp_path: Path) -> None:
     assert "export ROS_DOMAIN_ID=7\n" in said
     assert str(tmp_path / "bag") in said
     assert "bag" not in startup_text(presence, RunFolder(Path("x")), record=False)
-
-
-def test_only_what_changes_is_news() -> None:
-    assert health_changes({}, {"dvl75": "no answer for 1.2 s", "pilot": ""}) == [
-        "dvl75: no answer for 1.2 s",
-        "pilot: well",
-    ]
-    assert health_changes({"dvl75": "no answer for 1.2 s"}, {"dvl75": "no answer for 2.2 s"}) == []
-    assert health_changes({"dvl75": "no answer for 1.2 s"}, {"dvl75": ""}) == ["dvl75: well"]
-    assert health_changes({"dvl75": ""}, {"dvl75": ""}) == []
 
 
 def test_a_signal_is_noted_and_interrupts_nothing() -> None:

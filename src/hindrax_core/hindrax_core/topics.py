@@ -1,6 +1,6 @@
 """Table of all topics: recorder, replay, diagnostics, launch, access policies and docs read it.
 
-Names are relative to the vehicle's namespace (`/hindrax`), except those that begin with a slash.
+Names are relative to the vehicle's namespace (by default `/hindrax`), except those that begin with a slash.
 """
 
 from __future__ import annotations
@@ -170,8 +170,32 @@ TOPICS: tuple[Topic, ...] = (
 )
 
 NAMESPACE = "/hindrax"
+"""Namespace of a vehicle unless another is named; bags of every vehicle are read as if recorded in it."""
+OUTSIDE = ("/diagnostics", "/tf", "/tf_static")
+"""Topics of ROS outside of any namespace. A vehicle with another namespace has them inside its own."""
+CLOCK = "/clock"
 
 
 def resolved(topic: Topic) -> str:
-    """Full name of a topic in the ROS graph."""
+    """Full name of a topic of a vehicle in the default namespace."""
     return topic.name if topic.name.startswith("/") else f"{NAMESPACE}/{topic.name}"
+
+
+def in_default_namespace(name: str, namespace: str) -> str:
+    """Name that a topic of a vehicle in `namespace` has in the default namespace."""
+    if namespace == NAMESPACE or not name.startswith(f"{namespace}/"):
+        return name
+    inside = name.removeprefix(namespace)
+    return inside if inside in (*OUTSIDE, CLOCK) else NAMESPACE + inside
+
+
+def namespace_arguments(namespace: str, *, own_clock: bool) -> list[str]:
+    """ROS arguments that put a process into a namespace; none for the default one.
+
+    `own_clock`: the vehicle is a mock, whose /clock is its own.
+    """
+    if namespace == NAMESPACE:
+        return []
+    names = (*OUTSIDE, CLOCK) if own_clock else OUTSIDE
+    remaps = [f"{name}:={name.removeprefix('/')}" for name in names]
+    return [word for rule in (f"__ns:={namespace}", *remaps) for word in ("-r", rule)]

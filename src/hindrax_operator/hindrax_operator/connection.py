@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
 from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
+from hindrax_core.topics import NAMESPACE
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
@@ -21,13 +22,17 @@ TETHER_S = 10.0
 def add_stack(parser: argparse.ArgumentParser) -> None:
     """Declare the option for the stack; default: the only one that runs, else the ROS graph of this terminal."""
     parser.add_argument("--stack", type=int, metavar="PID", help="which stack, when several run (as `up` prints it)")
+    parser.add_argument("--namespace", default=NAMESPACE, help=f"which vehicle; default {NAMESPACE}")
     parser.add_argument("--sim-time", action="store_true", help="the stack was not started by `up` and lives in /clock")
     add_tether(parser)
 
 
 def presence_of(arguments: argparse.Namespace) -> StackLock | None:
     """Pick the stack that is meant, None when none is announced."""
-    return choose(stacks(), arguments.stack)
+    found = stacks()
+    if arguments.namespace != NAMESPACE:
+        found = [one for one in found if one.namespace == arguments.namespace]
+    return choose(found, arguments.stack)
 
 
 @contextlib.contextmanager
@@ -35,6 +40,7 @@ def joined(
     found: StackLock | None,
     *,
     sim_time: bool = False,
+    namespace: str = NAMESPACE,
     tick: Callable[[], None] = lambda: None,
     beating: bool = True,
 ) -> Iterator[Operator]:
@@ -46,7 +52,8 @@ def joined(
     with adopted(here):
         from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment first
 
-        with Operator(mock=sim_time or (found is not None and found.mock), tick=tick) as operator:
+        mock = sim_time or (found is not None and found.mock)
+        with Operator(mock=mock, namespace=namespace if found is None else found.namespace, tick=tick) as operator:
             operator.beat(on=beating)
             operator.wait_for_time()
             yield operator
@@ -67,5 +74,5 @@ def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
         tether = tether_setting()
         where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
         print(f"no `./hindrax up` runs here; looking {where}", file=sys.stderr)
-    with joined(found, sim_time=arguments.sim_time) as operator:
+    with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
         yield operator

@@ -133,7 +133,7 @@ def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
         shutil.copyfile(run.vehicle_file, folder.vehicle)
         made = environment(mock=run.mock, domain=domain)
         with Supervisor(folder.logs, made) as supervisor:
-            stack = Stack(folder, load_vehicle(folder.vehicle), supervisor)
+            stack = Stack(folder, supervisor)
             stack.start(MockOptions(rate=1.0) if run.mock else None, record=False, onboard=(THRUSTERS,))
             presence = StackLock(0, run.mock, str(folder.vehicle), place, graph_settings(made))
 

@@ -16,6 +16,7 @@ from hindrax_analysis.identification.bag_identification import IdentifiedBag, id
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
+from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import announced
@@ -24,7 +25,7 @@ from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.progress import Progress
 
 UP_S = 30.0
@@ -51,6 +52,7 @@ class PoolOptions:
     """ABORT or CONTINUE: what a flight does when it is no longer recorded."""
     headless: bool
     json: bool
+    tuning: Tuning = field(default_factory=Tuning)
 
 
 @dataclass(slots=True)
@@ -78,12 +80,12 @@ def run_pool_test(options: PoolOptions) -> int:
     servable = motions_to_fly(options.motions, vehicle)
     options = replace(options, motions=servable.flown)
     mock = options.mock is not None
-    with own_domain(mock=mock) as domain:
+    with own_domain(mock=mock, namespace=options.tuning.namespace) as domain:
         folder = make_run_folder(options.out, options.vehicle_file)
         BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
         with Progress(headless=options.headless) as progress:
             progress.report(f"{vehicle.name} {servable}")
-            flight = fly(options, vehicle, folder, domain, progress)
+            flight = fly(options, folder, domain, progress)
             progress.report("identifying over the bag")
             identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted)
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
@@ -116,9 +118,7 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
         print(f"  {path}")
 
 
-def fly(
-    options: PoolOptions, vehicle: Vehicle, folder: RunFolder, domain: int | None, progress: Progress
-) -> FlownManeuver:
+def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: Progress) -> FlownManeuver:
     """Start the stack, fly the motions, end the stack; the bag is closed and readable when this returns."""
     mock = options.mock
     flight = FlownManeuver()
@@ -126,7 +126,7 @@ def fly(
     made = environment(mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report))
     with pulse() as beating, Supervisor(folder.logs, made) as supervisor:
         beating.beat(notes, STARTING)
-        stack = Stack(folder, vehicle, supervisor, notes)
+        stack = Stack(folder, supervisor, notes, options.tuning)
         progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
         stack.start(mock, record=True)
         with announced(presence_of(stack, made)), adopted(made):
@@ -169,7 +169,7 @@ def _operate(
             report_devices(operator, heard, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
-    with Operator(mock=options.mock is not None, tick=tick) as operator:
+    with Operator(mock=options.mock is not None, namespace=options.tuning.namespace, tick=tick) as operator:
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
         progress.report("sensors and thrusters are up; arming")

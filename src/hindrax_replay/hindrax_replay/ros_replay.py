@@ -18,8 +18,9 @@ from typing import Any
 from hindrax_bag.message_comparison import ComparisonReport, Rules
 from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
-from hindrax_bringup.stack import environment, first_line, mock_parameters, own_domain
+from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
@@ -79,7 +80,7 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
         words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]
         wires = supervisor.start(REPLAY, words, pipe=True)
         facts = first_line(wires, READY_S, folder.logs / "replay.log")
-        arguments = write_parameters(folder, _parameters(folder, tuned, mock_parameters(facts)))
+        arguments = write_parameters(folder, _parameters(folder, tuned, wire_parameters(facts)))
         for process in (RECORDER, SENSORS, CONTROL, IDENTIFIER):
             supervisor.start(process, [*arguments, *(UNHEARD if process is CONTROL else ())])
         _wait(wires, supervisor, folder, READY_S + PATIENCE_S + SLOWEST * seconds)

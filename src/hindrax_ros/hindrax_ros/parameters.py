@@ -15,6 +15,9 @@ from hindrax_core.knobs import Knob, build, knob_of
 
 T = TypeVar("T")
 
+OF_EVERY_NODE = "vehicle"
+"""Given to every node of a stack, and declared by those that read it."""
+
 RENAMED = {"box.": "pool_bounds.", "hand.": "operator_wrench.", "safety.": "guards.", "watch.": "fault_detector."}
 """Groups of parameters that had another name: old prefix, new prefix."""
 
@@ -65,7 +68,7 @@ def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:
     """Log a warning for each parameter that was given to the nodes of this process and that none of them declares."""
     declared = {node: node.get_parameters_by_prefix("").keys() for node in nodes}
     for node in nodes:
-        given = node._parameter_overrides  # noqa: SLF001  # rclpy offers no other way to them
+        given = node._parameter_overrides.keys() - {OF_EVERY_NODE}  # noqa: SLF001  # rclpy offers no other way to them
         elsewhere = {name for other in nodes if other is not node for name in declared[other]}
         for sentence in unknown_parameters(node.get_name(), given, declared[node], elsewhere):
             node.get_logger().warning(sentence)

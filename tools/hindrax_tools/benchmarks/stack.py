@@ -16,7 +16,6 @@ from hindrax_bringup.processes import MOCK
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_core.vehicle import load_vehicle
 
 SPAN_S = 20.0
 UP_S = 60.0
@@ -27,12 +26,11 @@ LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers.listener"]
 
 def rows() -> list[dict[str, Any]]:
     """One row per process and one for all: CPU time [us] in a second of a vehicle that holds its depth."""
-    vehicle = load_vehicle(default_vehicle())
     with tempfile.TemporaryDirectory() as place, own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
         folder = make_run_folder(f"{place}/run", default_vehicle())
         with Supervisor(folder.logs, made) as supervisor, adopted(made):
-            stack = Stack(folder, vehicle, supervisor)
+            stack = Stack(folder, supervisor)
             stack.start(MockOptions(seed=1, rate=1.0), record=True)
             spans = _measure(supervisor, made)
     peer_us = spans.pop("listener")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hindrax_bag.write.limits import BagLimits
+from hindrax_bringup.link_monitor import SafetyMonitorKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.supply_voltage import SupplyKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
@@ -41,6 +42,7 @@ NODES: Mapping[str, tuple[type[Any], ...]] = {
     "teleop": (TeleopKnobs,),
     "identifier": (Tuning,),
     "recorder": (BagLimits,),
+    "safety_monitor": (SafetyMonitorKnobs,),
 }
 """Dataclasses of knobs that each node declares as its parameters."""
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mcap.records import Message, Metadata
 
+from hindrax_bag.bag_index import DESCRIPTION
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import records
 from hindrax_core.vehicle import Vehicle
@@ -34,7 +35,7 @@ def _told(bag: Path) -> Mapping[str, str]:
         if file.suffix == ".db3":
             return {}
         for record in _until_first_message(file):
-            if isinstance(record, Metadata) and record.name == "hindrax":
+            if isinstance(record, Metadata) and record.name == DESCRIPTION:
                 return dict(record.metadata)
     return {}
 

@@ -20,6 +20,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from hindrax_bag.bag_index import DESCRIPTION
 from hindrax_bag.metadata import SHORTEST_FOREVER_S
 from hindrax_bag.read.completion import begin_completion
 from hindrax_bag.read.header_stamp import valid_stamp
@@ -28,7 +29,7 @@ from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_bag.write.publication_gaps import PublicationGaps
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.topics import TOPICS, Quality, Topic, resolved
+from hindrax_core.topics import TOPICS, Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import message_class, profile
@@ -74,7 +75,8 @@ class Recorder(BatchedNode):
 
     def _describe(self, told: dict[str, str], vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")
-        self._bag.describe("hindrax", {**told, "version": software_version(), "rmw": rmw})
+        told |= {"version": software_version(), "rmw": rmw, "namespace": self.get_namespace()}
+        self._bag.describe(DESCRIPTION, told)
         files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
         for name, path in files.items():
             if path:
@@ -82,7 +84,7 @@ class Recorder(BatchedNode):
 
     def _subscribe(self, topic: Topic) -> None:
         """Subscribe to a topic with a deep queue."""
-        self._gaps[topic.name] = PublicationGaps(partial(self.count_publishers, resolved(topic)))
+        self._gaps[topic.name] = PublicationGaps(partial(self.count_publishers, self.resolve_topic_name(topic.name)))
         quality = replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)
         self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), profile(quality), raw=True)
 
@@ -120,7 +122,7 @@ class Recorder(BatchedNode):
 
     def _channel(self, topic: Topic) -> Channel:
         """Describe a topic as its publishers offer it; without a publisher, as in the table."""
-        name = resolved(topic)
+        name = self.resolve_topic_name(topic.name)
         found = self.get_publishers_info_by_topic(name)
         offered = dict.fromkeys(offered_quality(one.qos_profile, topic.quality) for one in found)
         told = next(filter(None, (type_hash(one.topic_type_hash) for one in found)), "")

@@ -10,15 +10,16 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.records import Attachment, Channel, Message, Schema
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from hindrax_bag.bag_index import part_number
+from hindrax_bag.bag_index import DESCRIPTION, part_number
 from hindrax_bag.definitions import Lookup, share_lookup
 from hindrax_bag.read import sqlite_file
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.schema_migrations import steps_of
 from hindrax_core.errors import UsageError
+from hindrax_core.topics import NAMESPACE, in_default_namespace
 
 PATTERNS = ("*.mcap", "*.db3")
 RUN_BAG = "bag"
@@ -113,6 +114,8 @@ def messages(
 ) -> Iterator[BagMessage]:
     """Messages of a bag in the order in which they were written, of these topics or of all.
 
+    Topics of a vehicle of ours are named as in the default namespace, whichever it had.
+
     An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` is told. `lookup`
     finds definitions of types for sqlite3 bags that do not bring them. UsageError when a file is no bag at all.
     """
@@ -125,6 +128,7 @@ def messages(
 
 def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | None) -> Iterator[BagMessage]:
     schemas: dict[int, Schema] = {}
+    namespace = NAMESPACE
     channels: dict[int, tuple[str, MessageDecoder] | None] = {}
     for record in records(file, damage):
         if isinstance(record, Message):
@@ -134,8 +138,10 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | 
                 yield BagMessage(topic, form.type, record.data, record.log_time, record.publish_time, form)
         elif isinstance(record, Schema):
             schemas[record.id] = record
+        elif isinstance(record, Metadata):
+            namespace = record.metadata.get("namespace", NAMESPACE) if record.name == DESCRIPTION else namespace
         elif isinstance(record, Channel):
-            topic = record.topic
+            topic = in_default_namespace(record.topic, namespace)
             wanted = topics is None or topic in topics
             form = MessageDecoder(topic, record.message_encoding, schemas.get(record.schema_id))
             channels[record.id] = (topic, form) if wanted else None

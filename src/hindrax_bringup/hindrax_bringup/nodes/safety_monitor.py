@@ -1,101 +1,85 @@
-"""The node `safety_monitor` of a running stack: watches node health, the operator link and the thrusters out of use.
+"""The safety monitor: watches the operator's link and the health of all nodes, and keeps the thrusters out of use.
 
-The pilot owns the list of thrusters out of use and loses it when its process dies. The safety monitor stores it for as
-long as the stack runs, so that a restarted control process does not use a broken thruster.
+The pilot owns the list of thrusters out of use and loses it when its process dies. The safety monitor stores it, so
+that a restarted control process does not use a broken thruster; if the safety monitor dies, it gets the list back from
+the pilot.
 
 If the operator works over a tether, the safety monitor ends the maneuver when the heartbeat is lost; manual wrenches
-have expired by then.
+have expired by then. What happens is reported on stderr, and to `hindrax health`.
 """
 
 from __future__ import annotations
 
+import sys
 import time
-from typing import Any, Self
+from typing import Any
 
-import rclpy
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 
-from hindrax_bringup.link_monitor import LinkMonitor
+from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
+from hindrax_bringup.liveness import LivenessFile, pulse_of_nodes
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.stamp_window import TIMELESS, order_window
-from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, NAMESPACE, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, Topic
+from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, Topic
 from hindrax_msgs.srv import Arm
-from hindrax_ros.checked_node import CheckedNode
+from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.parameters import knobs
+from hindrax_ros.process import spin
 
-HOLD, NEUTRAL, STAY = "hold", "neutral", "stay"
-"""Reaction to a lost operator: end the maneuver and hold, disarm as well, or nothing (a stack without a tether)."""
-REPORT_S = 1.0
+CHECK_S, REPORT_S = 0.1, 1.0
 LINK = "link"
 
 
-class SafetyMonitor:
-    """One light node; use it as a context manager and call `spin` often."""
+class SafetyMonitor(BatchedNode):
+    """One light node in a process of its own; `report` gets a sentence about everything that happens."""
 
-    def __init__(self, *, mock: bool, without_operator: str = STAY) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]
-        self.node = CheckedNode("safety_monitor", namespace=NAMESPACE, parameter_overrides=overrides)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self.node)
-        self._order = publisher(self.node, THRUSTER_HEALTH_ORDER)
+    def __init__(self, beating: LivenessFile) -> None:
+        super().__init__("safety_monitor")
+        self.every(REPORT_S, lambda: beating.beat(f"nodes in {self.get_namespace()}", self._troubles))
+        self._order = publisher(self, THRUSTER_HEALTH_ORDER)
         self._listed_at = Stamp(0)
-        self._window = order_window(mock=mock)
+        self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
         self._refusals = Refusals()
         self._untimed_list: Any = None
-        self.troubles: dict[str, str] = {}
+        self._troubles: dict[str, str] = {}
         """Problem that each node reports; empty when it is well."""
-        subscription(self.node, THRUSTER_HEALTH, self._on_health)
-        subscription(self.node, DIAGNOSTICS, self._on_diagnostics)
-        self._without_operator = without_operator
+        subscription(self, THRUSTER_HEALTH, self._on_health)
+        subscription(self, DIAGNOSTICS, self._on_diagnostics)
+        self._without_operator = knobs(self, SafetyMonitorKnobs).without_operator
         self._link = LinkMonitor()
-        self._messages: list[str] = []
-        if without_operator != STAY:
+        if self._without_operator != STAY:
             self._set_up_link()
 
     def _set_up_link(self) -> None:
-        self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
-        self._arm = self.node.create_client(Arm, "thrusters/arm")
-        self._reporter, self._report_s = DiagnosticsPublisher(self.node), 0.0
-        subscription(self.node, HEARTBEAT, self._on_heartbeat)
+        self._cancel = self.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
+        self._arm = self.create_client(Arm, "thrusters/arm")
+        self._reporter, self._report_s = DiagnosticsPublisher(self), 0.0
+        subscription(self, HEARTBEAT, self._on_heartbeat)
+        self.every(CHECK_S, lambda: self._check_link(time.monotonic()))
 
-    def __enter__(self) -> Self:
-        """Nothing to open: the node is up when it is made."""
-        return self
+    def report(self, sentence: str) -> None:
+        """Write a sentence for the operator."""
+        print(sentence, file=sys.stderr, flush=True)
 
-    def __exit__(self, *_: object) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
-
-    def spin(self, seconds: float = 0.1) -> None:
-        """Spin once."""
-        self._executor.spin_once(timeout_sec=seconds)
+    def drain(self) -> None:
+        """Read what waits; then the list that came before the time was known."""
+        super().drain()
         if self._untimed_list is not None and self._now() > 0:
             message, self._untimed_list = self._untimed_list, None
             self._on_health(message)
-        if self._without_operator != STAY:
-            self._check_link(time.monotonic())
-
-    def new_messages(self) -> list[str]:
-        """Return the messages for the operator since the last call, one sentence each."""
-        messages, self._messages = self._messages, []
-        return messages
 
     def _on_heartbeat(self, beat: Any) -> None:
         """Accept a heartbeat unless it is stale (queued on a dead link) or its clock is wrong."""
         untimely = self._window.judge(stamp_from_msg(beat.header.stamp), self._now())
         if untimely is None:
             message = self._link.beat(time.monotonic())
-            self._messages += [message] if message else []
+            if message:
+                self.report(message)
         elif untimely.kind != TIMELESS:
             self._refuse(HEARTBEAT, f"the heartbeat is {untimely.sentence}")
 
@@ -103,7 +87,8 @@ class SafetyMonitor:
         """Count a refused message; the first one of a topic is reported at once, diagnostics show the count."""
         known = topic.name in self._refusals.counts
         sentence = self._refusals.add(topic.name, why)
-        self._messages += [] if known else [f"refused: {sentence}"]
+        if not known:
+            self.report(f"refused: {sentence}")
 
     def _check_link(self, now_s: float) -> None:
         allowed_s = self._link.allowed_s
@@ -128,10 +113,10 @@ class SafetyMonitor:
             request.stamp = stamp_to_msg(self._now())
             self._arm.call_async(request)
         what = "disarming" if self._without_operator == NEUTRAL else "maneuvers end, holds stay"
-        self._messages.append(f"link: no operator for {silent_s:g} s; {what}")
+        self.report(f"link: no operator for {silent_s:g} s; {what}")
 
     def _now(self) -> Stamp:
-        return Stamp(self.node.get_clock().now().nanoseconds)
+        return Stamp(self.get_clock().now().nanoseconds)
 
     def _on_health(self, message: Any) -> None:
         """Latch the newest list as an order, for a pilot that restarts without one."""
@@ -150,6 +135,33 @@ class SafetyMonitor:
     def _on_diagnostics(self, message: Any) -> None:
         for one in message.status:
             name = one.name.removeprefix("hindrax: ")
-            if name == LINK:  # reported by `new_messages`; a lost operator is no fault of the vehicle
+            if name == LINK:  # reported here; a lost operator is no fault of the vehicle
                 continue
-            self.troubles[name] = "" if one.level == b"\x00" else one.message
+            trouble = "" if one.level == b"\x00" else one.message
+            if change := health_change(name, self._troubles.get(name), trouble):
+                self.report(change)
+            self._troubles[name] = trouble
+
+
+def health_change(name: str, before: str | None, now: str) -> str:
+    """Return a sentence if the health of a node has changed, else an empty text; numbers alone are no news.
+
+    `before` is None for a node of which nothing was known.
+    """
+    if now:
+        return f"{name}: {now}" if _words(now) != _words(before or "") else ""
+    return f"{name}: well" if before != "" else ""
+
+
+def _words(text: str) -> str:
+    return "".join(letter for letter in text if not (letter.isdigit() or letter in ".-+"))
+
+
+def main() -> int:
+    """Watch until a signal."""
+    with pulse_of_nodes() as beating:
+        return spin(lambda: [SafetyMonitor(beating)])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

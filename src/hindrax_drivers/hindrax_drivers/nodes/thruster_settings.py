@@ -18,10 +18,11 @@ import yaml
 from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build, knob
+from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
 from hindrax_core.yaml_text import read_yaml
 
-NODE = "/hindrax/thrusters"
+NODE = "thrusters"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,7 @@ class OutputAlone:
 def read_settings(arguments: Sequence[str]) -> Settings:
     """Read vehicle file and output port; UsageError names what is missing."""
     found: dict[str, Any] = {}
-    for values in _parameters(arguments):
+    for values in _parameters(arguments, f"{namespace_of(arguments)}/{NODE}"):
         found |= values
     file = str(found.get("vehicle", ""))
     if not file and "channels" not in found:
@@ -72,29 +73,36 @@ def _vehicle_of(found: Mapping[str, Any]) -> Vehicle:
     )
 
 
-def _parameters(arguments: Sequence[str]) -> Iterator[Mapping[str, Any]]:
+def namespace_of(arguments: Sequence[str]) -> str:
+    """Namespace that ROS arguments give to the nodes of a process (`-r __ns:=/rov1`)."""
+    rules = [value for word, value in pairwise(arguments) if word in ("-r", "--remap")]
+    found = [rule.removeprefix("__ns:=") for rule in rules if rule.startswith("__ns:=")]
+    return found[-1].rstrip("/") if found else NAMESPACE
+
+
+def _parameters(arguments: Sequence[str], node: str) -> Iterator[Mapping[str, Any]]:
     """Parameters of this node, source by source."""
     for word, value in pairwise(arguments):
         if word == "--params-file":
-            yield from _of_file(value)
+            yield from _of_file(value, node)
         elif word in ("-p", "--param"):
             name, assigned, text = value.partition(":=")
             if assigned:
                 yield {name.rpartition(":")[2]: yaml.safe_load(text)}
 
 
-def _of_file(path: str) -> Iterator[Mapping[str, Any]]:
+def _of_file(path: str, node: str) -> Iterator[Mapping[str, Any]]:
     try:
         blocks = read_yaml(Path(path).read_text(encoding="utf-8"), f"parameter file {path}")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"parameter file {path}: cannot be read ({' '.join(str(error).split())})") from error
-    for node, block in blocks.items() if isinstance(blocks, Mapping) else ():
+    for pattern, block in blocks.items() if isinstance(blocks, Mapping) else ():
         values = block.get("ros__parameters") if isinstance(block, Mapping) else None
-        if isinstance(values, Mapping) and _names(str(node)):
+        if isinstance(values, Mapping) and names_node(str(pattern), node):
             yield values
 
 
-def _names(pattern: str) -> bool:
-    """Whether the name of a block means this node; `**` stands for any path, `*` for any word."""
+def names_node(pattern: str, node: str) -> bool:
+    """Whether the name of a block means a node; `**` stands for any path, `*` for any word."""
     words = re.escape("/" + pattern.lstrip("/")).replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
-    return re.fullmatch(words.replace("/.*/", "/(?:.*/)?"), NODE) is not None
+    return re.fullmatch(words.replace("/.*/", "/(?:.*/)?"), node) is not None

@@ -7,11 +7,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.errors import HindraxError
+from hindrax_core.topics import NAMESPACE
 from hindrax_operator.connection import joined
 from hindrax_operator.monitor.snapshot import Frame, Snapshot, snapshot
 
@@ -37,10 +39,18 @@ class GraphLink(threading.Thread):
     watches: the heartbeat stands for the person, not for the program.
     """
 
-    def __init__(self, found: StackLock | None, *, sim_time: bool, present: Callable[[], bool] = lambda: True) -> None:
+    def __init__(
+        self,
+        found: StackLock | None,
+        *,
+        sim_time: bool,
+        namespace: str = NAMESPACE,
+        present: Callable[[], bool] = lambda: True,
+    ) -> None:
         super().__init__(name="operator's link", daemon=True)
         self.title = found.title if found else "ROS graph of this terminal"
-        self._found, self._sim_time, self._present = found, sim_time, present
+        self._join = partial(joined, found, sim_time=sim_time, namespace=namespace, tick=self._tick)
+        self._present = present
         self._orders: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent: queue.SimpleQueue[tuple[Order, OnDone]] = queue.SimpleQueue()
         self._urgent_running = self._waiting = False
@@ -95,7 +105,7 @@ class GraphLink(threading.Thread):
     def run(self) -> None:
         """Spin the node, take snapshots, carry out the orders."""
         try:
-            with joined(self._found, sim_time=self._sim_time, tick=self._tick) as operator:
+            with self._join() as operator:
                 from hindrax_operator.nodes.cameras import Cameras  # noqa: PLC0415  # rclpy is loaded by now
 
                 self._operator, self._cameras = operator, Cameras(operator.node)

@@ -27,11 +27,12 @@ from hindrax_core.topics import (
     HEARTBEAT,
     HOLD_STATUS,
     MANEUVER,
+    NAMESPACE,
     NAVIGATION,
     THRUSTER_HEALTH,
     THRUSTER_STATE,
     Topic,
-    resolved,
+    namespace_arguments,
 )
 from hindrax_drivers.output.output_guard import ASK_AGAIN
 from hindrax_msgs.action import FlyManeuver
@@ -59,8 +60,9 @@ class Operator:
     can look after its processes and show progress.
     """
 
-    def __init__(self, *, mock: bool, tick: Callable[[], None] = lambda: None) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    def __init__(self, *, mock: bool, namespace: str = NAMESPACE, tick: Callable[[], None] = lambda: None) -> None:
+        words = ["--ros-args", *namespace_arguments(namespace, own_clock=mock)]
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
         overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]
         self.node = BatchedNode("operator", parameter_overrides=overrides)
         self._executor = events_executor()
@@ -167,7 +169,7 @@ class Operator:
 
     def publishers(self, topic: Topic) -> int:
         """How many nodes publish a topic, as far as they have been discovered."""
-        return int(self.node.count_publishers(resolved(topic)))
+        return int(self.node.count_publishers(topic.name))
 
     @contextlib.contextmanager
     def sender(self, topic: Topic, reader: str) -> Iterator[Callable[[Any], None]]:

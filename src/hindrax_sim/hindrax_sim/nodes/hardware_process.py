@@ -13,8 +13,12 @@ from hindrax_core.errors import HindraxError
 
 
 def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, Path], int]) -> int:
-    """Run a process in the folder that its arguments name, or in a temporary one; returns its exit code."""
+    """Run a process in the folder that its arguments name, or in a temporary one; returns its exit code.
+
+    A folder that was not there before is removed at the end.
+    """
     words = parser.parse_args()
+    ours = not words.folder or not Path(words.folder).exists()
     folder = Path(words.folder or tempfile.mkdtemp(prefix="hindrax-"))
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -23,5 +27,5 @@ def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, 
         print(f"{parser.prog}: {error}", file=sys.stderr)  # noqa: T201  # the operator reads it in the log
         return error.exit_code
     finally:
-        if not words.folder:
+        if ours:
             shutil.rmtree(folder, ignore_errors=True)

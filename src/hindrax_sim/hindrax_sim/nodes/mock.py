@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from hindrax_core.events import Stamp, to_s
+from hindrax_core.topics import CLOCK, NAMESPACE, namespace_arguments
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ros.convert import stamp_to_msg
@@ -42,16 +43,18 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--fault", action="append", default=[])
     made.add_argument("--world", default=IDEAL)
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
+    made.add_argument("--namespace", default=NAMESPACE, help="of the vehicle; its clock is there, or at /clock")
     made.add_argument("--no-ros", action="store_true", help="devices only, no /clock")
     return made
 
 
 @contextlib.contextmanager
-def clock_publisher(mock: MockVehicle) -> Iterator[None]:
+def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
     """Publish /clock at 25 Hz of the mock's time."""
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("mock", namespace="/hindrax", enable_rosout=False, start_parameter_services=False)
-    out = node.create_publisher(Clock, "/clock", 1)
+    words = ["--ros-args", *namespace_arguments(namespace, own_clock=True)]
+    rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
+    out = node.create_publisher(Clock, CLOCK, 1)
 
     def show(now: Stamp) -> None:
         if (now // STEP_ns) % CLOCK_EVERY == 0:
@@ -74,7 +77,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
         worst = WorstTilt(mock.hardware.world)
         mock.after_step.append(worst.update)
-        with contextlib.nullcontext() if words.no_ros else clock_publisher(mock):
+        with contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace):
             facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
             gc.freeze()

@@ -20,7 +20,18 @@ from rosgraph_msgs.msg import Clock
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp, to_s
-from hindrax_core.topics import BATTERY, ESTIMATE, MANEUVER, NAVIGATION, THRUSTER_HEALTH, THRUSTER_STATE, resolved
+from hindrax_core.topics import (
+    BATTERY,
+    CLOCK,
+    ESTIMATE,
+    MANEUVER,
+    NAMESPACE,
+    NAVIGATION,
+    THRUSTER_HEALTH,
+    THRUSTER_STATE,
+    namespace_arguments,
+    resolved,
+)
 from hindrax_core.vehicle import Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
@@ -47,6 +58,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--bag", required=True, type=Path)
     made.add_argument("--vehicle", help="vehicle file; default: the one inside the bag")
     made.add_argument("--rate", type=float, default=0.0, help="times real time at most; default: as the nodes follow")
+    made.add_argument("--namespace", default=NAMESPACE, help="in which it is played")
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
     return made
 
@@ -72,7 +84,7 @@ class Player(BatchedNode):
     def __init__(self, bag: Path, ports: RecordedPorts) -> None:
         super().__init__("replay", enable_rosout=False, start_parameter_services=False)
         self._ports, self._clock_at = ports, 0
-        self._clock = self.create_publisher(Clock, "/clock", 1)
+        self._clock = self.create_publisher(Clock, CLOCK, 1)
         self._out = {resolved(topic): publisher(self, topic) for topic in PLAYED}
         self._messages: Iterator[BagMessage] = messages(bag, self._out)
         self._next_message = next(self._messages, None)
@@ -82,10 +94,8 @@ class Player(BatchedNode):
     @property
     def complete(self) -> bool:
         """Whether navigator, identifier and subscribers of the thruster topics are on the graph."""
-        wanted = (resolved(NAVIGATION), resolved(ESTIMATE))
-        return all(self.count_publishers(name) for name in wanted) and bool(
-            self.count_subscribers(resolved(THRUSTER_STATE))
-        )
+        wanted = (NAVIGATION.name, ESTIMATE.name)
+        return all(self.count_publishers(name) for name in wanted) and bool(self.count_subscribers(THRUSTER_STATE.name))
 
     def play(self, now: Stamp) -> None:
         """Publish the messages that are due."""
@@ -120,7 +130,8 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     """Replay once, or until a signal."""
     stop = StopSignal()
     hardware = RecordedHardware(vehicle_of(words), frames_of(words.bag))
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    remaps = namespace_arguments(words.namespace, own_clock=True)
+    rclpy.init(args=["--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
     with RecordedPorts(hardware, folder, rate=words.rate) as ports:
         player = Player(words.bag, ports)
         try:

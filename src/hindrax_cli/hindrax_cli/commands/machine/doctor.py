@@ -93,7 +93,7 @@ def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> li
         folder = RunFolder(Path(place))
         shutil.copyfile(vehicle_file, folder.vehicle)
         with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
-            stack = Stack(folder, vehicle, supervisor)
+            stack = Stack(folder, supervisor)
             stack.start_mock(MockOptions(rate=0.0, faults=faults), "--no-ros")
             ports = stack.mock_facts["ports"]
             assert isinstance(ports, Mapping)

@@ -14,6 +14,7 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
+from hindrax_core.topics import namespace_arguments
 from hindrax_operator.connection import add_stack, presence_of
 
 NAME = "joystick"
@@ -41,7 +42,8 @@ def run(arguments: argparse.Namespace) -> int:
     file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))
     mock = arguments.sim_time or (found is not None and found.mock)
     given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
-    words = ["teleop", "--ros-args", *(word for one in given for word in ("-p", one))]
+    remaps = namespace_arguments(found.namespace if found else arguments.namespace, own_clock=mock)
+    words = ["teleop", "--ros-args", *remaps, *(word for one in given for word in ("-p", one))]
     with adopted(environment(mock=False, domain=None) | (dict(found.graph) if found else {})):
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import spin  # noqa: PLC0415  # as above

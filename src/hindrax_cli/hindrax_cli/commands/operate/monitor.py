@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hindrax_operator.monitor.app import Monitor  # noqa: PLC0415  # textual takes long to load
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
 
-    link = GraphLink(presence_of(arguments), sim_time=arguments.sim_time)
+    link = GraphLink(presence_of(arguments), sim_time=arguments.sim_time, namespace=arguments.namespace)
     link.start()
     try:
         link.wait(JOIN_S)

@@ -8,7 +8,7 @@ from pathlib import Path
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_runner import UpOptions, run_up
 from hindrax_bringup.tether import add_tether, tether_setting
-from hindrax_cli.argument_types import add_vehicle, pace, seed
+from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
 from hindrax_core.errors import UsageError
 
 NAME = "up"
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with a tether, when the operator is silent for 2 s: end the maneuver and hold (default), or disarm",
     )
     add_mock_options(parser)
+    add_tuning(parser)
 
 
 def add_mock_options(parser: argparse.ArgumentParser) -> None:
@@ -48,8 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     mock = mock_options(arguments) if arguments.mock else None
     # A mock is for this machine alone, unless it is asked for by name here.
     tether = tether_setting() if arguments.tether or not arguments.mock else None
-    vehicle, without = Path(arguments.vehicle), arguments.without_operator
-    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without))
+    vehicle, without, tuning = Path(arguments.vehicle), arguments.without_operator, tuning_of(arguments)
+    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning))
 
 
 def mock_options(arguments: argparse.Namespace) -> MockOptions:

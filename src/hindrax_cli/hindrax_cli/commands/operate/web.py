@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
     chart = Chart(vehicle)
     heartbeat = ViewerHeartbeat()
-    link = GraphLink(found, sim_time=arguments.sim_time, present=heartbeat.present)
+    link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace, present=heartbeat.present)
     reports = Reports(arguments.runs)
     controller = PageController(link, chart, reports, heartbeat, read_only=arguments.read_only, log=report)
     with asked_to_end() as over:

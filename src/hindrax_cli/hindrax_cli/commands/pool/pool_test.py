@@ -7,7 +7,7 @@ import signal
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_cli.argument_types import add_vehicle, pace, seed
+from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
 from hindrax_cli.health_checks.wires import require_ports
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
     add_vehicle(parser)
+    add_tuning(parser)
     parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 
@@ -76,5 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
             without_record=arguments.without_record,
             headless=arguments.headless or arguments.json,
             json=arguments.json,
+            tuning=tuning_of(arguments),
         )
     )

@@ -1,0 +1,167 @@
+"""What the launch files share: arguments, and the actions that start a stack as `hindrax up` starts it.
+
+Everything happens when the launch is executed: `ros2 launch --show-args` makes no file and waits for nothing.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import yaml
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch_ros.actions import Node
+from launch_ros.substitutions import ExecutableInPackage
+
+from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.processes import ONBOARD, Process
+from hindrax_bringup.share_files import usual_vehicle, vehicle_file
+from hindrax_bringup.stack import environment
+from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
+from hindrax_bringup.tether import tether_setting
+from hindrax_core.errors import UsageError
+from hindrax_core.topics import NAMESPACE
+from hindrax_core.vehicle import load_vehicle
+from hindrax_drivers.driver_registry import DEVICES
+from launch import Action, LaunchContext, LaunchDescription
+
+ARGUMENTS: dict[str, tuple[str | None, str]] = {
+    "vehicle": (usual_vehicle(), "file or name"),
+    "namespace": (NAMESPACE, "of all nodes and topics"),
+    "params_file": ("", "ROS parameter file for the nodes"),
+    "record": ("", "folder for the bag; empty: no bag"),
+    "without_operator": ("stay", "without heartbeats of an operator: hold, neutral, or stay (none is expected)"),
+}
+"""Arguments of every stack: default and meaning."""
+
+
+def stack(
+    more: Mapping[str, tuple[str | None, str]],
+    hardware: Process | None = None,
+    words: Mapping[str, str] | None = None,
+    onboard: Sequence[Process] = ONBOARD,
+    remaps: Mapping[str, Sequence[str]] | None = None,
+) -> LaunchDescription:
+    """Describe a stack with arguments beside `ARGUMENTS`, on real hardware or on the process that replaces it.
+
+    `words`: option of the hardware process behind each argument. `remaps`: further ROS arguments by process.
+    """
+
+    def start(context: LaunchContext) -> list[Action]:
+        def argument(name: str) -> str:
+            return str(context.launch_configurations[name])
+
+        vehicle = str(vehicle_file(argument("vehicle")))
+        tuning = Tuning(argument("namespace"), argument("params_file"))
+        wires: dict[str, object] | None = None
+        made = environment(mock=hardware is not None, domain=None, tether=None if hardware else tether_setting())
+        started: list[Action] = [
+            SetEnvironmentVariable(key, value) for key, value in made.items() if os.environ.get(key) != value
+        ]
+        if hardware is not None:
+            folder = runtime_folder() / f"{os.getpid()}.{hardware.name}"
+            wires = ports(folder, vehicle)
+            line = ["--vehicle", vehicle, "--folder", str(folder), "--namespace", tuning.namespace]
+            line += [word for name, option in (words or {}).items() for word in _option(option, argument(name))]
+            # Not a Node: that adds words of ROS, and this process has its own.
+            program = ExecutableInPackage(package=hardware.package, executable=hardware.executable)
+            ends = Shutdown(reason=f"the {hardware.name} has ended")
+            started.append(ExecuteProcess(cmd=[program, *line], output="screen", on_exit=ends))
+        record = argument("record")
+        options = NodeOptions(
+            vehicle,
+            tuning,
+            bag=str(Path(record).resolve()) if record else "",
+            notes="ros2 launch",
+            without_operator=argument("without_operator"),
+            wires=wires,
+            more=remaps or {},
+        )
+        for sentence in options.strange_blocks():
+            print(sentence, file=sys.stderr)
+        file = _parameter_file(options)
+        _announce(options, made)
+        chosen = [one for one in options.processes if one in onboard or one not in ONBOARD]
+        return [*started, *(_node(one, file, options) for one in chosen)]
+
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=meaning)
+        for name, (default, meaning) in (ARGUMENTS | dict(more)).items()
+    ]
+    return LaunchDescription([*declared, OpaqueFunction(function=_beside_the_tether, args=[start, hardware is None])])
+
+
+def _beside_the_tether(context: LaunchContext, start: Callable[[LaunchContext], list[Action]], real: bool) -> object:
+    """Start at once, or when the tether that this terminal names is there: earlier nobody would be discovered."""
+    if not real or tether_setting() is None:
+        return start(context)
+
+    def proceed(event: object, context: LaunchContext) -> object:
+        ready = getattr(event, "returncode", 1) == 0
+        return start(context) if ready else Shutdown(reason="the tether was not waited for")
+
+    return [ExecuteProcess(cmd=[sys.executable, "-m", "hindrax_bringup.tether"], output="screen", on_exit=proceed)]
+
+
+def _node(process: Process, file: Path, options: NodeOptions) -> Node:
+    """One process: started again a second after it has died, unless it was told what it cannot do."""
+
+    def on_exit(event: object, _context: LaunchContext) -> object:
+        if getattr(event, "returncode", 0) == UsageError.exit_code:
+            return Shutdown(reason=f"{process.name}: refused what it was told")
+        return None
+
+    return Node(
+        package=process.package,
+        executable=process.executable,
+        parameters=[str(file)],
+        ros_arguments=options.arguments(process),
+        respawn=process.restart,
+        respawn_delay=1.0,
+        on_exit=on_exit,
+        output="screen",
+    )
+
+
+def _option(option: str, value: str) -> list[str]:
+    """Words of an option; it is repeated for each word of its value."""
+    return [word for one in value.split() for word in (option, one)]
+
+
+def _parameter_file(options: NodeOptions) -> Path:
+    """Write the parameters into a file that goes with this process."""
+    blocks = {pattern: {"ros__parameters": block} for pattern, block in options.parameters().items()}
+    file = runtime_folder() / f"{os.getpid()}.parameters.yaml"
+    file.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")
+    atexit.register(file.unlink, missing_ok=True)
+    return file
+
+
+def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
+    """Let `hindrax monitor`, `arm` and the like find this stack, until this process ends."""
+    presence = StackLock(
+        os.getpid(),
+        options.wires is not None,
+        options.vehicle,
+        options.bag,
+        graph_settings(made),
+        dict(options.wires["ports"]) if options.wires is not None else {},  # type: ignore[call-overload]  # a mapping
+        purpose=LAUNCHED,
+        namespace=options.tuning.namespace,
+        bag=options.bag,
+    )
+    until_the_end = contextlib.ExitStack()
+    atexit.register(until_the_end.close)
+    until_the_end.enter_context(announced(presence))
+
+
+def ports(folder: Path, vehicle_file: str) -> dict[str, object]:
+    """Ports of simulated hardware in a folder: serial devices as ptys, everything else on its bus."""
+    bus = f"mock:{folder / 'i2c'}"
+    sensors = load_vehicle(vehicle_file).sensors
+    found = {name: str(folder / name) if DEVICES[one.device].serial else bus for name, one in sensors.items()}
+    return {"ports": found | {"thrusters": bus}, "clock": bus}

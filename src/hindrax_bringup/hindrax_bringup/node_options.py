@@ -1,0 +1,145 @@
+"""What the processes of a stack are told: one description for `hindrax up`, `pool-test` and `ros2 launch`."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from hindrax_bringup import security
+from hindrax_bringup.processes import EVERY, ONBOARD, RECORDER, Process
+from hindrax_core.errors import UsageError
+from hindrax_core.topics import NAMESPACE, namespace_arguments
+from hindrax_core.yaml_text import read_yaml
+from hindrax_drivers.nodes.thruster_settings import names_node
+
+Blocks = dict[str, dict[str, object]]
+"""Parameters by the pattern of the nodes that get them, as in a ROS parameter file; of two the later one wins."""
+NODES = tuple(dict.fromkeys(node for process in EVERY for node in process.nodes))
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """What a user changes: namespace of the vehicle, a ROS parameter file, single parameters `node.name:=value`."""
+
+    namespace: str = NAMESPACE
+    file: str = ""
+    settings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the namespace."""
+        if not re.fullmatch(r"(/[A-Za-z_]\w*)+", self.namespace, re.ASCII) or "__" in self.namespace:
+            raise UsageError(f"namespace {self.namespace!r}: wanted words of letters, digits and _, as /rov1")
+
+
+@dataclass(frozen=True, slots=True)
+class NodeOptions:
+    """Everything that the nodes of one stack are told."""
+
+    vehicle: str
+    tuning: Tuning = field(default_factory=Tuning)
+    bag: str = ""
+    notes: str = ""
+    without_operator: str = ""
+    wires: Mapping[str, object] | None = None
+    """Ports of simulated hardware, its clock, and the truth about it where it is known; None for the real one."""
+    more: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Further ROS arguments by process."""
+
+    @property
+    def processes(self) -> tuple[Process, ...]:
+        """Processes to start, in order; the recorder first, so that it misses nothing."""
+        return (RECORDER, *ONBOARD) if self.bag else ONBOARD
+
+    def parameters(self) -> Blocks:
+        """Parameters of all nodes; what the user gives wins. UsageError when it cannot be read."""
+        blocks: Blocks = {"/**": {"vehicle": self.vehicle}}
+        if self.wires is not None:
+            blocks["/**"]["use_sim_time"] = True
+            blocks |= wire_parameters(self.wires)
+        if self.bag:
+            truth = json.dumps(self.wires.get("truth", {})) if self.wires is not None else ""
+            blocks["/**/recorder"] = {"bag": self.bag, "notes": self.notes, "truth": truth}
+        if self.without_operator:
+            blocks["/**/safety_monitor"] = {"without_operator": self.without_operator}
+        for pattern, block in read_parameters(self.tuning.file).items():
+            blocks.setdefault(pattern, {}).update(block)
+        for text in self.tuning.settings:
+            apply_setting(blocks, text, self.tuning.namespace)
+        return blocks
+
+    def arguments(self, process: Process) -> list[str]:
+        """ROS arguments of one process, beside those that name its parameters."""
+        namespace = self.tuning.namespace
+        return [
+            *namespace_arguments(namespace, own_clock=self.wires is not None),
+            *security.arguments(process.name, namespace),
+            *self.more.get(process.name, ()),
+        ]
+
+    def strange_blocks(self) -> list[str]:
+        """Return a sentence for each block of the user's file that names no node of the stack."""
+        names = [f"{self.tuning.namespace}/{node}" for node in NODES]
+        return [
+            f"{self.tuning.file}: {pattern!r} names no node of this stack, ignored; wanted such as '/**/{NODES[0]}'"
+            for pattern in read_parameters(self.tuning.file)
+            if not any(names_node(pattern, name) for name in names)
+        ]
+
+
+def wire_parameters(wires: Mapping[str, object]) -> Blocks:
+    """Ports and clock of simulated hardware as parameters of the nodes that use them."""
+    ports = wires["ports"]
+    assert isinstance(ports, dict)
+    return {f"/**/{node}": {"port": port, "clock": wires["clock"]} for node, port in ports.items()}
+
+
+def read_parameters(file: str) -> Blocks:
+    """Blocks of a ROS parameter file; empty without one. UsageError when it is none."""
+    if not file:
+        return {}
+    try:
+        found = read_yaml(Path(file).read_text(encoding="utf-8"), f"parameter file {file}")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"parameter file {file}: cannot be read ({' '.join(str(error).split())})") from error
+    blocks = {}
+    for pattern, block in found.items() if isinstance(found, dict) else [("", found)]:
+        values = block.get("ros__parameters") if isinstance(block, dict) else None
+        if not isinstance(values, dict):
+            raise UsageError(f"parameter file {file}: found {pattern!r}, wanted blocks NODE: {{ros__parameters: ...}}")
+        blocks[str(pattern)] = dict(_flat(values))
+    return blocks
+
+
+def _flat(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, object]]:
+    """Names with dots instead of nested blocks, as ROS reads them."""
+    found: list[tuple[str, object]] = []
+    for key, value in values.items():
+        found += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(f"{prefix}{key}", value)]
+    return found
+
+
+def apply_setting(blocks: Blocks, text: str, namespace: str) -> None:
+    """Put one parameter, `node.name:=value`, into the blocks; UsageError names what is wrong with it."""
+    names, assigned, value = text.partition(":=")
+    node, dot, name = names.partition(".")
+    if not (assigned and dot and name):
+        raise UsageError(f"--set {text!r}: wanted node.name:=value, as pilot.holds.turn_radps:=0.3")
+    if node not in NODES:
+        near = difflib.get_close_matches(node, NODES, n=1) or NODES
+        raise UsageError(f"--set {text!r}: no node is called {node!r}; the nearest is {near[0]!r}")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise UsageError(f"--set {text!r}: the value is no YAML ({' '.join(str(error).split())})") from error
+    own = f"/**/{node}"
+    blocks.setdefault(own, {})
+    for pattern, block in blocks.items():
+        # Every block that has it gets the value: whichever ROS takes last, it is the one that was set.
+        if pattern == own or (name in block and names_node(pattern, f"{namespace}/{node}")):
+            block[name] = parsed
