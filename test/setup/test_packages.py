@@ -71,7 +71,8 @@ def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
         yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
     if package.name == "hindrax_bringup":  # starts the executables of these packages
-        yield from ((process.package, Path(processes.__file__)) for process in processes.EVERY)
+        others = {process.package for process in processes.EVERY} - {package.name}
+        yield from ((other, Path(processes.__file__)) for other in others)
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
