@@ -32,6 +32,10 @@ OPERATOR = "operator"
 """Key of refused operator wrenches, beside the axes of the holds."""
 
 
+SAFETY_GROUPS = ("guards.", "operator_wrench.")
+"""Groups of knobs that guard the vehicle."""
+
+
 @dataclass(frozen=True, slots=True)
 class PilotKnobs:
     """Knobs of all parts of the pilot."""
@@ -67,14 +71,14 @@ class Pilot:
     """Controls one vehicle. Disarmed, its wrench is zero and its holds are released."""
 
     def __init__(self, vehicle: Vehicle, knobs: PilotKnobs | None = None) -> None:
-        self._vehicle, self._knobs = vehicle, knobs or PilotKnobs()
+        self._vehicle, self._knobs = vehicle, (knobs := knobs or PilotKnobs())
         # Only for plans: the forces that the thrusters can reach. The allocator node allocates.
-        self._allocator = Allocator(vehicle, self._knobs.allocation)
-        self._holds = Holds(vehicle, self._knobs.holds)
-        self._guard = WrenchGuard(vehicle, self._knobs.operator_wrench)
+        self._allocator = Allocator(vehicle, knobs.allocation)
+        self._holds = Holds(vehicle, knobs.holds)
+        self._guard = WrenchGuard(vehicle, knobs.operator_wrench)
         self._pool: PoolBounds | None = None
-        self._maneuver_guards = ManeuverGuards(vehicle, self._knobs.guards)
-        self._fault_detector = ThrusterFaultDetector(vehicle, self._knobs.fault_detector)
+        self._maneuver_guards = ManeuverGuards(vehicle, knobs.guards)
+        self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
         self._maneuver: Maneuver | None = None
         self._keeping_station = False
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
@@ -87,6 +91,18 @@ class Pilot:
         """As a leak sensor has it: no maneuver begins or goes on. Holds do, and nothing disarms: it has to come up."""
 
     # ---- events
+
+    def tune(self, knobs: PilotKnobs) -> None:
+        """Use other knobs from now on, except those of `SAFETY_GROUPS`.
+
+        A maneuver in flight keeps the knobs that it began with.
+        """
+        before, self._knobs = self._knobs, knobs
+        self._holds.tune(knobs.holds)
+        if knobs.allocation != before.allocation:
+            self._allocator = Allocator(self._vehicle, knobs.allocation)
+        if knobs.fault_detector != before.fault_detector:
+            self._fault_detector = ThrusterFaultDetector(self._vehicle, knobs.fault_detector)
 
     def set(self, setpoint: Setpoint) -> str:
         """Engage, move or release a hold; returns the reason of a refusal, which the hold's state reports too."""

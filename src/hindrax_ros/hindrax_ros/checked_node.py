@@ -14,6 +14,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
+from hindrax_ros.parameters import why_fixed
+
 CLOCK = "use_sim_time"
 SETTABLE = {kind.value for kind in Parameter.Type} - {Parameter.Type.NOT_SET.value}
 """Types of a value; without one a parameter would be deleted."""
@@ -57,6 +59,18 @@ def _parameter(node: Node, message: Any) -> Parameter:
         raise ValueError(f"{name[:SHOWN]!r}: no such parameter; `ros2 param list` names them all")
     if name == CLOCK:
         raise ValueError(f"{CLOCK}: fixed at start, since all stamps hang on the clock; start the node anew")
+    descriptor = node.describe_parameter(name)
+    if why := why_fixed(descriptor):
+        raise ValueError(f"{name}: fixed at start, since {why}; start the node anew")
     if kind not in SETTABLE:
         raise ValueError(f"{name}: found the type {kind}, wanted one of rcl_interfaces/msg/ParameterType, 1 to 9")
-    return Parameter.from_parameter_msg(message)
+    return _as_declared(Parameter.from_parameter_msg(message), node.get_parameter(name).type_)
+
+
+def _as_declared(found: Parameter, declared: Parameter.Type) -> Parameter:
+    """Parameter of the declared type, where whole numbers are given for floats."""
+    if (found.type_, declared) == (Parameter.Type.INTEGER, Parameter.Type.DOUBLE):
+        return Parameter(found.name, declared, float(found.value))
+    if (found.type_, declared) == (Parameter.Type.INTEGER_ARRAY, Parameter.Type.DOUBLE_ARRAY):
+        return Parameter(found.name, declared, [float(one) for one in found.value])
+    return found

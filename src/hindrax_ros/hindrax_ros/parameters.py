@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, TypeVar
+from operator import attrgetter
+from types import MappingProxyType
+from typing import Any, TypeVar, get_type_hints
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from hindrax_core.errors import UsageError
 from hindrax_core.knobs import Knob, build, knob_of
 
 T = TypeVar("T")
+
+SAFETY = "it guards the vehicle"
+SETUP = "it is used only as the node starts"
+FIXED: Mapping[str, str] = MappingProxyType({})
+ONLY = "fixed at start, since "
 
 OF_EVERY_NODE = "vehicle"
 """Given to every node of a stack, and declared by those that read it."""
@@ -34,12 +43,54 @@ def whole(node: Node, name: str, default: int, meaning: str) -> int:
     return int(node.declare_parameter(name, default, descriptor).value)
 
 
-def knobs(node: Node, cls: type[T]) -> T:
-    """Declare every knob of a dataclass as a parameter of the node and make a checked instance of their values.
+def knobs(node: Node, cls: type[T], tune: Callable[[T], None] | None = None, *, fixed: Mapping[str, str] = FIXED) -> T:
+    """Declare every knob of a dataclass as a parameter of the node and return a checked instance of their values.
 
-    Knobs of a nested dataclass are declared as `field.knob`.
+    Knobs of a nested dataclass are declared as `field.knob`. A whole number is accepted for a float. `tune` gets a new
+    instance when parameters have changed while the node runs; without it they cannot. `fixed`: why those whose names
+    begin so cannot. UsageError names a value that is wrong.
     """
-    return build(cls, _declared(node, cls(), ""), node.get_name())
+    given = node._parameter_overrides  # noqa: SLF001  # rclpy offers no other way to them
+    names = list(_leaves(cls))
+    made = build(cls, _nested({name: _plain(given[name].value) for name in names if name in given}), node.get_name())
+    for name, knob in _leaves(cls).items():
+        value = _plain(attrgetter(name)(made))
+        why = next((why for begin, why in fixed.items() if name.startswith(begin)), "" if tune else SETUP)
+        node.declare_parameter(name, value, _descriptor(knob, value, why), ignore_override=True)
+    if tune is not None:
+        _keep_tuned(node, cls, names, tune)
+    return made
+
+
+def _keep_tuned(node: Node, cls: type[T], names: Sequence[str], tune: Callable[[T], None]) -> None:
+    def built(changed: Iterable[Parameter]) -> T:
+        values = {name: node.get_parameter(name).value for name in names} | {one.name: one.value for one in changed}
+        return build(cls, _nested({name: _plain(values[name]) for name in names}), node.get_name())
+
+    def concerned(changed: Iterable[Parameter]) -> bool:
+        return any(one.name in names for one in changed)
+
+    def check(changed: list[Parameter]) -> SetParametersResult:
+        try:
+            if concerned(changed):
+                built(changed)
+        except UsageError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def use(changed: list[Parameter]) -> None:
+        if concerned(changed):
+            tune(built(()))
+
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(use)
+
+
+def why_fixed(descriptor: ParameterDescriptor) -> str:
+    """Why a parameter cannot change while its node runs; empty when it can."""
+    if not descriptor.read_only:
+        return ""
+    return descriptor.additional_constraints.partition(ONLY)[2] or SETUP
 
 
 def unknown_parameters(
@@ -74,36 +125,39 @@ def warn_of_unknown_parameters(nodes: Sequence[Node]) -> None:
             node.get_logger().warning(sentence)
 
 
-def _declared(node: Node, defaults: Any, prefix: str) -> dict[str, Any]:
+def _leaves(cls: Any, prefix: str = "") -> dict[str, Knob]:
+    """Every knob of a dataclass and of those inside, by its name as a parameter."""
+    found: dict[str, Knob] = {}
+    hints = get_type_hints(cls)
+    for declared in fields(cls):
+        inner, name = hints[declared.name], prefix + declared.name
+        found |= _leaves(inner, f"{name}.") if is_dataclass(inner) else {name: knob_of(declared)}
+    return found
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested blocks instead of names with dots."""
     found: dict[str, Any] = {}
-    for declared in fields(defaults):
-        default = getattr(defaults, declared.name)
-        name = prefix + declared.name
-        if is_dataclass(default):
-            found[declared.name] = _declared(node, default, name + ".")
-            continue
-        value = node.declare_parameter(name, _plain(default), _descriptor(knob_of(declared), default))
-        found[declared.name] = _restored(value.value)
+    for name, value in values.items():
+        *blocks, last = name.split(".")
+        place = found
+        for block in blocks:
+            place = place.setdefault(block, {})
+        place[last] = value
     return found
 
 
 def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
-def _restored(value: Any) -> Any:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [float(one) if isinstance(one, float) else one for one in value]
-    return value
-
-
-def _descriptor(knob: Knob, default: Any) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=knob.meaning, read_only=True)
-    if knob.choices:
-        descriptor.additional_constraints = "one of " + ", ".join(knob.choices)
+def _descriptor(knob: Knob, value: Any, fixed: str) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=knob.meaning, read_only=bool(fixed))
+    words = ["one of " + ", ".join(knob.choices)] if knob.choices else []
+    descriptor.additional_constraints = "; ".join(words + [ONLY + fixed] * bool(fixed))
     bounded = math.isfinite(knob.low) and math.isfinite(knob.high)
-    if bounded and isinstance(default, float):
+    if bounded and isinstance(value, float):
         descriptor.floating_point_range = [FloatingPointRange(from_value=knob.low, to_value=knob.high)]
-    if bounded and isinstance(default, int) and not isinstance(default, bool):
+    if bounded and isinstance(value, int) and not isinstance(value, bool):
         descriptor.integer_range = [IntegerRange(from_value=int(knob.low), to_value=int(knob.high), step=1)]
     return descriptor

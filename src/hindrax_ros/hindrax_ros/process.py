@@ -19,6 +19,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from hindrax_core.errors import HindraxError
 from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
 from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.parameters import warn_of_unknown_parameters
@@ -40,14 +41,19 @@ def spin(make: Callable[[], Sequence[Node]], arguments: Sequence[str] | None = N
     """Make the nodes, spin them until a stop signal, close them, and return the exit code of the process.
 
     A node that owns something (a port, a thread, a file) offers `close()`, called before it is destroyed. An exception
-    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again.
+    in a callback is our own mistake: nothing catches it, the process ends and its supervisor starts it again. Nodes
+    that cannot be made as they were told say so in one sentence.
     """
     stop, heartbeat = StopSignal(), Heartbeat.of(os.environ)
     rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
     nodes: Sequence[Node] = ()
     executor = events_executor()
     try:
-        nodes = make()
+        try:
+            nodes = make()
+        except HindraxError as error:
+            print(error, file=sys.stderr, flush=True)  # noqa: T201  # for the operator, in the log of the process
+            return error.exit_code
         for node in nodes:
             executor.add_node(node)
         warn_of_unknown_parameters(nodes)

@@ -40,7 +40,7 @@ BAD = {
     "'': no such parameter": gain(3.0, name=""),
     "'gian': no such parameter": gain(3.0, name="gian"),
     "use_sim_time: fixed at start": Parameter(name="use_sim_time", value=ParameterValue(type=1, bool_value=True)),
-    "Wrong parameter type": gain(3.0, kind=2),
+    "Wrong parameter type": gain(3.0, kind=4),
 }
 
 

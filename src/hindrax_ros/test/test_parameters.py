@@ -1,16 +1,25 @@
 """Parameters that no node declares: each gets a warning with the name that was probably meant."""
 
+import contextlib
 import os
+import re
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
+import rclpy
+from rclpy.parameter import Parameter
+
+from hindrax_core.errors import UsageError
+from hindrax_core.knobs import knob
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.parameters import unknown_parameters
+from hindrax_ros.checked_node import CheckedNode, CheckedParameterService
+from hindrax_ros.parameters import SAFETY, knobs, unknown_parameters
 from hindrax_ros.process import spin
 
 DECLARED = ("use_sim_time", "pool_bounds.start_along", "guards.wall_m", "holds.turn_radps")
@@ -80,3 +89,86 @@ def test_a_process_warns_when_it_begins_to_spin(monkeypatch: pytest.MonkeyPatch,
     assert made[0].warned == [
         "parameter 'safety.wall_m' of pilot: unknown, ignored; it is called guards.wall_m now",
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class Inner:
+    gain: float = knob(1.0, 0.0, 10.0, "a gain [-]")
+    limit: float = knob(2.0, 0.0, 10.0, "a limit [N]")
+
+
+@dataclass(frozen=True, slots=True)
+class Outer:
+    """Knobs as a node has them."""
+
+    inner: Inner = field(default_factory=Inner)
+    count: int = knob(3, 0, 9, "a count [-]")
+    steps: tuple[float, ...] = knob((1.0, 2.0), 0.0, 100.0, "steps [m]")
+
+    def __post_init__(self) -> None:
+        """Refuse what fits only one by one."""
+        if self.inner.gain > self.inner.limit:
+            raise ValueError(f"gain: found {self.inner.gain:g}, wanted at most the limit ({self.inner.limit:g})")
+
+
+@contextlib.contextmanager
+def tuned_node(*words: str) -> Iterator[tuple[CheckedNode, list[Outer]]]:
+    """A node of its own context with these parameters, and every instance of its knobs so far."""
+    context = rclpy.Context()
+    rclpy.init(args=["--ros-args", *(word for one in words for word in ("-p", one))], context=context)
+    node, seen = CheckedNode("pilot", context=context, enable_rosout=False), list[Outer]()
+    try:
+        seen.append(knobs(node, Outer, seen.append, fixed={"inner.limit": SAFETY}))
+        yield node, seen
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def asked(node: CheckedNode, **wanted: Any) -> str:
+    """Ask as `ros2 param set` does, whole numbers as integers; returns the reason of a refusal."""
+    service = CheckedParameterService.__new__(CheckedParameterService)
+    service._get_node = lambda: node  # type: ignore[method-assign]
+    messages = [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in wanted.items()]
+    return str(service._set(messages).reason)
+
+
+@pytest.fixture
+def _alone(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+
+
+@pytest.mark.usefixtures("_alone")
+def test_a_whole_number_is_a_float_where_one_is_wanted_at_start_and_later() -> None:
+    with tuned_node("inner.gain:=2", "steps:=[3, 4]") as (node, seen):
+        assert seen[0] == Outer(Inner(2.0), steps=(3.0, 4.0))
+        assert isinstance(node.get_parameter("inner.gain").value, float)
+        assert asked(node, inner__gain=1, steps=[5, 6]) == ""
+        assert seen[1:] == [Outer(Inner(1.0), steps=(5.0, 6.0))]
+
+
+@pytest.mark.usefixtures("_alone")
+@pytest.mark.parametrize(
+    ("word", "why"),
+    [
+        ("inner.gain:=fast", "pilot.inner.gain: found 'fast', wanted a number"),
+        ("inner.gain:=11.0", "pilot.inner.gain: found 11, wanted 0 to 10"),
+        ("count:=2.5", "pilot.count: found 2.5, wanted a whole number"),
+        ("inner.gain:=3.0", "gain: found 3, wanted at most the limit"),
+    ],
+)
+def test_a_wrong_parameter_costs_one_sentence(word: str, why: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(why)), tuned_node(word):
+        pass
+
+
+@pytest.mark.usefixtures("_alone")
+def test_what_cannot_change_or_does_not_fit_is_refused_with_the_reason_and_changes_nothing() -> None:
+    with tuned_node() as (node, seen):
+        assert asked(node, inner__limit=3.0) == f"inner.limit: fixed at start, since {SAFETY}; start the node anew"
+        assert "wanted at most the limit" in asked(node, inner__gain=5.0)
+        assert "range" in asked(node, inner__gain=11.0)
+        assert "type" in asked(node, count="three").lower()
+        assert seen == [Outer()]
+        assert node.get_parameter("inner.gain").value == 1.0

@@ -51,8 +51,14 @@ def _plain(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):
-        return number(value)
+        return double(value) if isinstance(value, float) else number(value)
     return "none" if value is None or value in ("", {}) else str(value)
+
+
+def double(value: float) -> str:
+    """A number as ROS reads a double: never like an integer."""
+    text = number(value)
+    return text if set(text) & set(".en") else f"{text}.0"
 
 
 def _range(knob: Knob, hint: Any) -> str:

@@ -28,9 +28,15 @@ node with an error that names it. Set them in a ROS parameter file:
       ros__parameters:
         holds.turn_radps: 0.3
 
-and start the node with `--ros-args --params-file FILE`. They are fixed while a node runs. Every node also has
-`vehicle` (the vehicle file); sensors and thrusters have `port` and `clock`, which override those of the
-vehicle file in mock. A node logs a warning for each given parameter that it does not declare."""
+and start the node with `--ros-args --params-file FILE`; `./hindrax up` and `pool-test` take `--params FILE` and
+`--set pilot.holds.turn_radps:=0.3`, launch files `params_file:=FILE`. A whole number is accepted for a float.
+
+Holds, maneuvers, pool, allocation, identification, teleoperation and limits of the bag can be changed while the node
+runs (`ros2 param set /hindrax/pilot holds.turn_radps 0.2`); a maneuver in flight keeps what it began with. What guards
+the vehicle (`guards`, `operator_wrench`, wrench limits of the allocator, thrusters, estimator health, safety monitor)
+and what a node uses only as it starts (devices, navigator) is refused with the reason. Every node also has `vehicle`
+(the vehicle file); sensors and thrusters have `port` and `clock`, which override those of the vehicle file in mock. A
+node logs a warning for each given parameter that it does not declare."""
 
 NODES: Mapping[str, tuple[type[Any], ...]] = {
     **{name: (row.knobs,) for name, row in DEVICES.items()},

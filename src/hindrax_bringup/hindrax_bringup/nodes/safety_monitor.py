@@ -28,7 +28,7 @@ from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.parameters import knobs
+from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.process import spin
 
 CHECK_S, REPORT_S = 0.1, 1.0
@@ -50,7 +50,7 @@ class SafetyMonitor(BatchedNode):
         """Problem that each node reports; empty when it is well."""
         subscription(self, THRUSTER_HEALTH, self._on_health)
         subscription(self, DIAGNOSTICS, self._on_diagnostics)
-        self._without_operator = knobs(self, SafetyMonitorKnobs).without_operator
+        self._without_operator = knobs(self, SafetyMonitorKnobs, fixed={"": SAFETY}).without_operator
         self._link = LinkMonitor()
         if self._without_operator != STAY:
             self._set_up_link()

@@ -62,6 +62,10 @@ class AllocationCycle:
         self._last = PulseCommand(0, ())
         self._plans: OrderedDict[int, Allocation] = OrderedDict()
 
+    def tune(self, knobs: AllocationKnobs) -> None:
+        """Use other knobs from now on."""
+        self._allocator = Allocator(self._vehicle, knobs)
+
     def command(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> PulseCommand | None:
         """Guard and allocate a wrench [N, Nm], made at `stamp` in the axes of `frame`; None when it is refused."""
         self.now = now

@@ -30,6 +30,10 @@ class SupplyVoltage:
         self._nominal_V, self._knobs = nominal_V, knobs or SupplyKnobs()
         self._last: tuple[Stamp, float] | None = None
 
+    def tune(self, knobs: SupplyKnobs) -> None:
+        """Use other knobs from now on."""
+        self._knobs = knobs
+
     def update(self, voltage_V: float, now: Stamp) -> str:
         """Set the measured voltage; returns the reason if it is implausible. Zero (an unwired sensor) is ignored."""
         if voltage_V == 0.0:

@@ -8,7 +8,7 @@ altitude hold whose sonar falls silent holds the depth it has, says so, and retu
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hindrax_control.hold.regulator import LoopTuning, Regulator
@@ -83,36 +83,44 @@ class _Loop:
     note: str = field(default="")
 
 
+def _tunings(knobs: HoldKnobs) -> Iterator[tuple[str, LoopTuning, float]]:
+    """Axis of each loop, its tuning, and the shortfall [N, Nm] below which its integral goes on."""
+    tilt, heading = knobs.tilt_bandwidth_radps, knobs.heading_bandwidth_radps
+    for axis, bandwidth in (("yaw", heading), ("roll", tilt), ("pitch", tilt)):
+        yield axis, _tuning(knobs, bandwidth, knobs.turn_radps, knobs.integral_Nm), knobs.shortfall_Nm
+    vertical = _tuning(knobs, knobs.vertical_bandwidth_radps, knobs.climb_mps, knobs.integral_N)
+    yield "heave", vertical, knobs.shortfall_N
+
+
+def _tuning(knobs: HoldKnobs, bandwidth: float, rate: float, authority: float) -> LoopTuning:
+    return LoopTuning(bandwidth, knobs.damping, knobs.integral_s, rate, authority)
+
+
 class Holds:
     """All holds of one vehicle. Setpoints are events; `step` is called for every new Navigation."""
 
     def __init__(self, vehicle: Vehicle, knobs: HoldKnobs | None = None) -> None:
-        self._knobs = knobs = knobs or HoldKnobs()
+        self._knobs = knobs or HoldKnobs()
         self._tilt_rad = math.radians(vehicle.limits.tilt_deg)
         self._depth_m = vehicle.depth_rating_m
         self._altimeters = altimeters(vehicle)
         self._freedoms = prior_dynamics(vehicle)
-        bandwidths = {
-            "yaw": knobs.heading_bandwidth_radps,
-            "roll": knobs.tilt_bandwidth_radps,
-            "pitch": knobs.tilt_bandwidth_radps,
-        }
         self._loops = {
-            axis: _Loop(self._regulator(axis, bandwidth, knobs.turn_radps, knobs.integral_Nm), knobs.shortfall_Nm)
-            for axis, bandwidth in bandwidths.items()
+            axis: _Loop(Regulator(self._freedoms[axis], one), limit) for axis, one, limit in _tunings(self._knobs)
         }
-        self._vertical = self._loops["heave"] = _Loop(
-            self._regulator("heave", knobs.vertical_bandwidth_radps, knobs.climb_mps, knobs.integral_N),
-            knobs.shortfall_N,
-        )
+        self._vertical = self._loops["heave"]
         self._mode = "depth"
         self._measured = "depth"
         self._floor_m = NAN
         self._last: Stamp | None = None
 
-    def _regulator(self, axis: str, bandwidth: float, rate: float, authority: float) -> Regulator:
-        tuning = LoopTuning(bandwidth, self._knobs.damping, self._knobs.integral_s, rate, authority)
-        return Regulator(self._freedoms[axis], tuning)
+    def tune(self, knobs: HoldKnobs) -> None:
+        """Use other knobs from now on; engaged holds keep their setpoints, references and integrals."""
+        self._knobs = knobs
+        for axis, tuning, limit in _tunings(knobs):
+            loop = self._loops[axis]
+            loop.regulator.tune(tuning)
+            loop.limit = limit
 
     # ---- events
 

@@ -62,11 +62,18 @@ class Regulator:
     """
 
     def __init__(self, freedom: PriorDynamics, tuning: LoopTuning) -> None:
-        self._freedom, self._tuning = freedom, tuning
-        self.proportional, self.derivative = gains(freedom, tuning.bandwidth_radps, tuning.damping)
-        self._integral_gain = self.proportional / tuning.integral_s
+        self._freedom = freedom
         self.ramp = Ramp(tuning.bandwidth_radps, tuning.rate)
         self.integral = 0.0
+        self.tune(tuning)
+
+    def tune(self, tuning: LoopTuning) -> None:
+        """Use other gains from now on; reference and integral part stay."""
+        self._tuning, before = tuning, self.ramp
+        self.proportional, self.derivative = gains(self._freedom, tuning.bandwidth_radps, tuning.damping)
+        self._integral_gain = self.proportional / tuning.integral_s
+        self.ramp = Ramp(tuning.bandwidth_radps, tuning.rate)
+        self.ramp.start(before.value, before.rate)
 
     def start(self, value: float, rate: float) -> None:
         """Begin where the vehicle is, moving as it moves, with nothing in the integral part."""

@@ -35,7 +35,7 @@ from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.fast_serialization import applied_from_bytes
 from hindrax_ros.graph import publisher, publishers_of, subscription
-from hindrax_ros.parameters import knobs
+from hindrax_ros.parameters import SAFETY, knobs
 
 REPORT_S = 1.0
 
@@ -55,7 +55,10 @@ class AllocatorNode(BatchedNode):
         self.inhibited: Callable[[], bool] = lambda: False
         self._commander, self._armed = SoleSource(), False
         self._cycle = AllocationCycle(
-            vehicle, knobs(self, AllocationKnobs), knobs(self, WrenchGuardKnobs), knobs(self, SupplyKnobs)
+            vehicle,
+            knobs(self, AllocationKnobs, self._tune),
+            knobs(self, WrenchGuardKnobs, fixed={"": SAFETY}),
+            knobs(self, SupplyKnobs, self._tune),
         )
         self._messages = AllocationMessages(vehicle)
         self._thrusters = len(vehicle.thrusters)
@@ -69,6 +72,12 @@ class AllocatorNode(BatchedNode):
         subscription(self, BATTERY, self._on_battery)
         self.lead = subscription(self, WRENCH, self._on_wrench_message)
         self.every(REPORT_S, self._report)
+
+    def _tune(self, knobs: AllocationKnobs | SupplyKnobs) -> None:
+        if isinstance(knobs, SupplyKnobs):
+            self.supply.tune(knobs)
+        else:
+            self._cycle.tune(knobs)
 
     @property
     def supply(self) -> SupplyVoltage:

@@ -17,7 +17,7 @@ from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.fast_serialization import ThrusterStateFields
-from hindrax_ros.parameters import knobs
+from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.serialization import deserialized
 
 REPORT_EVERY = 50
@@ -33,7 +33,7 @@ class EstimatorHealthNode(BatchedNode):
     def __init__(self, vehicle: Vehicle, clock: Clock) -> None:
         """`clock`: the one of the time of its requests."""
         super().__init__("estimator_health", ros_time=False)
-        self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs))
+        self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs, fixed={"": SAFETY}))
         self._time = clock
         self._failed: tuple[str, ...] = ()
         self._armed = False

@@ -67,7 +67,7 @@ class NavigatorNode(BatchedNode):
         self.settle_s = SETTLE_S
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
-        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs))
+        self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would start anew"}))
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()

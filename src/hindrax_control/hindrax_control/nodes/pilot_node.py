@@ -25,7 +25,7 @@ from hindrax_control.nodes.pilot_messages import (
     maneuver_to_msg,
     unfit_estimate,
 )
-from hindrax_control.pilot import BUSY, Pilot, PilotKnobs, PilotOutput
+from hindrax_control.pilot import BUSY, SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
@@ -64,7 +64,7 @@ from hindrax_ros.convert import (
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
 from hindrax_ros.graph import publisher, publishers_of, subscription
-from hindrax_ros.parameters import knobs
+from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.serialization import deserialized
 
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
@@ -100,7 +100,8 @@ class PilotNode(BatchedNode):
         self.navigator = ""
         self._odometry, self._source = ForeignOdometry(vehicle), SoleSource()
         self._altimeter: Subscription | None = None
-        self._pilot = Pilot(vehicle, knobs(self, PilotKnobs))
+        fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
+        self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
         self._armed, self._unarmed = False, ""
         self._last_state = Stamp(0)
         self._supply = supply
@@ -138,6 +139,9 @@ class PilotNode(BatchedNode):
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
         self.every(CHECK_S, self._check_navigator)
+
+    def _tune(self, tuned: PilotKnobs) -> None:
+        self._pilot.tune(tuned)
 
     def close(self) -> None:
         """Take the action away before the node."""

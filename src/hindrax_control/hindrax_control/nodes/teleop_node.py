@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -31,10 +32,14 @@ class TeleopNode(CheckedNode):
     def __init__(self, vehicle: Vehicle | None = None) -> None:
         super().__init__("teleop", namespace=NAMESPACE)
         file = text(self, "vehicle", "", "vehicle file, for the limits of its wrench [-]")
-        self._teleop = Teleop((vehicle or load_vehicle(file)).limits.wrench, knobs(self, TeleopKnobs))
+        limits = (vehicle or load_vehicle(file)).limits.wrench
+        self._begin(limits, knobs(self, TeleopKnobs, partial(self._begin, limits)))
         self._out = publisher(self, OPERATOR_WRENCH)
         subscription(self, JOYSTICK, self._on_joystick)
         subscription(self, TWIST, self._on_twist)
+
+    def _begin(self, limits: Vec6, tuned: TeleopKnobs) -> None:
+        self._teleop = Teleop(limits, tuned)
 
     def _now(self) -> Stamp:
         return Stamp(self.get_clock().now().nanoseconds)

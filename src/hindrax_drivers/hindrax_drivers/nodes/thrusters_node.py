@@ -38,7 +38,7 @@ from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import battery_to_msg, stamp_from_msg
 from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.graph import publisher, publishers_of, subscription
-from hindrax_ros.parameters import knobs, text
+from hindrax_ros.parameters import SAFETY, knobs, text
 from hindrax_ros.process import spin
 from hindrax_ros.raw_frames import RECEIVED, SENT
 
@@ -62,9 +62,8 @@ class ThrustersNode(DeviceNode):
             text(self, name, value, meaning)
         if settings.alone:
             knobs(self, OutputAlone)
-        guard = OutputGuard(
-            len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), knobs(self, OutputGuardKnobs)
-        )
+        fixed = knobs(self, OutputGuardKnobs, fixed={"": SAFETY})
+        guard = OutputGuard(len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), fixed)
         self._phase: Phase | None = None
         self._commander, self._unfit, self._look_s = SoleSource(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": ""}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -33,8 +34,7 @@ class Identifier(BatchedNode):
     def __init__(self) -> None:
         super().__init__("identifier")
         vehicle: Vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
-        tuning = knobs(self, Tuning)
-        self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
+        self._begin(vehicle, knobs(self, Tuning, partial(self._begin, vehicle)))
         self._out = publisher(self, ESTIMATE)
         self._reporter = DiagnosticsPublisher(self)
         self._last: Estimate | None = None
@@ -42,6 +42,10 @@ class Identifier(BatchedNode):
             fast = AS_BYTES.get(topic)
             subscription(self, topic, self._listener(fast or listen), raw=fast is not None)
         self.create_timer(REPORT_S, self._report)
+
+    def _begin(self, vehicle: Vehicle, tuning: Tuning) -> None:
+        """Begin a session; one with another tuning forgets what was learned before."""
+        self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
 
     def _listener(self, listen: Listen) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
