@@ -143,6 +143,83 @@ def test_a_disarm_by_a_monitor_does_not_outrank_a_later_request_of_the_operator(
     assert state.phase is Phase.ARMING
 
 
+def numbered(*numbers: int) -> OutputGuard:
+    return replace(GUARD, fresh_number=iter(numbers).__next__)
+
+
+def from_terminal(
+    guard: OutputGuard, state: OutputGuardState, number: int, seconds: float
+) -> tuple[OutputGuardState, str]:
+    """Ask as somebody does who types: without a stamp. Returns the reason of a refusal."""
+    state, answer = guard.arm(state, Request(Stamp(0), number), at(seconds))
+    assert answer.accepted is (answer.reason == "")
+    assert answer.accepted is (state.phase is Phase.ARMING)
+    return state, answer.reason
+
+
+def test_who_types_arms_with_the_number_that_the_vehicle_hands_out() -> None:
+    guard = numbered(471_100)
+    state, why = from_terminal(guard, guard.start(at(0.0)), 0, 1.0)
+    assert why == ("request has no stamp; to arm without one, call again within 8 s with sequence: 471100")
+    state, why = from_terminal(guard, state, 471_100, 8.9)
+    assert why == ""
+
+
+@pytest.mark.parametrize("late_s", [8.1, 60.0, 1e6])
+def test_a_number_that_comes_late_arms_nothing_and_hands_out_another(late_s: float) -> None:
+    guard = numbered(471_100, 471_200)
+    state, _ = from_terminal(guard, guard.start(at(0.0)), 0, 1.0)
+    state, why = from_terminal(guard, state, 471_100, 1.0 + late_s)
+    assert why.startswith("the number 471100 is ")
+    assert why.endswith("sequence: 471200")
+    _, why = from_terminal(guard, state, 471_200, 2.0 + late_s)
+    assert why == ""
+
+
+def test_a_number_counts_once() -> None:
+    guard = numbered(471_100, 471_200, 471_300)
+    state, _ = from_terminal(guard, guard.start(at(0.0)), 0, 1.0)
+    state, why = from_terminal(guard, state, 999_999, 1.1)
+    assert why.endswith("sequence: 471200"), "a wrong one ends the number, too: nobody guesses"
+    state, why = from_terminal(guard, state, 471_100, 1.2)
+    assert why.endswith("sequence: 471300")
+    state, why = from_terminal(guard, state, 471_300, 1.3)
+    assert why == ""
+    state, _ = guard.disarm(state, Request(at(1.4), 0), at(1.4))
+    state, answer = numbered(1).arm(state, Request(Stamp(0), 471_300), at(1.5))
+    assert not answer.accepted, "the same request, delivered twice"
+
+
+@pytest.mark.parametrize("reason", ["", "no operator for 2 s"])
+def test_a_disarm_takes_the_number_back(reason: str) -> None:
+    guard = numbered(471_100, 471_200)
+    state, _ = from_terminal(guard, guard.start(at(0.0)), 0, 1.0)
+    state, _ = guard.disarm(state, Request(at(1.5), 1, reason), at(1.5))
+    _, why = from_terminal(guard, state, 471_100, 2.0)
+    assert why.endswith("sequence: 471200")
+
+
+def test_a_clock_that_goes_back_takes_the_number_back() -> None:
+    guard = numbered(471_100, 471_200)
+    state, _ = from_terminal(guard, guard.start(at(0.0)), 0, 100.0)
+    _, why = from_terminal(guard, state, 471_100, 50.0)
+    assert why.endswith("sequence: 471200")
+
+
+def test_requests_with_a_stamp_go_on_after_one_without() -> None:
+    guard = numbered(471_100)
+    state, _ = guard.disarm(guard.start(at(0.0)), Request(at(0.5), 7), at(0.5))
+    state, _ = from_terminal(guard, state, 0, 1.0)
+    state, why = from_terminal(guard, state, 471_100, 2.0)
+    assert why == ""
+    state, _ = guard.disarm(state, Request(at(3.0), 8), at(3.0))
+    assert guard.arm(state, Request(at(3.1), 9), at(3.1))[1].accepted
+
+
+def test_numbers_have_six_digits() -> None:
+    assert all(100_000 <= GUARD.fresh_number() <= 999_999 for _ in range(100))
+
+
 def test_a_console_that_starts_again_may_arm_after_a_second() -> None:
     state, _ = GUARD.disarm(armed(), Request(at(8.0), 7), at(8.0))
     _, answer = GUARD.arm(state, Request(at(9.0), 1), at(9.0))

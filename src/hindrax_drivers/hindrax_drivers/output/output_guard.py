@@ -12,6 +12,8 @@ host calls `command` for each command, `tick` no later than `due` says, and repo
 from __future__ import annotations
 
 import math
+import secrets
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -35,6 +37,7 @@ class OutputGuardKnobs:
     disarm_after_s: float = knob(5.0, 0.5, 600.0, "silence after which the thrusters disarm [s]")
     command_lifespan_s: float = knob(0.2, 0.01, 2.0, "age from which a command is dropped [s]")
     arm_lifespan_s: float = knob(1.0, 0.1, 5.0, "age from which an arm request is refused [s]")
+    challenge_s: float = knob(8.0, 1.0, 10.0, "time in which a request without a stamp may repeat its number [s]")
     future_s: float = knob(0.1, 0.0, 1.0, "how far ahead of the vehicle's clock a stamp may be [s]")
     repeat_s: float = knob(0.09, 0.01, 0.1, "longest time between two writes, neutral or not [s]")
     failing_s: float = knob(0.2, 0.0, 2.0, "time of failing writes after which the output is faulted [s]")
@@ -90,6 +93,14 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
+class Challenge:
+    """A number that was handed out to a request without a stamp, once, and when."""
+
+    number: int
+    made: Stamp
+
+
+@dataclass(frozen=True, slots=True)
 class Pulses:
     """What to write to the output now [us]; `sequence` is that of the command behind it, zero when it is neutral."""
 
@@ -137,6 +148,7 @@ class OutputGuardState:
     last_command: Command | None = None
     last_request: Request | None = None
     monitor_disarmed_at: Stamp | None = None
+    challenge: Challenge | None = None
 
     @property
     def armed(self) -> bool:
@@ -151,6 +163,8 @@ class OutputGuard:
     thrusters: int
     lights: int = 0
     knobs: OutputGuardKnobs = OutputGuardKnobs()
+    fresh_number: Callable[[], int] = lambda: 100_000 + secrets.randbelow(900_000)
+    """Number for a challenge: six digits that nobody guesses, and none in use before."""
 
     @property
     def neutral(self) -> Pulses:
@@ -225,13 +239,36 @@ class OutputGuard:
     def arm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
         """Start arming, unless the request is late or out of order, or the output is faulted; the answer says why."""
         state, now = self._observe(state, now)
-        why = self._request_fault(state, request, now)
+        if request.stamp == 0:
+            state, why = self._challenged(state, request, now)
+            request = replace(request, stamp=now, sequence=state.last_request.sequence if state.last_request else 0)
+        else:
+            why = self._request_fault(state, request, now)
         if why:
             return state, Answer(accepted=False, reason=why)
         state = replace(state, last_request=request)
         if state.phase is not Phase.DISARMED:
             return state, Answer(accepted=True)
         return self._enter(state, Phase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
+
+    def _challenged(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, str]:
+        """Judge a request without a stamp by the number that it repeats; the reason of a refusal has a new number.
+
+        A number counts once, and not after a disarm: whatever waited in a link finds it expired or gone.
+        """
+        given, state = state.challenge, replace(state, challenge=None)
+        if state.phase is Phase.FAULTED:
+            return state, f"output is faulted: {state.reason}"
+        if given is not None and request.sequence == given.number:
+            age_s = seconds_between(given.made, now)
+            if age_s <= self.knobs.challenge_s:
+                return state, ""
+            why = f"the number {given.number} is {age_s:.1f} s old"
+        else:
+            why = "request has no stamp"
+        made = Challenge(self.fresh_number(), now)
+        within = f"within {self.knobs.challenge_s:g} s with sequence: {made.number}"
+        return replace(state, challenge=made), f"{why}; to arm without one, call again {within}"
 
     def disarm(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, Answer]:
         """Disarm at once, however old the request is; arm requests made before it are refused from now on."""
@@ -309,7 +346,7 @@ class OutputGuard:
         """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
         if phase is Phase.ARMED:
             return replace(state, phase=phase, reason=reason, since=now)
-        return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None)
+        return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
 
     def _fresh(self, state: OutputGuardState, now: Stamp) -> bool:
         return state.fresh_until is not None and now < state.fresh_until
