@@ -20,13 +20,13 @@ PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
 INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT / "src/hindrax_msgs" / kind).iterdir())
 
-# Module -> rosdep key, or None where rosdep has no key: those come from setup/runtime.in on every machine.
+# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three.
 KEY_OF_MODULE = {
-    "filterpy": None,
-    "lz4": None,
+    "filterpy": "python3-filterpy-pip",
+    "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
-    "mcap": None,
-    "mcap_ros2": None,
+    "mcap": "mcap-ros2-support",
+    "mcap_ros2": "mcap-ros2-support",
     "numpy": "python3-numpy",
     "rich": "python3-rich",
     "scipy": "python3-scipy",
@@ -36,7 +36,7 @@ KEY_OF_MODULE = {
     "textual": "python3-textual",
     "tornado": "python3-tornado",
     "yaml": "python3-yaml",
-    "zstandard": None,
+    "zstandard": "mcap-ros2-support",
 }
 RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
 DEVELOPMENT_MODULES = {
@@ -65,9 +65,7 @@ def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     for module, source in modules_imported(package):
         if module in sys.stdlib_module_names or module == package.name or module in DEVELOPMENT_MODULES:
             continue
-        key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
-        if key is not None:
-            yield key, source
+        yield KEY_OF_MODULE.get(module, module), source  # packages of ROS and our own have their own name for a key
     if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
         yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
     if package.name == "hindrax_bringup":  # starts the executables of these packages
@@ -87,10 +85,12 @@ def test_every_declared_dependency_is_imported(package: Path) -> None:
     assert dependencies(package) - {key for key, _ in keys_needed(package)} == set()
 
 
-def test_modules_without_a_rosdep_key_are_locked() -> None:
-    for module, key in KEY_OF_MODULE.items():
-        name = module.replace("_", "-")
-        assert key is not None or re.search(rf"^{name}\b", RUNTIME, re.MULTILINE), f"setup/runtime.in lacks {name}"
+PROJECT_OF_MODULE = {"mcap_ros2": "mcap-ros2-support", "serial": "pyserial", "yaml": "pyyaml"}
+
+
+@pytest.mark.parametrize("module", KEY_OF_MODULE)
+def test_a_module_from_elsewhere_is_locked_too(module: str) -> None:
+    assert re.search(rf"^{PROJECT_OF_MODULE.get(module, module)}\b", RUNTIME, re.MULTILINE)
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
