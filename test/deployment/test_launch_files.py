@@ -30,12 +30,13 @@ from ament_index_python import get_package_prefix
 
 from hindrax_bag.run_folder import make_run_folder
 from hindrax_bringup.node_options import Tuning
-from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, Process
+from hindrax_bringup.processes import MOCK, ONBOARD, RECORDER, SENSORS, Process
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.nodes.mock import parser as mock_parser
 
 ROOT = Path(__file__).parents[2]
@@ -286,6 +287,7 @@ def test_what_the_mock_file_describes_runs_until_the_vehicle_navigates(tmp_path:
     environment = os.environ | {one.words[0]: one.words[1] for one in found if one.kind == "SetEnvironmentVariable"}
     log = tmp_path / "log"
     wanted = {node for process in (MOCK, *ONBOARD) for node in process.nodes}
+    wanted -= set(SENSORS.nodes) - set(load_vehicle(default_vehicle()).sensors)
     with own_domain(mock=True) as domain, running(found, environment | domain_of(domain), log):
         watch = [sys.executable, "-c", WATCH, json.dumps(sorted(wanted))]
         seen = subprocess.run(
