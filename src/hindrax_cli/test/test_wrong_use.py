@@ -58,7 +58,7 @@ def test_one_sentence(capsys: pytest.CaptureFixture[str], words: list[str], sent
 def test_a_stack_that_is_refused_leaves_no_folder_behind(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: str
 ) -> None:
-    def refuse(_domain: int, _environment: dict[str, str]) -> None:
+    def refuse(_domain: int, _namespace: str, _environment: dict[str, str]) -> None:
         raise HindraxError("ROS domain 7: found the nodes of a stack")
 
     monkeypatch.setattr("hindrax_bringup.stack.require_no_stack", refuse)
