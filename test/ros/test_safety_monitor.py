@@ -19,8 +19,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.link_monitor import HOLD, NEUTRAL, STAY
-from hindrax_bringup.liveness import LivenessFile
-from hindrax_bringup.nodes.safety_monitor import SafetyMonitor, health_change
+from hindrax_bringup.liveness import LivenessFile, health_change
+from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, NAMESPACE, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import Heartbeat, ThrusterHealth

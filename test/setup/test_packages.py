@@ -22,7 +22,6 @@ INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT 
 
 # Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three.
 KEY_OF_MODULE = {
-    "filterpy": "python3-filterpy-pip",
     "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
     "mcap": "mcap-ros2-support",

@@ -151,3 +151,17 @@ def silent(ages_s: Mapping[str, float]) -> list[str]:
         for name, age_s in ages_s.items()
         if age_s > LATE_S
     ]
+
+
+def health_change(name: str, before: str | None, now: str) -> str:
+    """Return a sentence if the health of a node has changed, else an empty text; numbers alone are no news.
+
+    `before` is None for a node of which nothing was known.
+    """
+    if now:
+        return f"{name}: {now}" if _words(now) != _words(before or "") else ""
+    return f"{name}: well" if before != "" else ""
+
+
+def _words(text: str) -> str:
+    return "".join(letter for letter in text if not (letter.isdigit() or letter in ".-+"))

@@ -15,12 +15,11 @@ from typing import Any
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_run, show
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, pulse
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
 from hindrax_bringup.stack_lock import announced
-from hindrax_bringup.stack_runner import health_changes
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
 from hindrax_control.maneuver.servable import motions_to_fly
@@ -238,8 +237,9 @@ def missing_solution(operator: Any) -> str:
 def report_devices(operator: Any, heard: dict[str, str], progress: Progress) -> None:
     """One line when a device or node is up, and one for what it still waits for; `heard` is what they said before."""
     now = {name.removeprefix("hindrax: "): _trouble(one) for name, one in operator.diagnostics.items()}
-    for sentence in health_changes(heard, now):
-        progress.report(sentence)
+    for name, trouble in now.items():
+        if change := health_change(name, heard.get(name), trouble):
+            progress.report(change)
     heard.update(now)
 
 

@@ -18,7 +18,7 @@ from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
-from hindrax_bringup.liveness import LivenessFile, pulse_of_nodes
+from hindrax_bringup.liveness import LivenessFile, health_change, pulse_of_nodes
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.stamp_window import TIMELESS, order_window
@@ -141,20 +141,6 @@ class SafetyMonitor(BatchedNode):
             if change := health_change(name, self._troubles.get(name), trouble):
                 self.report(change)
             self._troubles[name] = trouble
-
-
-def health_change(name: str, before: str | None, now: str) -> str:
-    """Return a sentence if the health of a node has changed, else an empty text; numbers alone are no news.
-
-    `before` is None for a node of which nothing was known.
-    """
-    if now:
-        return f"{name}: {now}" if _words(now) != _words(before or "") else ""
-    return f"{name}: well" if before != "" else ""
-
-
-def _words(text: str) -> str:
-    return "".join(letter for letter in text if not (letter.isdigit() or letter in ".-+"))
 
 
 def main() -> int:

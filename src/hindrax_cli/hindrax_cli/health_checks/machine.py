@@ -22,7 +22,7 @@ from hindrax_bringup.tether import Tether, address_of
 from hindrax_cli.health_checks.check import Check, bad, good
 from hindrax_core.errors import HindraxError
 
-LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "filterpy", "mcap")
+LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
 PYTHONS = ((3, 11), (3, 12))
 GROUPS = ("dialout", "i2c")
 FIRST_YEAR = 2025
