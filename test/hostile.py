@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from itertools import product
+from itertools import islice, product
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -36,7 +36,8 @@ def _value(field: str, number: float, length: int, text: str, time: Time) -> Any
         return time
     if field.startswith("sequence<"):
         of = field.removeprefix("sequence<").removesuffix(">").partition(",")[0]
-        return [_value(of, number, length, text, time) for _ in range(length)]
+        inside = min(length, 9)  # lists of long lists would only take time
+        return [_value(of, number, inside, text, time) for _ in range(length)]
     if field.endswith("]"):
         of, _, count = field.removesuffix("]").partition("[")
         return [_value(of, number, length, text, time) for _ in range(int(count))]
@@ -53,10 +54,10 @@ def _plain(field: str, number: float, length: int, text: str, time: Time) -> Any
     return filled(message_class(f"{package}/msg/{name}"), number, length, text, time)
 
 
-def floods(kind: type, now: Time) -> Iterator[Any]:
-    """Messages in which everything is wrong; some are stamped now."""
+def floods(kind: type, now: Time, every: int = 1) -> Iterator[Any]:
+    """Messages in which everything is wrong, or every so manieth of them; some are stamped now."""
     times = [now, *(Time(sec=sec, nanosec=nanosec) for sec, nanosec in TIMES)]
-    for number, length, text, time in product(NUMBERS, LENGTHS, TEXTS, times):
+    for number, length, text, time in islice(product(NUMBERS, LENGTHS, TEXTS, times), 0, None, every):
         yield filled(kind, number, length, text, time)
 
 

@@ -174,7 +174,7 @@ def test_nonsense_on_every_recorded_topic_ends_nobody_and_moves_nothing(stack: p
         subscription(client.node, THRUSTER_STATE, states.append)
         before, now = family(stack), stamp_to_msg(time.time_ns())
         for topic, say in says.items():
-            for message in list(hostile.floods(message_class(topic.type), now))[::30]:
+            for message in hostile.floods(message_class(topic.type), now, every=31):
                 say.publish(message)
                 client._executor.spin_once(timeout_sec=0.0)
         states.clear()

@@ -51,8 +51,8 @@ def block(factory: Callable[[], Any], meaning: str) -> Any:
     return field(default_factory=factory, metadata={META: Knob(meaning=meaning)})
 
 
-def choice(default: str, choices: Sequence[str], meaning: str) -> Any:
-    """Declare a word out of a closed set."""
+def choice(default: str | tuple[str, ...], choices: Sequence[str], meaning: str) -> Any:
+    """Declare a word out of a closed set, or a list of them."""
     return field(default=default, metadata={META: Knob(meaning=meaning, choices=tuple(choices))})
 
 

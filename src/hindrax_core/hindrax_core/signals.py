@@ -106,14 +106,15 @@ class Thrust:
     forces_N: tuple[float, ...] = ()
 
 
+PHASES = ("settle", "hover", "transit", "transient", "plateau", "excite")
+"""Phases of a maneuver: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed
+still changing), "plateau" (speed steady), "hover" (at rest: its thrust weighs it), "excite" (information-rich
+excitation)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """State of the maneuver: motion ("surge", "heave_down", ...; empty: none) and phase.
-
-    Phases: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed still
-    changing), "plateau" (speed steady), "hover" (at rest: its thrust weighs it), "excite" (information-rich
-    excitation).
-    """
+    """State of the maneuver: motion ("surge", "heave_down", ...; empty: none) and phase, one of `PHASES`."""
 
     motion: str
     phase: str

@@ -171,7 +171,7 @@ TOPICS: tuple[Topic, ...] = (
 
 NAMESPACE = "/hindrax"
 """Namespace of a vehicle unless another is named; bags of every vehicle are read as if recorded in it."""
-OUTSIDE = ("/diagnostics", "/tf", "/tf_static")
+OUTSIDE = ("/diagnostics", "/rosout", "/tf", "/tf_static")
 """Topics of ROS outside of any namespace. A vehicle with another namespace has them inside its own."""
 CLOCK = "/clock"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hindrax_core.knobs import choice, knob
+from hindrax_core.signals import PHASES
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,4 +45,4 @@ class Tuning:
     )
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn only from the plateaus of a maneuver")
-    phases: tuple[str, ...] = knob(("hover", "transient", "plateau", "excite"), meaning="phases used for learning")
+    phases: tuple[str, ...] = choice(("hover", "transient", "plateau", "excite"), PHASES, "phases used for learning")
