@@ -46,6 +46,7 @@ from hindrax_ros.graph import message_class, publisher, subscription
 pytestmark = pytest.mark.ros
 
 PATIENT_S = 60.0
+NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 NODES = {
     *("sensors", "dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "navigator", "pilot", "allocator"),
     *("identifier", "recorder", "safety_monitor", "teleop"),
@@ -179,9 +180,9 @@ def test_nonsense_on_every_recorded_topic_ends_nobody_and_moves_nothing(stack: p
                 client._executor.spin_once(timeout_sec=0.0)
         states.clear()
         client.until(lambda: sum(one.output == "pca9685" for one in states) > 25, "states of the thrusters")
-        assert {(one.state, frozenset(one.pulses)) for one in states if one.output == "pca9685"} == {
-            ("disarmed", frozenset({1500.0}))
-        }
+        told = [one for one in states if one.output == "pca9685"]
+        assert {one.state for one in told} == {"disarmed"}
+        assert all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for one in told for pulse in one.pulses)
         assert family(stack) == before
 
 
