@@ -248,8 +248,8 @@ def watch_record(operator: Any, heard: dict[str, str], progress: Progress, witho
     name = RECORDER.name
     status = operator.diagnostics.get(f"hindrax: {name}")
     failure = str(status.message) if status is not None and status.level == b"\x02" else ""
-    for sentence in health_changes({name: heard.get(name, "")}, {name: failure}):
-        progress.report(sentence)
+    if change := health_change(name, heard.get(name, ""), failure):
+        progress.report(change)
     heard[name] = failure
     if failure and without_record == ABORT:
         raise HindraxError(f"{name}: {failure}; --without-record {CONTINUE} flies on")
