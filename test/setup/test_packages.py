@@ -20,7 +20,8 @@ PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
 INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT / "src/hindrax_msgs" / kind).iterdir())
 
-# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three.
+# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three. It has none for
+# segno either, which only draws an address for a phone: it comes from setup/runtime.in.
 KEY_OF_MODULE = {
     "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
@@ -64,7 +65,9 @@ def keys_needed(package: Path) -> Iterator[tuple[str, Path]]:
     for module, source in modules_imported(package):
         if module in sys.stdlib_module_names or module == package.name or module in DEVELOPMENT_MODULES:
             continue
-        yield KEY_OF_MODULE.get(module, module), source  # packages of ROS and our own have their own name for a key
+        key = KEY_OF_MODULE.get(module, module)  # packages of ROS and our own have their own name for a key
+        if key is not None:
+            yield key, source
     if package.name == "hindrax_ros":  # imports the messages of the table of topics by their names
         yield from ((topic.type.partition("/")[0], Path(topics.__file__)) for topic in topics.TOPICS)
     if package.name == "hindrax_bringup":  # starts the executables of these packages
