@@ -20,8 +20,8 @@ PACKAGES = sorted(path.parent for path in ROOT.glob("src/*/package.xml"))
 PYTHON_PACKAGES = [package for package in PACKAGES if (package / "setup.cfg").exists()]
 INTERFACES = sorted(path for kind in ("msg", "srv", "action") for path in (ROOT / "src/hindrax_msgs" / kind).iterdir())
 
-# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three. It has none for
-# segno either, which only draws an address for a phone: it comes from setup/runtime.in.
+# Module -> rosdep key. rosdep has none for mcap, lz4 and zstandard: mcap-ros2-support requires all three.
+# Nor for segno, which only draws an address for a phone: it comes from setup/runtime.in.
 KEY_OF_MODULE = {
     "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
