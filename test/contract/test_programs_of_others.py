@@ -1,9 +1,11 @@
 """What programs of others do on an I2C adapter, through the kernel: by smbus2, by plain calls, sleeping by the wall.
 
 Steps and waiting times are those of the data sheets: TE MS5837-30BA rev. C2 (conversions), TDK DS-000189 r1.3
-(bypass), NXP PCA9685 rev. 4 section 7.3, Bosch BST-BME280-DS002 section 5.3, TI SBOS547 tables 1 and 2.
+(bypass), NXP PCA9685 rev. 4 section 7.3, Bosch BST-BME280-DS002 section 5.3, TI SBOS547 tables 1 and 2,
+TI SBAS444E section 9.6.
 """
 
+import contextlib
 import fcntl
 import os
 import struct
@@ -25,12 +27,11 @@ I2C_SLAVE = 0x0703
 pytestmark = [pytest.mark.root, pytest.mark.skipif(not POSSIBLE, reason="needs root and /dev/fuse")]
 
 
-@pytest.fixture(scope="module")
-def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MockVehicle, str]]:
-    """The whole mock vehicle, stepped by a thread, with its bus as a file."""
-    folder = tmp_path_factory.mktemp("mock")
+@contextlib.contextmanager
+def mock_bus(folder: Path, *sensors: str) -> Iterator[tuple[MockVehicle, str]]:
+    """The whole mock vehicle with further sensors, stepped by a thread, with its bus as a file."""
     over = threading.Event()
-    with MockVehicle(hindrax_with("bme280", "ina226"), folder, seed=1, rate=1.0) as mock:
+    with MockVehicle(hindrax_with(*sensors), folder, seed=1, rate=1.0) as mock:
         try:
             file = mock.offer_file(str(folder / "i2c-9"))
         except HindraxError as error:
@@ -42,10 +43,18 @@ def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MockVehic
 
         thread = threading.Thread(target=turn)
         thread.start()
-        yield mock, str(folder / "i2c-9")
-        over.set()
-        thread.join()
-        file.close()
+        try:
+            yield mock, str(folder / "i2c-9")
+        finally:
+            over.set()
+            thread.join()
+            file.close()
+
+
+@pytest.fixture(scope="module")
+def mocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[MockVehicle, str]]:
+    with mock_bus(tmp_path_factory.mktemp("mock"), "bme280", "ina226") as found:
+        yield found
 
 
 @pytest.fixture
@@ -149,3 +158,12 @@ def test_the_supply_is_measured_as_the_data_sheet_does(path: str) -> None:
         time.sleep(0.0025)
         volts = int.from_bytes(bytes(bus.read_i2c_block_data(0x41, 0x02, 2)), "big") * 1.25e-3
         assert volts == pytest.approx(14.8, abs=0.02)
+
+
+def test_a_converter_behind_a_power_sense_module_is_read_as_its_data_sheet_does(tmp_path: Path) -> None:
+    with mock_bus(tmp_path, "ads1115") as (_, path), SMBus(path) as bus:
+        bus.write_i2c_block_data(0x48, 0x01, [0xF3, 0x83])  # AIN3 against ground, 4.096 V, one conversion at 128 per s
+        time.sleep(0.009)
+        assert bus.read_i2c_block_data(0x48, 0x01, 2)[0] & 0x80, "the conversion is done"
+        counts = int.from_bytes(bytes(bus.read_i2c_block_data(0x48, 0x00, 2)), "big", signed=True)
+        assert 11.0 * 0.125e-3 * counts == pytest.approx(14.8, abs=0.1)
