@@ -159,6 +159,15 @@ def test_a_wrap_goes_on_as_if_nothing_were() -> None:
     assert len(told) == 199_900 // (1 << 16)
 
 
+def test_a_reset_after_a_wrap_is_one_reset_told_in_the_counts_of_the_device() -> None:
+    told: list[Break] = []
+    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
+    for index in range(1000):
+        since = index if index < 800 else index - 800
+        assert base.map(since * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
+    assert [(one.kind, one.ticks) for one in told] == [("wrap", 65_600), ("reset", 0)]
+
+
 def test_a_host_clock_set_back_is_told() -> None:
     told, stamp = run_then(21_000_000, START + 5_000 * MS)
     assert [one.kind for one in told] == ["host step"]
