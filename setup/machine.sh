@@ -212,10 +212,11 @@ make_bootstrap() {
   identity="$python $(sha256sum <"$root/setup/bootstrap.lock")"
   stamped "$state/bootstrap/complete" "$identity" && return
   discard "$state/bootstrap"
-  step "making a place for the installer" "$python" -I -m venv "$state/bootstrap"
   # pip asks rustc for its version; where that is rustup's, it would put its settings into the home.
-  step "fetching the installer" env RUSTUP_HOME="$state/cache/rustup" \
-    "$state/bootstrap/bin/python" -I -m pip install --disable-pip-version-check --no-input --no-cache-dir \
+  local -x RUSTUP_HOME=${RUSTUP_HOME:-$state/cache/rustup}
+  step "making a place for the installer" "$python" -I -m venv "$state/bootstrap"
+  step "fetching the installer" "$state/bootstrap/bin/python" -I -m pip install --disable-pip-version-check --no-input \
+    --no-cache-dir \
     --require-hashes --only-binary :all: --requirement "$root/setup/bootstrap.lock"
   echo "$identity" >"$state/bootstrap/complete"
 }

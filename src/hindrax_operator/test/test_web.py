@@ -371,10 +371,18 @@ def test_stop_gets_through_while_connections_drip(page: Page, begin: bytes) -> N
     assert page.vehicle.orders == ["stop"] * 20
 
 
+def insist_on_stop(page: Page) -> int:
+    """Status of a stop, sent again as the page does when its connection had to make room before it was read."""
+    for _ in range(20):
+        with contextlib.suppress(ConnectionError):
+            return page.order("stop")[0]
+    return 0
+
+
 def test_stop_gets_through_when_every_connection_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "CONNECTIONS", 16)
     with served(tmp_path) as page, listening(page) as answer, dripping(page, 40):
-        assert [page.order("stop")[0] for _ in range(20)] == [202] * 20
+        assert [insist_on_stop(page) for _ in range(20)] == [202] * 20
         for _ in range(20):
             assert answer.readline(), "who reads events does not make room for who drips"
 
@@ -542,7 +550,11 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(GraphLink, "snapshot", lambda _link: ARMED)
     monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
     monkeypatch.setattr(server.Server, "run", lambda _server: None)
+    looks: list[Snapshot] = []
+    step = Chart.step
+    monkeypatch.setattr(Chart, "step", lambda chart, view: looks.append(view) or step(chart, view))
     assert main(["web", "--port", "0"]) == 1
+    assert looks, "the chart follows the vehicle from the start, not from the first page on"
     assert "start `./hindrax web` again" in capsys.readouterr().err
 
 

@@ -33,7 +33,11 @@ const ask = (path, words, more) => fetch(path, {
 const order = async (name, words = {}) => {
   const asked_ms = Date.now(), before = situation();
   try {
-    const answer = await ask("/" + name, words);
+    /* An end is sent again: a crowded server may close a connection before it has read it. */
+    let answer;
+    for (let tries = name === "fly" ? 4 : 1; !answer; tries++) {
+      answer = await ask("/" + name, words).catch(error => { if (tries >= 4) throw error; });
+    }
     if (!answer.ok) notify(await answer.text(), false, () => situation() !== before);
   } catch {
     notify(name + ": no way to the vehicle; `./hindrax stop` in a terminal, or cut the power", false,

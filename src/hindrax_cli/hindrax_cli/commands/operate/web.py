@@ -102,6 +102,8 @@ def _serve(
         if sys.stdout.isatty() and "localhost" not in access.hosts:
             print(qr_code(page_url(arguments.address, server.port, access.token)), flush=True)
         while not over() and link.is_alive():
+            # Also while no page is open: who opens one later has to know how the vehicle lay before it was armed.
+            controller.update()
             if not server.is_alive():
                 raise HindraxError(
                     "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
