@@ -109,7 +109,9 @@ def test_a_name_is_looked_for_here_then_among_ones_own_then_in_the_clone(
     (tmp_path / "hindrax.yaml").touch()
     assert vehicle_file("hindrax").resolve() == tmp_path / "hindrax.yaml"
     assert vehicle_file("elsewhere/my.yaml") == Path("elsewhere/my.yaml")
-    with pytest.raises(UsageError, match=r"vehicle nobody: found no nobody.yaml here, .* wanted one of bluerov2-heavy, hindrax"):
+    with pytest.raises(
+        UsageError, match=r"vehicle nobody: found no nobody.yaml here, .* wanted one of bluerov2-heavy, hindrax"
+    ):
         vehicle_file("nobody")
     monkeypatch.setenv(VEHICLE, "nobody")
     assert main(["allocate", "--wrench", *"100000"]) == 2

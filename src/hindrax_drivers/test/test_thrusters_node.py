@@ -16,12 +16,13 @@ from hindrax_drivers.output.output_guard import Command
 from hindrax_msgs.msg import ThrusterCommand
 
 
-def heard(data: bytes) -> tuple[list[Command], list[str]]:
-    """Commands that reach the guard, and reasons of refusals."""
+def heard(data: bytes, unfit: str = "") -> tuple[list[Command], list[str]]:
+    """Commands that reach the guard, and reasons of refusals; `unfit`: why their sender is not obeyed."""
     commands: list[Command] = []
     refused: list[str] = []
     node: Any = SimpleNamespace(
         _thread=SimpleNamespace(now=Stamp(5), command=commands.append),
+        _unfit_sender=lambda: unfit,
         refused=lambda refusal, _stamp: refused.append(refusal.reason),
     )
     ThrustersNode._on_command(node, data)  # the callback of its subscription
@@ -35,6 +36,11 @@ def test_a_command_reaches_the_guard_with_its_lights_apart() -> None:
         [Command((1500.0, 1600.0), (1100.0,), Stamp(3_000_000_000), 7)],
         [],
     )
+
+
+def test_a_command_of_a_sender_that_is_not_obeyed_does_not_reach_the_guard() -> None:
+    message = ThrusterCommand(sequence=7, pulses=[1500.0], lights=[])
+    assert heard(bytes(serialize_message(message)), unfit="two publish") == ([], ["sender"])
 
 
 @pytest.mark.parametrize(
