@@ -15,7 +15,8 @@ from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
-from hindrax_operator.monitor.snapshot import Frame, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.camera_frame import Frame
+from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
 from hindrax_operator.web.reports import Reports

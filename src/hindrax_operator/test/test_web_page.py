@@ -11,7 +11,8 @@ from browser import browser, browser_at_hand
 from web_rig import ARMED, DISARMED, ESTIMATE, TOKEN, served
 
 from hindrax_control.maneuver.maneuver import Goal
-from hindrax_operator.monitor.snapshot import Frame, ManeuverView
+from hindrax_operator.camera_frame import Frame
+from hindrax_operator.monitor.snapshot import ManeuverView
 
 PROGRAM = browser_at_hand()
 

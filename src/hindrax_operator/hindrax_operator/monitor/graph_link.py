@@ -14,8 +14,9 @@ from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
+from hindrax_operator.camera_frame import Frame
 from hindrax_operator.connection import joined
-from hindrax_operator.monitor.snapshot import Frame, Snapshot, snapshot
+from hindrax_operator.monitor.snapshot import Snapshot, snapshot
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.cameras import Cameras

@@ -52,14 +52,6 @@ class NodeHealth:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """One picture of a camera as it was sent, and a number that no other has."""
-
-    number: int
-    content: bytes
-
-
-@dataclass(frozen=True, slots=True)
 class Snapshot:
     """Everything at one moment. `silent_s`: wall time since the vehicle was last heard."""
 

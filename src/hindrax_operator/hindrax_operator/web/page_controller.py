@@ -12,8 +12,9 @@ from typing import Any, Protocol
 
 from hindrax_control.maneuver.maneuver import Goal, check_goal
 from hindrax_core.errors import UsageError
+from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.draw import SILENT_s
-from hindrax_operator.monitor.snapshot import Frame, Snapshot
+from hindrax_operator.monitor.snapshot import Snapshot
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.summary import Chart, finite, summary
