@@ -142,6 +142,7 @@ ROLES: tuple[Role, ...] = (
         "identifier",
         publishes=(ESTIMATE, DIAGNOSTICS),
         subscribes=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER),
+        serves=("ident/assess",),
     ),
     Role(
         "recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=tuple(topic for topic in TOPICS if topic.recorded)

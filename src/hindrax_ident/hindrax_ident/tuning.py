@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hindrax_core.knobs import choice, knob
 from hindrax_core.signals import PHASES
+
+STAMP_DOUBT_S = 0.03
+"""Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
+LAG_DOUBT_S = 0.1
+"""Prior standard deviation of the thrust lag, and of the latency of the velocities."""
+THRUST_DOUBT = 0.025
+"""Unmodeled dead band of the thrusters or pull of a tether, share of the largest thrust [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,3 +53,13 @@ class Tuning:
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn only from the plateaus of a maneuver")
     phases: tuple[str, ...] = choice(("hover", "transient", "plateau", "excite"), PHASES, "phases used for learning")
+
+
+def for_foreign_records(tuning: Tuning) -> Tuning:
+    """Knobs for measurements of another stack, whose stamps, lag and thrusters are less well known."""
+    return replace(
+        tuning,
+        stamp_doubt_s=max(tuning.stamp_doubt_s, STAMP_DOUBT_S),
+        thrust_doubt=max(tuning.thrust_doubt, THRUST_DOUBT),
+        lag_doubt_s=max(tuning.lag_doubt_s, LAG_DOUBT_S),
+    )

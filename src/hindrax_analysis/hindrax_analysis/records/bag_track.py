@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -26,15 +26,9 @@ NAMED_VELOCITY_TYPES = (
 )
 """Used as velocities only when named: commands, rates alone, and positions have these types too."""
 WRENCH_TYPES = ("geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/Wrench")
-PULSE_FIELDS = {"mavros_msgs/msg/RCOut": "channels", "mavros_msgs/msg/OverrideRCIn": "channels"}
-PULSE_FIELDS |= {
-    f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")
-}
-"""Types that may hold the pulse [us] of each output channel, and their field."""
 
 UNKNOWN = float("nan")
 UNKNOWN_VARIANCE = 1e3
-PULSES_us = (500.0, 2500.0)
 
 
 @dataclass(slots=True)
@@ -112,16 +106,9 @@ def wrenches_of(track: Track, vehicle: Vehicle | None) -> Array:
         raise UsageError(
             f"{track.topic}: holds pulses, wanted newtons; name a vehicle file with thrusters and curves by --vehicle"
         )
-    channels = [thruster.channel for thruster in vehicle.thrusters]
-    short = min((len(row) for row in track.rows), default=0)
-    if short <= max(channels):
-        raise UsageError(f"{track.topic}: holds {short} channels, wanted {max(channels) + 1} for {vehicle.name}")
-    pulses = np.array([[row[channel] for channel in channels] for row in track.rows])
-    stops = np.array([vehicle.curves[thruster.curve].stop_us for thruster in vehicle.thrusters])
-    pulses = np.where(pulses == 0.0, stops, pulses)
-    strange = pulses[(pulses < PULSES_us[0]) | (pulses > PULSES_us[1]) | ~np.isfinite(pulses)]
-    if len(strange):
-        low, high = PULSES_us
-        raise UsageError(f"{track.topic}: found {strange[0]:g}, wanted pulses of {low:g} to {high:g} us")
     applied = AppliedWrench(vehicle)
-    return np.array([applied.wrench(applied.forces_N(row)) for row in pulses.tolist()])
+    try:
+        pulses = [pulses_of_channels(vehicle, row) for row in track.rows]
+    except ValueError as error:
+        raise UsageError(f"{track.topic}: {error}") from error
+    return np.array([applied.wrench(applied.forces_N(row)) for row in pulses])

@@ -13,26 +13,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import motions_of
-from hindrax_ident.tuning import Tuning
+from hindrax_ident.online.record_session import SOURCE, on_axis_only
+from hindrax_ident.tuning import Tuning, for_foreign_records
 
-SOURCE = "record"
 FEWEST = 20
 """Fewest velocity samples of an axis."""
 LEAST_RELATIVE = 1e-6
 
 SLOWEST_S = 5.0
 """Median time between velocities above which the times are probably not in seconds."""
-STAMP_DOUBT_S = 0.03
-"""Prior standard deviation between stamps of different topics: delays, jitter and slow sampling resemble a lag."""
-LAG_DOUBT_S = 0.1
-"""Prior standard deviation of the thrust lag, and of the latency of the velocities."""
-THRUST_DOUBT = 0.025
-"""Unmodeled dead band of the thrusters or pull of a tether, share of the largest thrust [-]."""
 HALF_TURN = array(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0]))
 """From forward, left, up to forward, starboard, down, and back."""
 
@@ -169,16 +162,13 @@ def _finite(values: Array) -> Array:
 
 def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuning:
     """Knobs for the rates and stamps of third-party records: a slow topic is not a pause."""
-    base = tuning or Tuning()
+    base = for_foreign_records(tuning or Tuning())
     slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
     slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
     return replace(
         base,
         gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)),
         thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w),
-        stamp_doubt_s=max(base.stamp_doubt_s, STAMP_DOUBT_S),
-        thrust_doubt=max(base.thrust_doubt, THRUST_DOUBT),
-        lag_doubt_s=max(base.lag_doubt_s, LAG_DOUBT_S),
     )
 
 
@@ -196,8 +186,8 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
     forces = recording.wrench[:, axis]
-    parts += [(t, 0, Thrust(_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
-    unknown = _only(axis, NAN, NAN)
+    parts += [(t, 0, Thrust(on_axis_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
+    unknown = on_axis_only(axis, NAN, NAN)
     known = np.isfinite(recording.velocity).any(axis=1)
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
     # Of all axes: motion along the others causes forces on this one.
@@ -224,9 +214,3 @@ def _attitudes(recording: Recording, axis: int) -> Iterator[tuple[float, Attitud
             yield t, Attitude((NAN, NAN, NAN), depth)
         elif axis != 2 and (math.isfinite(roll) or math.isfinite(pitch)):
             yield t, Attitude((roll, pitch, NAN))
-
-
-def _only(axis: int, value: float, rest: float) -> Vec6:
-    six = [rest] * 6
-    six[axis] = value
-    return (six[0], six[1], six[2], six[3], six[4], six[5])

@@ -12,6 +12,24 @@ from hindrax_core.vehicle import Vehicle
 SERVO_US = (500.0, 2500.0)
 """What is outside is not a servo pulse at all but a sign of garbage."""
 
+PULSE_FIELDS = {"mavros_msgs/msg/RCOut": "channels", "mavros_msgs/msg/OverrideRCIn": "channels"}
+PULSE_FIELDS |= {
+    f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")
+}
+"""Types of messages that may hold the pulse [us] of each output channel, and their field."""
+
+
+def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[float]:
+    """Pulses of the thrusters [us] out of those of all output channels, where 0 means stop; ValueError if unfit."""
+    wanted = max((thruster.channel for thruster in vehicle.thrusters), default=0) + 1
+    if len(channels) < wanted:
+        raise ValueError(f"holds {len(channels)} channels, wanted {wanted} for {vehicle.name}")
+    pulses = [float(channels[one.channel]) or float(vehicle.curves[one.curve].stop_us) for one in vehicle.thrusters]
+    unfit = unfit_pulses(pulses, len(pulses))
+    if unfit:
+        raise ValueError(unfit)
+    return pulses
+
 
 def unfit_pulses(pulses_us: Sequence[float], thrusters: int) -> str:
     """Why pulses cannot be those of a vehicle with so many thrusters; empty when they can."""

@@ -5,16 +5,28 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.signals import Estimate
-from hindrax_core.topics import ESTIMATE
+from hindrax_core.refusal_counts import Refusals
+from hindrax_core.signals import Estimate, IdentEvent
+from hindrax_core.topics import ESTIMATE, Topic
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ident.nodes.measurement_messages import AS_BYTES, LISTENERS, Listen
+from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.nodes.measurement_messages import (
+    ANY_ODOMETRY,
+    ANY_WRENCH,
+    AS_BYTES,
+    LISTENERS,
+    Listen,
+    thrust_from_wrench,
+    velocities_from_odometry,
+)
+from hindrax_ident.online.record_session import RecordSession
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed
 from hindrax_ident.tuning import Tuning
@@ -26,10 +38,15 @@ from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 
 REPORT_S = 1.0
+ASSESS = "ident/assess"
+Events: TypeAlias = Sequence[Stamped[IdentEvent]]
 
 
 class Identifier(BatchedNode):
-    """Publishes the estimates of a live session, and diagnostics."""
+    """Publishes the estimates of a live session, and diagnostics; `ident/assess` tells the verdicts so far.
+
+    `odometry` and `wrench`, remapped to those of another stack, are identified without maneuvers.
+    """
 
     def __init__(self) -> None:
         super().__init__("identifier")
@@ -41,11 +58,16 @@ class Identifier(BatchedNode):
         for topic, listen in LISTENERS.items():
             fast = AS_BYTES.get(topic)
             subscription(self, topic, self._listener(fast or listen), raw=fast is not None)
+        self._refusals = Refusals()
+        for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
+            subscription(self, topic, self._any_listener(topic, events_of))
+        self.create_service(Trigger, ASSESS, self._on_assess)
         self.create_timer(REPORT_S, self._report)
 
     def _begin(self, vehicle: Vehicle, tuning: Tuning) -> None:
         """Begin a session; one with another tuning forgets what was learned before."""
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
+        self._any, self._any_heard = RecordSession(vehicle, tuning), False
 
     def _listener(self, listen: Listen) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
@@ -55,6 +77,31 @@ class Identifier(BatchedNode):
 
         return on_message
 
+    def _any_listener(self, topic: Topic, events_of: Callable[[Any, Stamp], Events]) -> Callable[[Any], None]:
+        """Listener of a topic of another stack."""
+
+        def on_message(message: Any) -> None:
+            try:
+                events = events_of(message, self._now())
+            except ValueError as error:
+                self._refusals.add(topic.name, str(error))
+                return
+            self._any_heard = True
+            for event in events:
+                for estimate in self._any.step(event):
+                    self._publish(estimate)
+
+        return on_message
+
+    def _on_assess(self, _request: Any, response: Any) -> Any:
+        """Verdict on every motion so far, a line each; success if there is any."""
+        motions = self._any.finalize() if self._any_heard else self._session.finalize().results.motions
+        response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
+        return response
+
+    def _now(self) -> Stamp:
+        return Stamp(self.get_clock().now().nanoseconds)
+
     def _publish(self, estimate: Stamped[Estimate]) -> None:
         self._last = estimate.reading
         self._out.publish(estimate_to_msg(estimate))
@@ -63,9 +110,19 @@ class Identifier(BatchedNode):
         last = self._last
         summary = "waiting for a maneuver" if last is None else f"{last.motion}: {last.samples} samples"
         reason = f"holding: {last.reason}" if last is not None and not last.learning else "learning"
-        values = {"state": reason, DROPPED: str(self._feed.dropped)}
-        now = Stamp(self.get_clock().now().nanoseconds)
-        self._reporter.publish(now, status("hindrax: identifier", DiagnosticStatus.OK, summary, values))
+        values = {"state": reason, DROPPED: str(self._feed.dropped + self._any.dropped)} | self._refusals.values()
+        news = self._refusals.news()
+        level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
+        text = "; ".join([summary, *news])
+        self._reporter.publish(self._now(), status("hindrax: identifier", level, text, values))
+
+
+def verdict_text(result: MotionResult) -> str:
+    """Verdict on a motion in one line, such as `surge: k_q 66.1 +- 0.4, k_l 1.3 +- 0.5`."""
+    if not result.identifiable:
+        return f"{result.motion}: not identifiable: {'; '.join(result.reasons)}"
+    numbers = (f"{name} {one.value:.4g} +- {one.std:.2g}" for name, one in result.coefficients.items())
+    return f"{result.motion}: {', '.join(numbers)}"
 
 
 def make_nodes() -> Sequence[Node]:

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from hindrax_core.events import Stamped
-from hindrax_core.signals import Phase, Thrust
-from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Topic
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.signals import NAN, UNKNOWN6, Attitude, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
-from hindrax_ros.convert import dvl_from_msg, navigation_from_msg, pressure_from_msg, stamp_from_msg
+from hindrax_ros.convert import (
+    FLU,
+    FSD,
+    dvl_from_msg,
+    half_turn,
+    navigation_from_msg,
+    odometry_from_msg,
+    pressure_from_msg,
+    stamp_from_msg,
+    wrench_from_msg,
+)
 from hindrax_ros.fast_serialization import dvl_from_bytes, navigation_from_bytes, pressure_from_bytes, thrust_from_bytes
 
 Listen: TypeAlias = Callable[[Any], Stamped[Measurement]]
@@ -40,3 +51,37 @@ LISTENERS: dict[Topic, Listen] = {
     ALLOCATION: _thrust,
     MANEUVER: _phase,
 }
+
+
+# ---- of another stack
+
+ANY = Quality(reliable=False, depth=50)
+"""Takes reliable publishers too."""
+ANY_ODOMETRY = Topic("odometry", "nav_msgs/msg/Odometry", ANY, 0, False, "velocities and attitude of any vehicle")
+ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, False, "wrench that its thrusters achieve")
+LARGEST_VARIANCE = 1e3
+"""Variances from here on, or below zero, say that a velocity is not measured."""
+
+
+def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+    """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`. ValueError for other frames."""
+    found = odometry_from_msg(message)
+    variances, state = message.twist.covariance[::7], found.reading
+    pairs = zip((*state.velocity_mps, *state.rate_radps), variances, strict=True)
+    u, v, w, p, q, r = (value if 0.0 <= variance < LARGEST_VARIANCE else NAN for value, variance in pairs)
+    roll, pitch, _ = state.attitude_rad
+    stamp = found.stamp or now
+    nu = (u, v, w, p, q, r)
+    return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, UNKNOWN6, "odometry"))
+
+
+def thrust_from_wrench(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
+    """Thrust in `base_link` (also where no frame is named) or `base_link_fsd`. ValueError for other frames."""
+    frame, wrench = message.header.frame_id.rpartition("/")[2], wrench_from_msg(message)
+    if frame not in (FSD, FLU, ""):
+        raise ValueError(f"found frame {frame[:40]!r}, wanted {FLU} or {FSD}")
+    if not all(map(math.isfinite, wrench)):
+        raise ValueError("found a wrench that is not finite, wanted numbers")
+    if frame != FSD:
+        wrench = (*half_turn(wrench[:3]), *half_turn(wrench[3:]))
+    return (Stamped(stamp_from_msg(message.header.stamp) or now, Thrust(wrench)),)

@@ -1,0 +1,84 @@
+"""The thrust node: pulses of anybody's output channels in, the wrench that they achieve by the thrust curves out."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+
+from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
+from hindrax_core.events import Stamp
+from hindrax_core.refusal_counts import Refusals
+from hindrax_core.topics import Quality, Topic
+from hindrax_core.vehicle import load_vehicle
+from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.convert import stamp_from_msg, wrench_to_msg
+from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.optional_messages import optional_class
+from hindrax_ros.parameters import text
+from hindrax_ros.process import spin
+
+LOOK_S = 0.5
+PULSES = Topic("pulses", "", Quality(reliable=False, depth=50), 0, False, "pulse of every output channel [us]")
+WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, False, "wrench that the pulses achieve")
+
+
+class ThrustNode(BatchedNode):
+    """Turns `pulses` into `wrench`. Their type is that of the one who publishes them: RCOut, or an array of numbers."""
+
+    def __init__(self) -> None:
+        super().__init__("thrust")
+        self._vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
+        self._applied = AppliedWrench(self._vehicle)
+        self._refusals, self._type = Refusals(), ""
+        self._out = publisher(self, WRENCH)
+        self._reporter = DiagnosticsPublisher(self)
+        self.every(LOOK_S, self._look)
+
+    def _look(self) -> None:
+        """Subscribe as soon as somebody publishes pulses of a known type, and report."""
+        for kind in sorted({one.topic_type for one in self.get_publishers_info_by_topic(PULSES.name)}):
+            if self._type:
+                break
+            if kind not in PULSE_FIELDS or optional_class(kind) is None:
+                wanted = ", ".join(one for one in PULSE_FIELDS if optional_class(one) is not None)
+                self._refusals.add(PULSES.name, f"found {kind[:60]}, wanted one of {wanted}")
+                continue
+            self._type = kind
+            topic = Topic(PULSES.name, kind, PULSES.quality, PULSES.rate_Hz, PULSES.recorded, PULSES.meaning)
+            self.lead = subscription(self, topic, self._on_pulses)
+        news = self._refusals.news()
+        level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
+        said = "; ".join(news) or (f"listening to {self._type}" if self._type else "waiting for pulses")
+        self._reporter.publish(self._now(), status("hindrax: thrust", level, said, self._refusals.values()))
+
+    def _on_pulses(self, message: Any) -> None:
+        stamp = stamp_from_msg(message.header.stamp) if hasattr(message, "header") else Stamp(0)
+        try:
+            pulses_us = pulses_of_channels(self._vehicle, list(getattr(message, PULSE_FIELDS[self._type])))
+        except ValueError as error:
+            self._refusals.add(PULSES.name, str(error))
+            return
+        wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
+        self._out.publish(wrench_to_msg(stamp or self._now(), wrench))
+
+    def _now(self) -> Stamp:
+        return Stamp(self.get_clock().now().nanoseconds)
+
+
+def make_nodes() -> Sequence[Node]:
+    """The thrust node alone."""
+    return [ThrustNode()]
+
+
+def main() -> int:
+    """Run it until a signal."""
+    return spin(make_nodes)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""Identification from velocities and wrenches of anybody's vehicle, which nobody divides into maneuvers.
+
+As over a third-party record, each axis is identified apart, with everything that comes as its excitation; here while it
+comes. Velocities and wrenches are those of the center of mass, SNAME.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from hindrax_core.events import Stamped, after
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import NAN, UNKNOWN6, Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
+from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.model.motion_model import motions_of
+from hindrax_ident.online.session import Session
+from hindrax_ident.records.sorter import StampSorter
+from hindrax_ident.tuning import Tuning, for_foreign_records
+
+SOURCE = "record"
+
+
+class RecordSession:
+    """One session per axis over the same measurements, in whatever order they come."""
+
+    def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None) -> None:
+        tuning = for_foreign_records(tuning or Tuning())
+        self._sorter: StampSorter[IdentEvent] = StampSorter(tuning.reorder_s, tuning.lagging_s)
+        self._sessions = [Session(vehicle, tuning) for _ in AXES]
+        self._pushed = [False] * len(AXES)
+        self._begun = False
+
+    @property
+    def dropped(self) -> int:
+        """Number of measurements dropped because they arrived too late."""
+        return self._sorter.dropped
+
+    def step(self, measurement: Stamped[IdentEvent]) -> Iterator[Stamped[Estimate]]:
+        """Add one velocity, attitude or thrust; yield the estimates of the axes that were pushed so far."""
+        for event in self._sorter.push(measurement):
+            yield from self._process(event)
+
+    def finalize(self) -> Mapping[str, MotionResult]:
+        """Verdicts on the motions of the axes that were pushed; the measurements still waiting are left out."""
+        pushed = (session for session, pushed in zip(self._sessions, self._pushed, strict=True) if pushed)
+        return {name: one for session in pushed for name, one in session.finalize().results.motions.items()}
+
+    def _process(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
+        found: list[Stamped[Estimate]] = []
+        for axis, session in enumerate(self._sessions):
+            if not self._begun:
+                session.step(Stamped(after(event.stamp, -1e-3), Phase(motions_of(axis)[0].name, "excite")))
+            reading = of_axis(event.reading, axis)
+            if reading is not None:
+                self._pushed[axis] |= isinstance(reading, Thrust) and reading.wrench[axis] != 0.0
+                estimates = session.step(Stamped(event.stamp, reading))
+                found += estimates if self._pushed[axis] else ()
+        self._begun = True
+        return found
+
+
+def of_axis(reading: IdentEvent, axis: int) -> IdentEvent | None:
+    """What the session of one axis is told of a measurement; None: nothing.
+
+    Velocities are those of all axes, for motion along the others causes forces on this one.
+    """
+    if isinstance(reading, Thrust):
+        force = reading.wrench[axis]
+        return Thrust(on_axis_only(axis, force, 0.0)) if math.isfinite(force) else None
+    if isinstance(reading, Velocity):
+        return Velocity(reading.nu, UNKNOWN6, SOURCE) if any(map(math.isfinite, reading.nu)) else None
+    if isinstance(reading, Attitude) and axis != 2:
+        roll, pitch, _ = reading.attitude_rad
+        return Attitude((roll, pitch, NAN)) if math.isfinite(roll) or math.isfinite(pitch) else None
+    return None
+
+
+def on_axis_only(axis: int, value: float, rest: float) -> Vec6:
+    """Six numbers with a value on one axis."""
+    six = [rest] * 6
+    six[axis] = value
+    return (six[0], six[1], six[2], six[3], six[4], six[5])
