@@ -51,7 +51,7 @@ class ThrustNode(BatchedNode):
             self._type = kind
             topic = Topic(PULSES.name, kind, PULSES.quality, PULSES.rate_Hz, PULSES.recorded, PULSES.meaning)
             self.lead = subscription(self, topic, self._on_pulses)
-        news = self._refusals.news()
+        news = self._refusals.new_refusals()
         level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
         said = "; ".join(news) or (f"listening to {self._type}" if self._type else "waiting for pulses")
         self._reporter.publish(self._now(), status("hindrax: thrust", level, said, self._refusals.values()))
