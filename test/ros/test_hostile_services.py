@@ -24,6 +24,8 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import hostile
 import rclpy
+from builtin_interfaces.msg import Time
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -34,14 +36,21 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
+from hindrax_bringup import security
+from hindrax_bringup.security import ROLES
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted
 from hindrax_bringup.stack_lock import FOLDER
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, THRUSTER_STATE, TOPICS
+from hindrax_core.vehicle import load_vehicle
+from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_tools.reference.nodes import edges
 
 pytestmark = pytest.mark.ros
 
@@ -51,6 +60,8 @@ NODES = {
     *("sensors", "dvl75", "ping1d", "icm20948", "ms5837", "thrusters", "navigator", "pilot", "allocator"),
     *("identifier", "recorder", "safety_monitor", "teleop"),
 }
+DEVICES = set(load_vehicle(default_vehicle()).sensors) | {"thrusters"}
+OF_EVERY_NODE = {"/rosout", "/parameter_events", "/clock"}
 NAMES = ["", " ", "no.such.thing", "use_sim_time", "\u2620" * 5000, "start_type_description_service", "/", "a b\n"]
 TYPES = (*range(12), 127, 255)
 
@@ -103,6 +114,22 @@ class Client:
 
     def parameters_of(self, name: str) -> list[str]:
         return list(self.ask(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names)
+
+    def edges_of(self, name: str) -> set[tuple[str, ...]]:
+        """Topics that a node takes and gives, and its services, but for those of every node."""
+        of = {
+            "takes": self.node.get_subscriber_names_and_types_by_node(name, NAMESPACE),
+            "gives": self.node.get_publisher_names_and_types_by_node(name, NAMESPACE),
+            "serves": self.node.get_service_names_and_types_by_node(name, NAMESPACE),
+        }
+        own = f"{NAMESPACE}/{name}/"
+        common = {*OF_EVERY_NODE, *(own + one for one in (*security.OF_EVERY_NODE, *security.OF_A_LIFECYCLE))}
+        return {
+            (verb, edge, *kinds)
+            for verb, found in of.items()
+            for edge, kinds in found
+            if edge not in common and "/_action/" not in edge and edge != f"{own}transition_event"
+        }
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -184,6 +211,43 @@ def test_nonsense_on_every_recorded_topic_ends_nobody_and_moves_nothing(stack: p
         assert {one.state for one in told} == {"disarmed"}
         assert all(abs(pulse - NEUTRAL_us) < TOLERANCE_us for one in told for pulse in one.pulses)
         assert family(stack) == before
+
+
+def test_nonsense_in_every_other_request_is_refused(stack: psutil.Process) -> None:
+    """Nobody arms, no state changes, and each answer is an answer."""
+    with contextlib.closing(Client()) as client:
+        before, states = family(stack), {}
+        for request in hostile.floods(Arm.Request, Time(), every=31):
+            request.arm = True
+            answer = client.ask(Arm, "thrusters/arm", request)
+            assert not answer.accepted
+            assert answer.reason
+        for name in sorted(DEVICES):
+            states[name] = client.ask(GetState, f"{name}/get_state", GetState.Request()).current_state.id
+            for request in hostile.floods(ChangeState.Request, Time(), every=61):
+                assert not client.ask(ChangeState, f"{name}/change_state", request).success
+        for name, kind in states.items():
+            assert client.ask(GetState, f"{name}/get_state", GetState.Request()).current_state.id == kind, name
+        for name in ("ident/assess", "ping1d/request_profile"):
+            assert client.ask(Trigger, name, Trigger.Request()) is not None
+        assert family(stack) == before
+
+
+@pytest.mark.usefixtures("stack")
+def test_every_node_takes_gives_and_serves_what_the_reference_says() -> None:
+    absent = {sensor.name for sensor in SENSORS} - DEVICES
+
+    def lacking(name: str) -> bool:
+        """Whether an edge is of a device that this vehicle has not, or of a package that this machine has not."""
+        return not absent.isdisjoint(name.split("/")) or name == f"{NAMESPACE}/dvl75/dvl"
+
+    with contextlib.closing(Client()) as client:
+        for name in sorted(NODES):
+            (role,) = (one for one in ROLES if one.node == name and one.enclave != "bench")
+            told = set(edges(role))
+            wanted = {one for one in told if one[0] != "asks" and "/action/" not in one[2] and not lacking(one[1])}
+            client.until(lambda name=name, wanted=wanted: wanted <= client.edges_of(name), f"{name}: {wanted}")
+            assert client.edges_of(name) <= told, name
 
 
 def sweep_setting(client: Client, name: str, wanted: list[Parameter]) -> None:

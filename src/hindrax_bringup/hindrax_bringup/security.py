@@ -53,8 +53,10 @@ KEYSTORE = "HINDRAX_KEYSTORE"
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 FROM_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
-ARM, FLY = "thrusters/arm", "maneuver/fly"
+ARM, FLY, ASSESS = "thrusters/arm", "maneuver/fly", "ident/assess"
 CANCEL = f"{FLY}/_action/cancel_goal"
+FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
+"""What the identifier takes of a stack that is not ours, under the names of another stack when they are remapped."""
 OF_EVERY_NODE = (
     "describe_parameters",
     "get_parameter_types",
@@ -141,8 +143,8 @@ ROLES: tuple[Role, ...] = (
         "identifier",
         "identifier",
         publishes=(ESTIMATE, DIAGNOSTICS),
-        subscribes=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER),
-        serves=("ident/assess",),
+        subscribes=(*MEASURED.values(), NAVIGATION, ALLOCATION, MANEUVER, *FOREIGN),
+        serves=(ASSESS,),
     ),
     Role(
         "recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=tuple(topic for topic in TOPICS if topic.recorded)
@@ -162,6 +164,7 @@ ROLES: tuple[Role, ...] = (
         requests=(ARM, CANCEL),
         calls=(FLY,),
     ),
+    Role("thrust", "thrust", publishes=(FOREIGN[1], DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),
     Role("teleop", "operator", publishes=(OPERATOR_WRENCH,), subscribes=(JOYSTICK, TWIST)),
     Role("operator", "bench", publishes=(HEARTBEAT, THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),
 )

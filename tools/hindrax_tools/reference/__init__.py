@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hindrax_tools.reference import commands, devices, messages, parameters, topics, vehicle, worlds
+from hindrax_tools.reference import commands, devices, messages, nodes, parameters, topics, vehicle, worlds
 
 PAGES: Mapping[str, Callable[[], str]] = {
     "commands.md": commands.page,
     "devices.md": devices.page,
     "messages.md": messages.page,
+    "nodes.md": nodes.page,
     "parameters.md": parameters.page,
     "topics.md": topics.page,
     "vehicle-file.md": vehicle.page,

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from hindrax_bringup.processes import EVERY, Process
+from hindrax_bringup.processes import EVERY
 from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, ROLES, Role
 from hindrax_core.sensor_table import SENSORS
-from hindrax_core.topics import DIAGNOSTICS, NAMESPACE, Topic, resolved
+from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_drivers.lifecycle import State
 from hindrax_drivers.output.output_guard import Phase
 from hindrax_tools.reference.markdown import code, head, table
 
-ABOUT = f"""What every node takes and gives, in the namespace `{NAMESPACE}` unless a name begins with another slash. Nothing
-else is allowed: the access policies of SROS2 are made of the same roles. Each of them runs alone with the line given
-([use one node](../how-to/use-one-node.md)).
+ABOUT = f"""What every node takes and gives, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
+made of the same table and allow nothing else. [How to use one node](../how-to/use-one-node.md) without the others.
 
-Every node besides takes `/clock` in mock, gives `/rosout` and has the services of its parameters
-([their names](parameters.md)). Every status on `/diagnostics` is OK, WARN or ERROR, with the reason in words. A node
-with a lifecycle has its services (`ros2 lifecycle set {NAMESPACE}/ms5837 deactivate`): it keeps a state that was asked
-for, and an absent device is looked for again and again while the node is {State.INACTIVE.name.lower()} by itself."""
+Besides, every node takes `/clock` in mock, gives `/rosout`, has the services of its [parameters](parameters.md), and
+reports on `/diagnostics` once a second: OK, WARN or ERROR, with the reason in words. A node with a lifecycle has its
+services (`ros2 lifecycle set {NAMESPACE}/ms5837 deactivate`). It keeps the state that was asked for; without its device
+it is unconfigured, and returns to that state as soon as the device is found."""
 
 TYPES: Mapping[str, str] = {
     ARM: "hindrax_msgs/srv/Arm",
@@ -27,7 +26,12 @@ TYPES: Mapping[str, str] = {
     FLY: "hindrax_msgs/action/FlyManeuver",
     ASSESS: "std_srvs/srv/Trigger",
     "request_profile": "std_srvs/srv/Trigger",
+    "dvl": "marine_acoustic_msgs/msg/Dvl",
+    "odometry": "nav_msgs/msg/Odometry",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "pulses": "mavros_msgs/msg/RCOut",
 }
+"""Types of services, actions and the topics that the table does not hold, by their name or the end of it."""
 MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS} | {
     "sensors": "hosts the nodes of the sensors, which share their ports",
     "thrusters": "output guard: pulses out, armed by an operator only",
@@ -41,6 +45,7 @@ MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS
     "safety_monitor": "watches the operator's link and the health of the nodes",
     "operator": "terminal, web page and monitor of the operator",
     "teleop": "wrench by joystick or keyboard",
+    "thrust": "wrench that the pulses of another stack achieve, by the thrust curves",
 }
 STATES: Mapping[str, str] = {
     "thrusters": f"`thrusters/state`: {', '.join(Phase)}",
@@ -51,6 +56,8 @@ STATES: Mapping[str, str] = {
     "identifier": "waiting for a maneuver, learning, or holding for a reason",
     "safety_monitor": "link: OK, or WARN since the operator was lost",
 }
+ALONE = {name: f"ros2 run hindrax_control {name}" for name in ("teleop", "thrust")}
+"""Nodes that no process of the stack hosts."""
 LIFECYCLE = f"lifecycle: {', '.join(state.name.lower() for state in State)}"
 
 
@@ -61,26 +68,30 @@ def page() -> str:
 
 
 def _node(role: Role) -> str:
-    states = [LIFECYCLE] * role.lifecycle + [STATES[role.node]] * (role.node in STATES)
+    states = [*[LIFECYCLE] * role.lifecycle, *filter(None, [STATES.get(role.node)])]
     facts = [f"- runs in: {_process(role)}", *(f"- states: {one}" for one in states)]
-    rows = list(_rows(role))
+    rows = [(verb, code(name), code(kind)) for verb, name, kind in edges(role)]
     listed = f"\n{table(('', 'name', 'type'), rows)}" if rows else ""
     return f"\n## {role.node}\n\n{MEANINGS[role.node]}\n\n" + "\n".join(facts) + f"\n{listed}"
 
 
 def _process(role: Role) -> str:
-    found: Process | None = next((one for one in EVERY if one.name == role.enclave), None)
-    return code(f"ros2 run {found.package} {found.executable}") if found else "the tool of the operator, `./hindrax`"
+    hosts = {one.name: f"ros2 run {one.package} {one.executable}" for one in EVERY}
+    return code(ALONE.get(role.node) or hosts.get(role.enclave) or "./hindrax")
 
 
-def _rows(role: Role) -> Iterator[tuple[str, str, str]]:
+def edges(role: Role) -> Iterator[tuple[str, str, str]]:
+    """What a node takes, gives, serves and asks: verb, full name, type."""
     for verb, topics in (("takes", role.subscribes), ("gives", role.publishes)):
         for topic in topics:
-            if topic is not DIAGNOSTICS or verb == "takes":
-                yield verb, code(_name(topic)), code(topic.type if isinstance(topic, Topic) else TYPES[topic])
+            yield verb, _name(topic), topic.type if isinstance(topic, Topic) else _type(topic)
     for verb, names in (("serves", (*role.serves, *role.executes)), ("asks", (*role.requests, *role.calls))):
         for name in names:
-            yield verb, code(f"{NAMESPACE}/{name}"), code(TYPES.get(name) or TYPES[name.rpartition("/")[2]])
+            yield verb, f"{NAMESPACE}/{name}", _type(name)
+
+
+def _type(name: str) -> str:
+    return TYPES.get(name) or TYPES[name.rpartition("/")[2]]
 
 
 def _name(topic: Topic | str) -> str:

@@ -24,7 +24,7 @@ from hindrax_ros.process import spin
 
 LOOK_S = 0.5
 PULSES = Topic("pulses", "", Quality(reliable=False, depth=50), 0, False, "pulse of every output channel [us]")
-WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, False, "wrench that the pulses achieve")
+ACHIEVED = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, False, "wrench that the pulses achieve")
 
 
 class ThrustNode(BatchedNode):
@@ -35,7 +35,7 @@ class ThrustNode(BatchedNode):
         self._vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
         self._applied = AppliedWrench(self._vehicle)
         self._refusals, self._type = Refusals(), ""
-        self._out = publisher(self, WRENCH)
+        self._out = publisher(self, ACHIEVED)
         self._reporter = DiagnosticsPublisher(self)
         self.every(LOOK_S, self._look)
 
