@@ -242,6 +242,7 @@ def test_every_node_takes_gives_and_serves_what_the_reference_says() -> None:
         return not absent.isdisjoint(name.split("/")) or name == f"{NAMESPACE}/dvl75/dvl"
 
     with contextlib.closing(Client()) as client:
+        client.until(lambda: set(client.node.get_node_names()) >= NODES, f"all of {NODES}")
         for name in sorted(NODES):
             (role,) = (one for one in ROLES if one.node == name and one.enclave != "bench")
             told = set(edges(role))
