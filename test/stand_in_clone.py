@@ -71,7 +71,7 @@ class Clone:
     environment: dict[str, str] = field(default_factory=dict)
 
     def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
-        """Start ./hindrax as the head of a process group of its own."""
+        """Start ./hindrax as the head of a process group of its own, which hears SIGINT even if this run does not."""
         return subprocess.Popen(
             [self.root / "hindrax", *arguments],
             env=self.environment | environment,
@@ -80,6 +80,7 @@ class Clone:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509  # a plain call, no threads
         )
 
     def run(self, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -1,7 +1,8 @@
 """Depth, heave velocity and altitude from pressure, sonar and accelerometer together: nothing is differentiated.
 
 A Kalman filter with the states depth, its rate, the accelerometer's vertical bias and depth of the floor. It is written
-out, because filterpy takes 1.4 s to import (scipy.stats), which every restart of the control process would wait for.
+out, because filterpy takes 1.4 s to import (scipy.stats), which every restart of the control process would wait for; a
+test holds it against filterpy.
 COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
 Pressure becomes depth in `aiding.py`.
 """

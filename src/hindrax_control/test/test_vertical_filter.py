@@ -1,0 +1,68 @@
+"""The vertical filter that is written out gives what filterpy's Kalman filter gives over the same measurements."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+
+from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
+
+KNOBS = VerticalKnobs(gate=1000.0)
+DEPTH_DELAY_S, ALTITUDE_DELAY_S = 0.02, 0.05
+DEPTH_SIGMA_m, ALTITUDE_SIGMA_m = 0.004, 0.03
+
+
+class Reference:
+    """Depth, rate, bias of the accelerometer, depth of the floor, by filterpy."""
+
+    def __init__(self) -> None:
+        self.kalman = KalmanFilter(dim_x=4, dim_z=1, dim_u=1)
+        self.kalman.P = np.diag([1e4, 0.25, KNOBS.heave_bias_mps2**2, 1e4])
+        self.kalman.x = np.zeros((4, 1))
+        self.bend = 0.0
+
+    def predict(self, acceleration: float, dt: float) -> None:
+        self.bend = 0.5 * acceleration
+        noise = KNOBS.accelerometer_noise**2
+        Q = np.diag([noise * dt**3 / 3, noise * dt, KNOBS.heave_bias_walk**2 * dt, KNOBS.floor_walk**2 * dt])
+        Q[0, 1] = Q[1, 0] = noise * dt * dt / 2
+        F = np.eye(4)
+        F[0, 1] = F[1, 2] = dt
+        F[0, 2] = dt * dt / 2
+        self.kalman.predict(np.array([[acceleration]]), np.array([[dt * dt / 2], [dt], [0.0], [0.0]]), F, Q)
+
+    def depth(self, measured: float) -> None:
+        H = np.array([[1.0, -DEPTH_DELAY_S, 0.0, 0.0]])
+        self.kalman.update(measured - self.bend * DEPTH_DELAY_S**2, DEPTH_SIGMA_m**2, H)
+
+    def altitude(self, measured: float) -> None:
+        H = np.array([[-1.0, ALTITUDE_DELAY_S, 0.0, 1.0]])
+        self.kalman.update(measured + self.bend * ALTITUDE_DELAY_S**2, ALTITUDE_SIGMA_m**2, H)
+
+
+def test_it_agrees_with_filterpy_over_a_dive() -> None:
+    ours, theirs, rng = VerticalFilter(KNOBS), Reference(), np.random.default_rng(3)
+    ours.depth(0.5, DEPTH_SIGMA_m, DEPTH_DELAY_S)
+    theirs.kalman.x[0] = 0.5
+    theirs.depth(0.5)
+    for tick in range(2000):
+        acceleration = 0.3 * np.sin(0.02 * tick) + 0.05 * rng.standard_normal()
+        dt = 0.005 if tick % 7 else 0.01
+        ours.predict(acceleration, dt)
+        theirs.predict(acceleration, dt)
+        if tick % 4 == 0:
+            depth = 0.5 + 0.1 * np.sin(0.01 * tick) + DEPTH_SIGMA_m * rng.standard_normal()
+            assert ours.depth(depth, DEPTH_SIGMA_m, DEPTH_DELAY_S)
+            theirs.depth(depth)
+        if tick % 20 == 10:
+            altitude = 1.3 - 0.1 * np.sin(0.01 * tick) + ALTITUDE_SIGMA_m * rng.standard_normal()
+            if not ours.knows_floor:
+                theirs.kalman.x[3] = altitude + theirs.kalman.x[0]
+            assert ours.altitude(altitude, ALTITUDE_SIGMA_m, ALTITUDE_DELAY_S)
+            theirs.altitude(altitude)
+    x, P = theirs.kalman.x[:, 0], theirs.kalman.P
+    assert ours.depth_m == pytest.approx(x[0], abs=1e-9)
+    assert ours.rate_mps == pytest.approx(x[1], abs=1e-9)
+    assert ours.altitude_m == pytest.approx(x[3] - x[0], abs=1e-9)
+    assert ours.rate_variance == pytest.approx(P[1, 1], rel=1e-9)
