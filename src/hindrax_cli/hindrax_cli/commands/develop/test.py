@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 PYTEST = [sys.executable, "-m", "pytest"]
-ALL = [*PYTEST, "-n", "auto", "--durations", "10"]
+WORKERS = len(os.sched_getaffinity(0)) + 1
+"""One more than there are cores: tests with real processes wait half of their time."""
+ALL = [*PYTEST, "-n", str(WORKERS), "--durations", "10"]
 QUICK = (
     ("style", [sys.executable, "-m", "ruff", "check", "--quiet"]),
     ("format", [sys.executable, "-m", "ruff", "format", "--check", "--quiet"]),
