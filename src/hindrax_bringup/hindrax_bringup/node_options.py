@@ -7,7 +7,6 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import yaml
 
@@ -15,8 +14,7 @@ from hindrax_bringup import security
 from hindrax_bringup.processes import EVERY, ONBOARD, RECORDER, Process
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE, namespace_arguments
-from hindrax_core.yaml_text import read_yaml
-from hindrax_drivers.nodes.thruster_settings import names_node
+from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 Blocks = dict[str, dict[str, object]]
 """Parameters by the pattern of the nodes that get them, as in a ROS parameter file; of two the later one wins."""
@@ -103,25 +101,12 @@ def read_parameters(file: str) -> Blocks:
     """Blocks of a ROS parameter file; empty without one. UsageError when it is none."""
     if not file:
         return {}
-    try:
-        found = read_yaml(Path(file).read_text(encoding="utf-8"), f"parameter file {file}")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"parameter file {file}: cannot be read ({' '.join(str(error).split())})") from error
-    blocks = {}
-    for pattern, block in found.items() if isinstance(found, dict) else [("", found)]:
-        values = block.get("ros__parameters") if isinstance(block, dict) else None
-        if not isinstance(values, dict):
+    blocks: Blocks = {}
+    for pattern, values in parameter_blocks(file):
+        if values is None:
             raise UsageError(f"parameter file {file}: found {pattern!r}, wanted blocks NODE: {{ros__parameters: ...}}")
-        blocks[str(pattern)] = dict(_flat(values))
+        blocks[pattern] = values
     return blocks
-
-
-def _flat(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, object]]:
-    """Names with dots instead of nested blocks, as ROS reads them."""
-    found: list[tuple[str, object]] = []
-    for key, value in values.items():
-        found += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(f"{prefix}{key}", value)]
-    return found
 
 
 def apply_setting(blocks: Blocks, text: str, namespace: str) -> None:

@@ -59,3 +59,9 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
         read(tmp_path, "{")
     with pytest.raises(UsageError, match="no vehicle file"):
         read(tmp_path, "[1, 2]")
+
+
+def test_nested_blocks_of_an_output_without_a_vehicle_file_count_as_ros_reads_them(tmp_path: Path) -> None:
+    text = "/**/thrusters: {ros__parameters: {channels: [3, 4], output: {address: 65, port: /dev/i2c-7}}}"
+    settings = read(tmp_path, text)
+    assert (settings.vehicle.output.address, settings.port) == (65, "/dev/i2c-7")

@@ -6,11 +6,9 @@ later wins.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -20,7 +18,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build, knob
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
-from hindrax_core.yaml_text import read_yaml
+from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 NODE = "thrusters"
 
@@ -84,25 +82,8 @@ def _parameters(arguments: Sequence[str], node: str) -> Iterator[Mapping[str, An
     """Parameters of this node, source by source."""
     for word, value in pairwise(arguments):
         if word == "--params-file":
-            yield from _of_file(value, node)
+            yield from (block for pattern, block in parameter_blocks(value) if block and names_node(pattern, node))
         elif word in ("-p", "--param"):
             name, assigned, text = value.partition(":=")
             if assigned:
                 yield {name.rpartition(":")[2]: yaml.safe_load(text)}
-
-
-def _of_file(path: str, node: str) -> Iterator[Mapping[str, Any]]:
-    try:
-        blocks = read_yaml(Path(path).read_text(encoding="utf-8"), f"parameter file {path}")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"parameter file {path}: cannot be read ({' '.join(str(error).split())})") from error
-    for pattern, block in blocks.items() if isinstance(blocks, Mapping) else ():
-        values = block.get("ros__parameters") if isinstance(block, Mapping) else None
-        if isinstance(values, Mapping) and names_node(str(pattern), node):
-            yield values
-
-
-def names_node(pattern: str, node: str) -> bool:
-    """Whether the name of a block means a node; `**` stands for any path, `*` for any word."""
-    words = re.escape("/" + pattern.lstrip("/")).replace(r"\*\*", ".*").replace(r"\*", "[^/]*")
-    return re.fullmatch(words.replace("/.*/", "/(?:.*/)?"), node) is not None
