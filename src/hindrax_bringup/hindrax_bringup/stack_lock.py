@@ -118,6 +118,11 @@ def stacks() -> list[StackLock]:
     return [found for path in files if (found := _read(path)) is not None]
 
 
+def vehicle_stack() -> StackLock | None:
+    """Return the stack of this user that has the real output in hand; a mock has none."""
+    return next((one for one in stacks() if not one.mock), None)
+
+
 def _read(path: Path) -> StackLock | None:
     with contextlib.suppress(OSError, ValueError, TypeError), path.open(encoding="utf-8") as file:
         if not owned(file):

@@ -35,7 +35,7 @@ def chip(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pca9685]:
         return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
 
     monkeypatch.setattr(command, "run_once", run_once)
-    monkeypatch.setattr(oscillator, "stacks", list)
+    monkeypatch.setattr(oscillator, "vehicle_stack", lambda: None)
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     yield made
     for number, handler in before.items():

@@ -65,7 +65,7 @@ def chip(monkeypatch: pytest.MonkeyPatch) -> Pca9685:
         return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
 
     monkeypatch.setattr(command, "run_once", run_once)
-    monkeypatch.setattr(command, "stacks", list)
+    monkeypatch.setattr(command, "vehicle_stack", lambda: None)
     return made
 
 

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
 from hindrax_cli.commands.operate.stop import neutral_on_output, on_the_wire
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
 
@@ -48,3 +49,16 @@ def test_nobody_else_writes_to_an_output_that_a_stack_has_in_hand(
     stack = StackLock(os.getpid(), mock=False, vehicle="v.yaml", folder="runs/a")
     with announced(stack), pytest.raises(UsageError, match=f"process {os.getpid()} runs"):
         neutral_on_output("v.yaml")
+
+
+def test_a_mock_stack_does_not_keep_the_real_output_from_neutral(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    file = tmp_path / "v.yaml"
+    file.write_text(default_vehicle().read_text().replace("/dev/i2c-1", "/dev/i2c-99"))
+    with (
+        announced(StackLock(os.getpid(), mock=True, vehicle="v.yaml", folder="runs/a")),
+        pytest.raises(HindraxError, match="/dev/i2c-99: neutral could not be written; cut the power"),
+    ):
+        neutral_on_output(str(file))

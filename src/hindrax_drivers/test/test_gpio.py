@@ -15,6 +15,7 @@ from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.output.enable_line import open_enable_line, outputs_enabled
 
+LINE, BUS = "pinctrl-bcm2711:26", "/dev/i2c-1"
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
 
 
@@ -102,7 +103,7 @@ def gpiod(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeGpiod:
 
 
 def test_the_outputs_are_off_until_they_are_enabled_and_low_enables(gpiod: FakeGpiod) -> None:
-    line = open_enable_line("pinctrl-bcm2711:26")
+    line = open_enable_line(Output(enable_line=LINE), BUS)
     assert gpiod.levels == {("gpiochip0", 26): 1}
     line.set(enabled=True)
     assert gpiod.levels == {("gpiochip0", 26): 0}
@@ -113,7 +114,7 @@ def test_the_outputs_are_off_until_they_are_enabled_and_low_enables(gpiod: FakeG
 
 
 def test_a_timer_gets_a_low_pulse_for_each_write_while_the_outputs_are_enabled(gpiod: FakeGpiod) -> None:
-    line = open_enable_line("pinctrl-bcm2711:26", timer=True)
+    line = open_enable_line(Output(enable_line=LINE, enable_timer=True), BUS)
     line.written()
     assert gpiod.said == []
     line.set(enabled=True)
@@ -124,8 +125,15 @@ def test_a_timer_gets_a_low_pulse_for_each_write_while_the_outputs_are_enabled(g
     assert gpiod.said == [0, 1, 0, 1]
 
 
+def test_a_mock_has_no_line_whatever_the_vehicle_file_says(gpiod: FakeGpiod) -> None:
+    line = open_enable_line(Output(enable_line=LINE), "mock:/tmp/i2c")
+    line.set(enabled=True)
+    line.close()
+    assert gpiod.levels == {}
+
+
 def test_no_name_is_no_line() -> None:
-    line = open_enable_line("")
+    line = open_enable_line(Output(), BUS)
     line.set(enabled=True)
     line.written()
     line.close()
@@ -138,19 +146,19 @@ def test_no_name_is_no_line() -> None:
 @pytest.mark.usefixtures("gpiod")
 def test_wrong_names_are_refused(name: str, sentence: str) -> None:
     with pytest.raises(DeviceError, match=sentence):
-        open_enable_line(name)
+        open_enable_line(Output(enable_line=name), BUS)
 
 
 def test_a_line_in_use_is_told_with_the_remedy(gpiod: FakeGpiod) -> None:
     gpiod.busy = True
     with pytest.raises(DeviceError, match=r"busy.*gpioinfo"):
-        open_enable_line("pinctrl-bcm2711:26")
+        open_enable_line(Output(enable_line=LINE), BUS)
 
 
 def test_a_missing_library_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gpiod", None)
     with pytest.raises(DeviceError, match="pip install"):
-        open_enable_line("pinctrl-bcm2711:26")
+        open_enable_line(Output(enable_line=LINE), BUS)
 
 
 def test_a_chip_is_a_bus_of_lines(gpiod: FakeGpiod) -> None:
@@ -203,7 +211,7 @@ def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeG
                 low.set()
 
     gpiod.levels = levels = Watched()
-    output = Output(enable_line="pinctrl-bcm2711:26", enable_timer=timer)
-    with outputs_enabled(output):
+    output = Output(enable_line=LINE, enable_timer=timer)
+    with outputs_enabled(output, BUS):
         assert low.wait(10.0), "a timer is triggered again and again"
     assert levels == {}, "given back"

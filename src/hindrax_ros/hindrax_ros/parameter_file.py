@@ -1,4 +1,4 @@
-"""ROS parameter files, read without ROS as ROS reads them: for the tool, and for the dead man, who needs them at once."""
+"""ROS parameter files, read without ROS as ROS reads them: for the tool, and for the dead man who does without ROS."""
 
 from __future__ import annotations
 

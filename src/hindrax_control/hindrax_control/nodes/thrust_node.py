@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -49,8 +50,7 @@ class ThrustNode(BatchedNode):
                 self._refusals.add(PULSES.name, f"found {kind[:60]}, wanted one of {wanted}")
                 continue
             self._type = kind
-            topic = Topic(PULSES.name, kind, PULSES.quality, PULSES.rate_Hz, PULSES.recorded, PULSES.meaning)
-            self.lead = subscription(self, topic, self._on_pulses)
+            self.lead = subscription(self, replace(PULSES, type=kind), self._on_pulses)
         news = self._refusals.new_refusals()
         level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
         said = "; ".join(news) or (f"listening to {self._type}" if self._type else "waiting for pulses")

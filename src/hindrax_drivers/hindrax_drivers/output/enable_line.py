@@ -14,6 +14,7 @@ from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.vehicle import Output, chip_and_line
+from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.buses.gpio import library, request_line
 
 TRIGGER_S = 0.1
@@ -88,10 +89,10 @@ class TimedLine(GpioLine):
 
 
 @contextlib.contextmanager
-def outputs_enabled(output: Output) -> Iterator[None]:
+def outputs_enabled(output: Output, port: str) -> Iterator[None]:
     """Enable the outputs for a while; a timer behind the line is triggered as long as this process runs."""
     over = threading.Event()
-    with contextlib.closing(open_enable_line(output.enable_line, timer=output.enable_timer)) as line:
+    with contextlib.closing(open_enable_line(output, port)) as line:
 
         def trigger() -> None:
             while not over.wait(TRIGGER_S):
@@ -108,11 +109,12 @@ def outputs_enabled(output: Output) -> Iterator[None]:
             line.set(enabled=False)
 
 
-def open_enable_line(name: str, *, timer: bool = False) -> EnableLine:
-    """Open "CHIP:LINE"; an empty name is no line at all. DeviceError says what is wrong and the remedy."""
-    if not name:
+def open_enable_line(output: Output, port: str) -> EnableLine:
+    """Open the line of an output; it has none in mock. DeviceError says what is wrong and the remedy."""
+    if not output.enable_line or port.startswith(MOCK_PREFIX):
         return NoLine()
     try:
-        return (TimedLine if timer else GpioLine)(*chip_and_line(name, "output.enable_line"))
+        chip, line = chip_and_line(output.enable_line, "output.enable_line")
+        return (TimedLine if output.enable_timer else GpioLine)(chip, line)
     except ValueError as error:
         raise DeviceError(str(error)) from error

@@ -244,7 +244,7 @@ def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str) ->
     """Open the output of a vehicle file at a port ("mock:..." too). DeviceError says what is missing."""
     if vehicle.output.device == "stm32":
         return SerialOutput(port, stm32_of(vehicle), open_clock(clock, name), tap)
-    line = open_enable_line(vehicle.output.enable_line, timer=vehicle.output.enable_timer)
+    line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle), line, tap)
     except DeviceError:

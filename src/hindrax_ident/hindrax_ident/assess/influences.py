@@ -169,6 +169,11 @@ def _calibration(case: Case) -> Array:
     return case.of_commands(array(np.hstack(parts)))
 
 
+def _gain(case: Case) -> Array:
+    """All of the commanded thrust larger by its share."""
+    return case.of_commands(case.record.thrust.y[:, None])
+
+
 def _root(covariance: Array) -> Array:
     """Matrix square root of a covariance: (k, k)."""
     values, vectors = np.linalg.eigh(covariance)
@@ -198,6 +203,10 @@ def _drift(case: Case) -> Array:
 
 def _load(case: Case) -> Array:
     return case.of_force(array(-case.thrust * np.abs(case.thrust) / max(1e-9, case.pull)))
+
+
+def _lag(case: Case) -> Array:
+    return lag_impulse(case.record, case.fit.problem.grid)
 
 
 def _dead_band(case: Case) -> Array:
@@ -284,12 +293,12 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
-        lambda case: case.tuning.wrench_gain_sigma, lambda case: case.of_commands(case.record.thrust.y[:, None]),
+        lambda case: case.tuning.wrench_gain_sigma, _gain,
         "describe the thrusters in the vehicle file, or measure the wrench",
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
-        _always(0.015), lambda case: case.of_commands(case.record.thrust.y[:, None]),
+        _always(0.015), _gain,
         "a known-weight test on this axis measures the thrust with all losses",
     ),
     Influence(
@@ -310,8 +319,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "describe the dead band in the vehicle file",
     ),
     Influence(
-        LAG, "s", RUN, lambda case: case.delay_sigma_s,
-        lambda case: lag_impulse(case.record, case.fit.problem.grid),
+        LAG, "s", RUN, lambda case: case.delay_sigma_s, _lag,
         "measure the thrust lag with `hindrax step`",
     ),
     Influence(
@@ -320,8 +328,7 @@ INFLUENCES: tuple[Influence, ...] = (
         "set velocity_latency_s to the latency of the instrument",
     ),
     Influence(
-        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s,
-        lambda case: lag_impulse(case.record, case.fit.problem.grid),
+        "stamps of the record", "s", RUN, lambda case: case.tuning.stamp_doubt_s, _lag,
         "record thrust and velocity with stamps of one clock", considered=True,
     ),
     Influence(

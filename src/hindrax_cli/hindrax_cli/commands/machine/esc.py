@@ -7,7 +7,6 @@ the family of the Basic ESC: full throttle from power-up until it is stored, the
 from __future__ import annotations
 
 import argparse
-import contextlib
 import signal
 import sys
 from dataclasses import dataclass
@@ -96,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         signal.signal(number, signal.default_int_handler)
     if vehicle.output.clock_Hz == type(vehicle.output)().clock_Hz and not vehicle.output.external_clock:
         print("output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range is off as far as it is")
-    with contextlib.nullcontext() if bench.port.startswith(MOCK_PREFIX) else outputs_enabled(vehicle.output):
+    with outputs_enabled(vehicle.output, bench.port):
         _calibrate(bench)
     print(f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; look at one with `./hindrax thruster`")
     return 0

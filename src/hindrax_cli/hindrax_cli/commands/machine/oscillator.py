@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import sys
 from pathlib import Path
 
-from hindrax_bringup.stack_lock import stacks
+from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
 from hindrax_drivers.bus_capture import run_once
-from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output import oscillator
 from hindrax_drivers.output.enable_line import outputs_enabled
@@ -47,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     require_output_free(vehicle)
     print(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), file=sys.stderr)
     output, port = vehicle.output, arguments.port or vehicle.output.port
-    with contextlib.nullcontext() if port.startswith(MOCK_PREFIX) else outputs_enabled(output):
+    with outputs_enabled(output, port):
         identity = run_once(port, pca9685_of(vehicle).configure()).text
         prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
         try:
@@ -84,9 +82,8 @@ def require_output_free(vehicle: Vehicle) -> None:
     """Refuse where another output is on board, or a stack that is up has it."""
     if vehicle.output.device != "pca9685":
         raise UsageError(f"output.device: found {vehicle.output.device}, wanted pca9685")
-    up = [one for one in stacks() if not one.mock]
-    if up:
-        raise HindraxError(f"a stack is up (process {up[0].pid}) and has the output; end it first")
+    if (up := vehicle_stack()) is not None:
+        raise HindraxError(f"a stack is up (process {up.pid}) and has the output; end it first")
 
 
 def _require_channel(vehicle: Vehicle, channel: int) -> None:

@@ -8,7 +8,7 @@ import time
 
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.processes import THRUSTERS
-from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks
+from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_drivers.nodes.deadman import write_neutral
@@ -57,9 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def neutral_on_output(vehicle: str) -> int:
     """Write neutral as the dead man would; refused while a stack has the output in hand."""
-    found = stacks()
-    if found:
-        raise UsageError(f"--output: {found[0].title} runs, and its dead man has the output; `./hindrax stop` stops it")
+    if (found := vehicle_stack()) is not None:
+        raise UsageError(f"--output: {found.title} runs, and its dead man has the output; `./hindrax stop` stops it")
     settings = read_settings(["--ros-args", "-p", f"vehicle:={vehicle}"])
     if write_neutral(settings):
         raise HindraxError(f"{settings.port}: neutral could not be written; cut the power")
