@@ -5,19 +5,17 @@ A stand-in for launch, which is not among the wheels of ROS, takes down what the
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from functools import partial
+from dataclasses import fields
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 import yaml
+from launch_stand_in import Said, actions_of, put_in_place
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
@@ -38,36 +36,16 @@ FOLDER = Path(__file__).parents[2] / "src" / "hindrax_drivers" / "launch"
 PATIENT_S = 60.0
 
 
-@dataclass
-class Said:
-    """What a launch file makes: its words and keywords."""
-
-    kind: str
-    words: tuple[Any, ...]
-    keywords: dict[str, Any]
-
-
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    names = ("launch", "launch.actions", "launch.substitutions", "launch_ros")
-    for name in (*names, "launch_ros.actions", "launch_ros.parameter_descriptions"):
-        module = ModuleType(name)
-        module.__getattr__ = lambda kind: partial(  # type: ignore[method-assign]
-            lambda kind, *words, **keywords: Said(kind, words, keywords), kind
-        )
-        monkeypatch.setitem(sys.modules, name, module)
+    put_in_place(monkeypatch)
     yield
     sys.modules.pop("hindrax_drivers.launch_description", None)
 
 
 def described(name: str) -> tuple[dict[str, Said], Said]:
     """Arguments by name, and the one process."""
-    spec = importlib.util.spec_from_file_location("launch_file", FOLDER / f"{name}.launch.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    *arguments, node = module.generate_launch_description().words[0]
+    *arguments, node = actions_of(FOLDER / f"{name}.launch.py")
     return {one.words[0]: one for one in arguments}, node
 
 

@@ -9,20 +9,18 @@ from __future__ import annotations
 import ast
 import configparser
 import contextlib
-import importlib.util
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 import yaml
+from launch_stand_in import Said, actions_of, put_in_place, said
 
 pytest.importorskip("rclpy", reason="the mock's own words are read from its process, which imports rclpy")
 
@@ -56,27 +54,14 @@ KEYWORDS = {
 """What of launch 3.4 and launch_ros 0.26 (Jazzy) the files use, with keywords that these take: see their sources."""
 
 
-@dataclass
-class Said:
-    """Whatever a launch file makes: its words and keywords."""
-
-    kind: str
-    words: tuple[Any, ...]
-    keywords: dict[str, Any]
-
-
 def take(kind: str, *words: Any, **keywords: Any) -> Said:
     assert set(keywords) <= KEYWORDS[kind], f"{kind} does not take {set(keywords) - KEYWORDS[kind]}"
-    return Said(kind, words, keywords)
+    return said(kind, *words, **keywords)
 
 
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
-    for name in ("launch", "launch.actions", "launch_ros.actions", "launch_ros.substitutions"):
-        module = ModuleType(name)
-        module.__getattr__ = lambda kind: partial(take, kind)  # type: ignore[method-assign]
-        monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setitem(sys.modules, "launch_ros", ModuleType("launch_ros"))
+    put_in_place(monkeypatch, take)
     monkeypatch.delitem(sys.modules, ACTIONS, raising=False)
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     monkeypatch.delenv(PROFILE, raising=False)
@@ -86,12 +71,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
 
 def described(name: str) -> tuple[dict[str, str], Said]:
     """Arguments of a launch file with their defaults, and what it does once they are known."""
-    spec = importlib.util.spec_from_file_location("launch_file", ROOT / f"src/hindrax_bringup/launch/{name}.launch.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    *declared, action = module.generate_launch_description().words[0]
+    *declared, action = actions_of(ROOT / f"src/hindrax_bringup/launch/{name}.launch.py")
     return {one.words[0]: one.keywords["default_value"] for one in declared}, action
 
 

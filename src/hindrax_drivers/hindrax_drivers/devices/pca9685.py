@@ -44,7 +44,7 @@ class Pca9685:
         if len(set(channels)) != len(channels) or not all(0 <= one < 16 for one in channels) or not channels:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to 15")
         self.address = address
-        self._channels, self._rest_us = tuple(channels), tuple(rest_us)
+        self._channels, self.rest_us = tuple(channels), tuple(rest_us)
         self._prescale = _prescale(rate_Hz, clock_Hz)
         self._clock_Hz = clock_Hz
         self._step_us = (self._prescale + 1) * 1e6 / clock_Hz
@@ -80,7 +80,7 @@ class Pca9685:
             yield from self._wake_neutral()
         yield self._set(MODE1, self._awake)
         yield self._set(MODE2, TOTEM_POLE)
-        yield from self.check(self._rest_us)
+        yield from self.check(self.rest_us)
         return Identity(self._identity())
 
     def write(self, pulses_us: Sequence[float]) -> Program[None]:
@@ -91,13 +91,13 @@ class Pca9685:
         """Set every channel to rest at once; if the chip is not as configured, configure it again."""
         yield from self.neutral()
         try:
-            yield from self.check(self._rest_us)
+            yield from self.check(self.rest_us)
         except DeviceError:
             yield from self.configure()
 
     def neutral(self) -> Program[None]:
         """Set every channel to rest in one burst."""
-        yield from self.write(self._rest_us)
+        yield from self.write(self.rest_us)
 
     def check(self, pulses_us: Sequence[float]) -> Program[None]:
         """DeviceError unless the chip is still set up, with these pulses in its channels [us].

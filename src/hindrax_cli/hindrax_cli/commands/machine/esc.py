@@ -49,8 +49,9 @@ class _Bench:
 
     def put(self, pulse_us: float) -> None:
         """Put a pulse on the chosen thrusters, rest on all other channels, and read it back."""
-        thrusters = [pulse_us if one.name in self.names else 1500.0 for one in self.vehicle.thrusters]
-        pulses = [*thrusters, *[LEAST_us] * len(self.vehicle.output.light_channels)]
+        pulses = list(self.chip.rest_us)
+        for index, thruster in enumerate(self.vehicle.thrusters):
+            pulses[index] = pulse_us if thruster.name in self.names else pulses[index]
         run_once(self.port, self.chip.write(pulses))
         run_once(self.port, self.chip.check(pulses))
 
