@@ -38,6 +38,8 @@ WORST_TILT_deg = 20.0
 """In none of these flights does the vehicle lean much, whatever its state says."""
 SERVICE = Path(__file__).parents[2] / "docker/pi/hindrax.service"
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
+NEW_PROCESS_s = 60.0
+"""Where nobody is left who could write neutral a new process must start: how long that takes is the host's affair."""
 
 
 class Wire:
@@ -129,8 +131,17 @@ def test_neutral_within_half_a_second_of_a_death(flying: tuple[Supervisor, Opera
     assert wire.neutral(), "it must not come back armed"
 
 
-@pytest.mark.parametrize("who", ["control", "sensors", "thrusters", "dead man", "thrusters and dead man"])
-def test_neutral_within_two_seconds_of_a_freeze(flying: tuple[Supervisor, Operator, Wire], who: str) -> None:
+@pytest.mark.parametrize(
+    ("who", "within_s"),
+    [
+        ("control", 2.0),
+        ("sensors", 2.0),
+        ("thrusters", 2.0),
+        ("dead man", 2.0),
+        ("thrusters and dead man", NEW_PROCESS_s),
+    ],
+)
+def test_neutral_after_a_freeze(flying: tuple[Supervisor, Operator, Wire], who: str, within_s: float) -> None:
     supervisor, operator, wire = flying
     dive(operator, wire)
     operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
@@ -138,7 +149,7 @@ def test_neutral_within_two_seconds_of_a_freeze(flying: tuple[Supervisor, Operat
     pids += [supervisor.children["thrusters"].handle.pid] if "dead man" in who else []
     for pid in pids:
         os.kill(pid, signal.SIGSTOP)
-    assert wire.seconds_to_neutral(supervisor.check) < 2.0
+    assert wire.seconds_to_neutral(supervisor.check) < within_s
     operator.wait(lambda: not any(map(is_stopped, pids)), 180.0, lambda: "the frozen ones to be killed")
     operator.wait(lambda: not operator.thrusters.armed, 180.0, lambda: "the thrusters to be disarmed")
     since = operator.now()
@@ -153,7 +164,7 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     dive(operator, wire)
     operator.wait(lambda: not wire.neutral(), 180.0, lambda: "the thrusters to work")
     vehicle = [one.handle.pid for name, one in supervisor.children.items() if name != "mock"]
-    killed = [*vehicle, *(pid for one in vehicle for pid in descendants(one))]
+    killed = [*(pid for one in vehicle for pid in descendants(one)), *vehicle]
     for pid in killed:
         os.kill(pid, signal.SIGSTOP)
     for pid in killed:
