@@ -18,7 +18,7 @@ from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     axes_named,
     identify_sources,
-    open_source,
+    open_sources,
     recorded_vehicle,
 )
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
@@ -81,7 +81,7 @@ def identify(
     names what is missing.
     """
     selection = TopicSelection(odometry, wrench, frame)
-    sources = [open_source(Path(record), selection, vehicle) for record in records]
+    sources = open_sources([Path(record) for record in records], selection, vehicle)
     if not sources:
         raise UsageError("found no record, wanted one at least")
     of = vehicle or recorded_vehicle(sources[0])

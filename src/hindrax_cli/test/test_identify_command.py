@@ -184,6 +184,40 @@ def test_a_part_of_a_record_is_taken(tmp_path: Path, small: Path, capsys: pytest
     assert is_true(part)
 
 
+def test_a_dvl_without_lock_is_told_and_leaves_the_truth(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (t, v), forces = flown()
+    for begin_s in (7.0, 22.0, 50.0):
+        v = np.where((t > begin_s) & (t < begin_s + 4.0), 0.0, v)
+    found = identified(capsys, as_csv(tmp_path / "lost.csv", (t, v), forces), "--vehicle", small)
+    assert any("exactly 0 in motion" in one for one in found["assumptions"])
+    assert found["motions"]["surge"]["identifiable"]
+    assert is_true(found["motions"]["surge"])
+
+
+def test_one_file_per_topic_is_one_record(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    velocities, forces = flown()
+    files = []
+    for name, header, (t, values) in (
+        ("odometry", "field.twist.twist.linear.x", velocities),
+        ("thrust", "field.wrench.force.x", forces),
+    ):
+        files.append(tmp_path / f"{name}.csv")
+        rows = [f"{round(1e9 * (START_S + at))},{value:.6f}" for at, value in zip(t, values, strict=True)]
+        files[-1].write_text("\n".join([f"%time,{header}", *rows]))
+    apart = identified(capsys, *files, "--vehicle", small)
+    together = identified(capsys, as_csv(tmp_path / "one.csv", velocities, forces), "--vehicle", small)
+    assert apart["motions"]["surge"]["k_q"]["value"] == pytest.approx(
+        together["motions"]["surge"]["k_q"]["value"], 1e-3
+    )
+    assert "runs" not in apart
+    code, said = refused(capsys, files[0], files[0], "--vehicle", small)
+    assert code == 2
+    assert "holds velocities alone" in said
+    assert refused(capsys, files[0], "--vehicle", small)[0] != 0
+
+
 def test_another_axis_has_its_units(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(), names=("r", "N"))
     yaw = identified(capsys, record, "--vehicle", small)["motions"]["yaw"]

@@ -12,9 +12,20 @@ import numpy as np
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
+from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.plausibility import with_plausibility_check, with_reason, wrong_thrust_sign
 from hindrax_analysis.records.provenance import is_mock, truth_in
-from hindrax_analysis.records.recording import Recording, events, has_samples, has_signal, reason_to_skip, tuned
+from hindrax_analysis.records.recording import (
+    Recording,
+    are_parts,
+    events,
+    has_samples,
+    has_signal,
+    is_complete,
+    joined,
+    reason_to_skip,
+    tuned,
+)
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
 from hindrax_analysis.report import Trace
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
@@ -56,6 +67,13 @@ class RecordSource:
     path: Path
     recording: Recording | None = None
     mock: bool = False
+    parts: tuple[Path, ...] = ()
+    """Files that were joined to the first."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files of the record."""
+        return (self.path, *self.parts)
 
     @property
     def assumptions(self) -> tuple[str, ...]:
@@ -76,16 +94,38 @@ class IdentifiedRecords:
 # ---- reading
 
 
-def open_source(path: Path, wanted: TopicSelection, vehicle: Vehicle | None = None) -> RecordSource:
-    """Read a record; UsageError names what is missing or ambiguous. A run folder stands for its bag.
+def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle | None = None) -> list[RecordSource]:
+    """Read records; UsageError names what is missing or ambiguous. A run folder stands for its bag.
 
+    CSV files in sequence that hold different columns of the same time (one file per topic) are one record.
     `vehicle`: converts pulses to newtons.
     """
+    sources: list[RecordSource] = []
+    for path in paths:
+        found = _read(path, wanted, vehicle, part=len(paths) > 1)
+        before = sources[-1] if sources else None
+        if before and before.recording and found.recording and are_parts(before.recording, found.recording):
+            parts = (*before.parts, found.path)
+            sources[-1] = RecordSource(before.path, joined(before.recording, found.recording), parts=parts)
+        else:
+            sources.append(found)
+    return [source if source.recording is None else _whole(source, source.recording) for source in sources]
+
+
+def _whole(source: RecordSource, recording: Recording) -> RecordSource:
+    """The record without damage; UsageError where it holds velocities or forces alone."""
+    if not is_complete(recording):
+        has, lacks = ("forces", "velocities") if len(recording.wrench_t) else ("velocities", "forces")
+        raise UsageError(f"{source.path}: holds {has} alone; name the file with the {lacks} of the same time beside it")
+    return replace(source, recording=without_damage(recording))
+
+
+def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> RecordSource:
     bag = path / "bag" if (path / "bag").is_dir() else path
     if not bag.exists():
         raise UsageError(f"{path}: does not exist; name a bag, a run folder or a CSV file")
     if bag.suffix.lower() in CSV_ENDINGS:
-        return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame))
+        return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame, part=part))
     topics = topics_of(bag)
     if is_ours(topics) and wanted == TopicSelection():
         return RecordSource(bag, mock=is_mock(bag))

@@ -23,14 +23,14 @@ UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 REAL_FORCES = "forces are assumed to be those achieved by the thrusters, about the center of mass"
 
 
-def read_csv(text: str, source: str, frame: str = "") -> Recording:
+def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> Recording:
     """Read a record with named columns (`COLUMNS`); cells may be empty, so rates may differ.
 
-    `frame`: body axes of all columns, flu or fsd (also without one). HindraxError names line and column, what was
-    found and what was wanted.
+    `frame`: body axes of all columns, flu or fsd (also without one). With `part`, velocities or forces alone do.
+    HindraxError names line and column, what was found and what was wanted.
     """
     header, rows = _rows(text, source)
-    meanings = _meanings(header, source)
+    meanings = _meanings(header, source, part=part)
     if not any(_is_data(row[i]) for _, row in rows[:1] for i in meanings if i < len(row)):
         meanings, rows = _with_units(meanings, rows, source), rows[1:]
     for line, cells in rows:
@@ -100,24 +100,24 @@ def _is_header(line: str) -> bool:
     return "t" in found and len(found) > 1
 
 
-def _meanings(header: list[str], source: str) -> dict[int, Meaning]:
+def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meaning]:
     """Meaning of each used column, by index. HindraxError when too few, or two mean the same."""
     try:
         found = {i: known for i, cell in enumerate(header) if (known := meaning_of(cell))}
     except HindraxError as error:
         raise HindraxError(f"{source}, {error}") from None
-    _check_names([(known.name, header[i]) for i, known in found.items()], header, source)
+    _check_names([(known.name, header[i]) for i, known in found.items()], header, source, part=part)
     return found
 
 
-def _check_names(found: list[tuple[str, str]], header: list[str], source: str) -> None:
+def _check_names(found: list[tuple[str, str]], header: list[str], source: str, *, part: bool) -> None:
     names = [name for name, _ in found]
     twice = [cell for name, cell in found if names.count(name) > 1]
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
     usable = [force for speed, force in pairs if speed in names or (speed == "w" and "depth" in names)]
-    if "t" not in names or not usable:
+    if "t" not in names or not (usable or (part and len(names) > 1)):
         raise HindraxError(
             f"{source}: found the columns {', '.join(header)}; wanted t and at least one pair of velocity and force "
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "

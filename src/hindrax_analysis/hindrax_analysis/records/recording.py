@@ -15,7 +15,7 @@ import numpy as np
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import AXES
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array, Flags, array
 from hindrax_ident.model.motion_model import motions_of
 from hindrax_ident.online.record_session import SOURCE, on_axis_only
 from hindrax_ident.tuning import Tuning, for_foreign_records
@@ -92,6 +92,51 @@ class Recording:
             wrench=array(self.wrench * HALF_TURN),
             attitude=array(self.attitude * tilts),
         )
+
+
+def is_complete(recording: Recording) -> bool:
+    """Whether a record holds both velocities (or depths) and forces, of whatever axes."""
+    return bool(len(recording.wrench_t) and (len(recording.velocity_t) or _columns(recording)[14]))
+
+
+def are_parts(one: Recording, other: Recording) -> bool:
+    """Whether two files are parts of one record: one is incomplete, no column is in both, and their times overlap."""
+    if is_complete(one) and is_complete(other):
+        return False
+    (begin, end), (other_begin, other_end) = _times(one), _times(other)
+    return not (_columns(one) & _columns(other)).any() and begin <= other_end and other_begin <= end
+
+
+def _columns(recording: Recording) -> Flags:
+    """Which columns have values, (15,): velocities, forces, angles and depth."""
+    tables = (recording.velocity, recording.wrench, recording.attitude)
+    found: Flags = np.concatenate([np.isfinite(table).any(axis=0) for table in tables])
+    return found
+
+
+def _times(recording: Recording) -> tuple[float, float]:
+    """First and last time of any sample, from the origin of the stamps [s]."""
+    times = [t for t in (recording.velocity_t, recording.wrench_t, recording.attitude_t) if len(t)]
+    return recording.origin_s + min(t[0] for t in times), recording.origin_s + max(t[-1] for t in times)
+
+
+def joined(one: Recording, other: Recording) -> Recording:
+    """One record of two parts with different columns; their stamps have the same origin."""
+    origin = min(one.origin_s, other.origin_s)
+    later, other_later = one.origin_s - origin, other.origin_s - origin
+    velocity = _merged((one.velocity_t + later, one.velocity), (other.velocity_t + other_later, other.velocity))
+    wrench = _merged((one.wrench_t + later, one.wrench), (other.wrench_t + other_later, other.wrench))
+    attitude = _merged((one.attitude_t + later, one.attitude), (other.attitude_t + other_later, other.attitude))
+    told = f"{one.source} and {other.source} count time from one origin"
+    assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, told)))
+    return Recording(one.source, *velocity, *wrench, *attitude, origin, assumptions)
+
+
+def _merged(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Times (n,) [s] and rows (n, k) of both, in the order of time."""
+    t = np.concatenate((one[0], other[0]))
+    order = np.argsort(t, kind="stable")
+    return array(t[order]), array(np.concatenate((one[1], other[1]))[order])
 
 
 def _inside(t: Array, start_s: float, end_s: float) -> slice:

@@ -19,7 +19,7 @@ from hindrax_analysis.identification.record_identification import (
     Span,
     axes_named,
     identify_sources,
-    open_source,
+    open_sources,
     recorded_vehicle,
 )
 from hindrax_analysis.identification.result_files import bag_hash, traces_of, write_coefficients, write_report
@@ -57,7 +57,10 @@ found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchS
 the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Where
 --wrench and --odometry name them, pulses (UInt16MultiArray, mavros RCOut and the like) become forces by the thrust
 curves of the vehicle file, and poses become velocities.
-Several records of one vehicle are pooled, and the spread between them is shown.
+Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
+hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
+record. What is no measurement is left out and told: zeros of a DVL without lock, values of a frozen or saturated
+sensor, outliers; velocities that came in bursts are spread evenly.
 
 columns of a CSV record (SNAME axes or --frame flu; SI units, or others in the header line such as "u [cm/s]" or t_ms;
 names like vx, surge_force or those of PlotJuggler serve too; empty cells where a row says nothing; others are ignored):
@@ -105,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
     wanted = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    sources = [open_source(path, wanted, named) for path in arguments.records]
+    sources = open_sources(arguments.records, wanted, named)
     vehicle, said = _vehicle(named, sources[0])
     began = time.monotonic()
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
@@ -155,8 +158,8 @@ def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: Identified
     return replace(
         conditions,
         date=date_of(sources[0].path) if is_bag else "",
-        bag=", ".join(str(source.path) for source in sources),
-        bag_sha256=", ".join(bag_hash(source.path) for source in sources),
+        bag=", ".join(str(file) for source in sources for file in source.files),
+        bag_sha256=", ".join(bag_hash(file) for source in sources for file in source.files),
         software=software_version(),
         assumptions=assumed,
         aborted="; ".join(dict.fromkeys(one.aborted for one in ended if one.aborted)),

@@ -1,0 +1,192 @@
+"""Damage in third-party records: what a sensor without lock, a frozen one or a buffered link leaves, removed and told.
+
+A least-squares fit believes every sample. Exact zeros of a DVL without bottom lock under thrust, values that repeat
+for seconds, flat tops of a saturated sensor and outliers are no measurements. They are left out before the fit, and
+each kind is an assumption of the record, with its number and place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_analysis.records.recording import Recording
+from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import Array, Flags, array
+
+SHORTEST_S, FEWEST = 0.5, 5
+"""Least time and number of equal values of a stretch."""
+CHANCE = 1e-6
+"""Probability below which equal values in a row are no coincidence of a coarse resolution."""
+JUMP = 0.2
+"""Least step at an end of a stretch of zeros, and least thrust during one, relative to the largest of the record."""
+HALF_WINDOW = 3
+OUTLIER_SIGMAS, OUTLIER_SPAN = 6.0, 0.25
+"""Least distance of an outlier from the running median: deviations of the noise, and share of the span of 90 %."""
+MOST_OUTLIERS = 0.1
+"""Share of outliers above which they are the signal."""
+SHORT_STEP, MOST_SHORT = 0.2, 0.4
+"""A step below this share of the mean is one within a burst; share of such steps that makes a record one of bursts."""
+GAP_STEPS, GAP_S = 5.0, 1.0
+"""Steps (of the median) and time without any velocity that are a gap."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """Samples `first` to `last` of one axis that hold the same value."""
+
+    first: int
+    last: int
+    value: float
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return self.last - self.first + 1
+
+
+def without_damage(recording: Recording) -> Recording:
+    """The record without what is no measurement; what was found is added to its assumptions."""
+    spread, notes = _with_even_times(recording)
+    velocity, thrust = spread.velocity.copy(), _thrust_at(spread)
+    for axis, name in enumerate(AXES):
+        known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
+        if len(known) <= 2 * FEWEST:
+            continue
+        t, v = spread.velocity_t[known], spread.velocity[known, axis]
+        for sentence, damaged in _damage(t, v, thrust[known, axis]):
+            at = known[damaged]
+            velocity[at, axis] = np.nan
+            if axis < 3:  # without lock a DVL has no velocity at all
+                rows = spread.velocity[at, :3]
+                velocity[at, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[at, :3])
+            notes.append(f"{name}: {sentence}")
+    return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
+
+
+def _damage(t: Array, v: Array, force: Array) -> Iterator[tuple[str, Flags]]:
+    """What is said of each kind of damage, and its samples (n,) of velocities (n,) under forces (n,)."""
+    stretches = list(_equal_values(t, v))
+    size, most = float(np.quantile(np.abs(v), 0.95)), float(np.nanmax(np.abs(force), initial=0.0))
+    zeros = [one for one in stretches if one.value == 0.0 and _is_lost(one, v, force, size, most)]
+    gone = np.zeros(len(v), dtype=bool)
+    if zeros:
+        found = _samples(zeros, len(v))
+        gone |= found
+        yield f"{found.sum()} velocities of exactly 0 in motion are of a sensor without lock: {_left(zeros, t)}", found
+    coincidence = _longest_by_chance(v)
+    held = [one for one in stretches if one.value != 0.0 and one.count > coincidence]
+    for extreme in (float(v.min()), float(v.max())):
+        tops = [one for one in held if one.value == extreme]
+        if len(tops) > 1:
+            found = v == extreme
+            gone |= found
+            yield f"{found.sum()} velocities of exactly {extreme:g}, where it is saturated: {_left(tops, t)}", found
+            held = [one for one in held if one.value != extreme]
+    if held:
+        found = _samples(held, len(v))
+        gone |= found
+        yield f"{found.sum()} velocities that repeat the one before are of a frozen sensor: {_left(held, t)}", found
+    kept = np.flatnonzero(~gone)
+    wild = kept[_outliers(v[kept])]
+    if len(wild):
+        found = np.zeros(len(v), dtype=bool)
+        found[wild] = True
+        yield f"{len(wild)} velocities far from their neighbors are outliers: left out", found
+
+
+def _left(stretches: list[_Stretch], t: Array) -> str:
+    """What is done, and where the stretches are; they are in the order of time."""
+    many = f"{len(stretches)} stretches, the first" if len(stretches) > 1 else "one stretch,"
+    return f"left out ({many} after {t[stretches[0].first]:.4g} s)"
+
+
+def _samples(stretches: list[_Stretch], count: int) -> Flags:
+    found = np.zeros(count, dtype=bool)
+    for one in stretches:
+        found[one.first : one.last + 1] = True
+    return found
+
+
+def _equal_values(t: Array, v: Array) -> Iterator[_Stretch]:
+    """Stretches of equal values, long enough to be looked at, in the order of time."""
+    ends = np.concatenate((np.flatnonzero(np.diff(v) != 0.0), [len(v) - 1]))
+    firsts = np.concatenate(([0], ends[:-1] + 1))
+    for first, last in zip(firsts.tolist(), ends.tolist(), strict=True):
+        if last - first + 1 >= FEWEST and t[last] - t[first] >= SHORTEST_S:
+            yield _Stretch(first, last, float(v[first]))
+
+
+def _is_lost(stretch: _Stretch, v: Array, force: Array, size: float, most: float) -> bool:
+    """Whether zeros begin or end with a jump, or last under thrust: a vehicle in water does neither."""
+    beside = [v[i] for i in (stretch.first - 1, stretch.last + 1) if 0 <= i < len(v)]
+    pushed = np.nanmedian(np.abs(np.append(force[stretch.first : stretch.last + 1], 0.0))) if most > 0.0 else 0.0
+    return any(abs(value) > JUMP * size for value in beside) or float(pushed) > JUMP * most
+
+
+def _longest_by_chance(v: Array) -> float:
+    """Number of equal values in a row that the resolution of the record explains."""
+    inside = (v[1:] != 0.0) & (v[1:] != v.min()) & (v[1:] != v.max())
+    if not inside.any():
+        return math.inf
+    equal = float(np.mean(v[1:][inside] == v[:-1][inside]))
+    if equal >= 0.9:
+        return math.inf
+    return FEWEST + math.log(CHANCE) / math.log(max(equal, 1e-3))
+
+
+def _outliers(v: Array) -> Flags:
+    """Samples (n,) far from the median of their neighbors (Hampel); none where they are many."""
+    if len(v) <= 2 * HALF_WINDOW + 1:
+        return np.zeros(len(v), dtype=bool)
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(v, HALF_WINDOW, mode="reflect"), 2 * HALF_WINDOW + 1)
+    off = np.abs(v - np.median(windows, axis=1))
+    low, high = np.quantile(v, (0.05, 0.95))
+    limit = max(OUTLIER_SIGMAS * 1.4826 * float(np.median(off)), OUTLIER_SPAN * float(high - low))
+    found: Flags = off > limit
+    return found if limit > 0.0 and found.mean() <= MOST_OUTLIERS else np.zeros(len(v), dtype=bool)
+
+
+def _thrust_at(recording: Recording) -> Array:
+    """Forces that hold at the times of the velocities: (n, 6) [N, N m]; NaN before the first."""
+    if not len(recording.wrench_t):
+        return np.full((len(recording.velocity_t), 6), np.nan)
+    at = np.searchsorted(recording.wrench_t, recording.velocity_t, side="right") - 1
+    return np.where(at[:, None] >= 0, recording.wrench[np.maximum(at, 0)], np.nan)
+
+
+def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
+    """Velocities that arrived in bursts, spread evenly from the end of one burst to that of the next."""
+    t, known = recording.velocity_t, np.isfinite(recording.velocity)
+    steps = np.diff(t)
+    # Rows of different axes are of different sensors: nothing says how their times should lie.
+    if len(steps) < 2 * FEWEST or float(np.mean(steps)) <= 0.0 or (known != known[0]).any():
+        return recording, []
+    short = steps < SHORT_STEP * float(np.mean(steps))
+    if float(np.mean(short)) < MOST_SHORT:
+        return recording, []
+    ends = np.concatenate((np.flatnonzero(~short), [len(t) - 1]))
+    even = np.interp(np.arange(len(t)), ends, t[ends])
+    even[: ends[0]] = t[0]  # nothing tells when the first burst began
+    size = len(t) / len(ends)
+    told = f"velocities came in bursts of about {size:.0f}, as by their times of receipt: they are spread evenly"
+    return replace(recording, velocity_t=array(even)), [f"{told}; stamps of the measurement itself are better"]
+
+
+def _gaps(recording: Recording) -> list[str]:
+    """Note on gaps between the velocities of any axis."""
+    t = recording.velocity_t[np.isfinite(recording.velocity).any(axis=1)]
+    steps = np.diff(t)
+    if not len(steps):
+        return []
+    found = np.flatnonzero(steps > max(GAP_S, GAP_STEPS * float(np.median(steps))))
+    if not len(found):
+        return []
+    longest = found[int(np.argmax(steps[found]))]
+    several = "s" if len(found) > 1 else ""
+    total_s, longest_s = float(steps[found].sum()), float(steps[longest])
+    where = f"the longest of {longest_s:.3g} s after {t[longest]:.4g} s"
+    return [f"no velocity for {total_s:.3g} s in {len(found)} gap{several}, {where}: parts of a record"]

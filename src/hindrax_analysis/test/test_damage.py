@@ -1,0 +1,108 @@
+"""What third-party sensors leave behind is left out and told; what only looks like it stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hindrax_analysis.records.damage import without_damage
+from hindrax_analysis.records.recording import Recording
+from hindrax_ident.arrays import Array, array
+
+PERIOD_s, NOISE_mps = 0.1, 0.01
+T = PERIOD_s * np.arange(800)
+PUSH_N = np.where(np.sin(2.0 * np.pi * T / 20.0) > 0.0, 10.0, -10.0)
+
+
+def moving() -> Array:
+    """Velocities (n,) [m/s] of a mass of 30 kg with drag, back and forth under `PUSH_N`, with noise."""
+    v = np.zeros(len(T))
+    for i in range(1, len(T)):
+        v[i] = v[i - 1] + PERIOD_s / 30.0 * (PUSH_N[i - 1] - 60.0 * abs(v[i - 1]) * v[i - 1])
+    return array(v + NOISE_mps * np.random.default_rng(5).standard_normal(len(T)))
+
+
+def recorded(*columns: Array, t: Array = T) -> Recording:
+    """A record with surge and, if given, sway."""
+    velocity, wrench = np.full((len(T), 6), np.nan), np.full((len(T), 6), np.nan)
+    velocity[:, : len(columns)] = np.array(columns).T
+    wrench[:, 0] = PUSH_N
+    return Recording("x.csv", array(t), velocity, array(T), wrench, np.zeros(0), np.zeros((0, 3)))
+
+
+def between(start_s: float, end_s: float) -> slice:
+    return slice(round(start_s / PERIOD_s), round(end_s / PERIOD_s))
+
+
+def test_zeros_of_a_dvl_without_lock_are_left_out_on_all_its_axes() -> None:
+    surge, sway = moving(), 0.1 * moving()
+    for part in (between(12.0, 14.0), between(40.0, 43.0)):
+        surge[part] = sway[part] = 0.0
+    found = without_damage(recorded(surge, sway))
+    lost = np.isnan(found.velocity[:, 0])
+    assert lost.sum() == 50
+    assert (np.isnan(found.velocity[:, 1]) == lost).all()
+    assert any("50 velocities of exactly 0" in one and "2 stretches, the first after 12 s" in one
+               for one in found.assumptions)  # fmt: skip
+
+
+def test_a_rest_before_the_first_thrust_is_no_damage() -> None:
+    rest = recorded(array(np.concatenate((np.zeros(100), moving()[:700] - moving()[0]))))
+    rest.wrench[:, 0] = np.concatenate((np.zeros(100), PUSH_N[:700]))
+    assert without_damage(rest).assumptions == ()
+
+
+def test_a_frozen_sensor_is_told() -> None:
+    surge = moving()
+    surge[between(31.0, 33.0)] = surge[between(31.0, 33.0)][0]
+    found = without_damage(recorded(surge))
+    assert np.isnan(found.velocity[between(31.0, 33.0), 0]).all()
+    assert any("repeat" in one and "one stretch, after 31 s" in one for one in found.assumptions)
+
+
+@pytest.mark.parametrize("step_mps", [0.01, 0.05])
+def test_a_coarse_resolution_is_no_frozen_sensor(step_mps: float) -> None:
+    assert without_damage(recorded(array(step_mps * np.round(moving() / step_mps)))).assumptions == ()
+
+
+def test_a_table_that_repeats_a_slow_sensor_in_fast_rows_is_no_damage() -> None:
+    assert without_damage(recorded(array(np.repeat(moving()[::4], 4)))).assumptions == ()
+
+
+def test_flat_tops_are_left_out_whole() -> None:
+    surge = moving()
+    found = without_damage(recorded(array(np.clip(surge, -0.3, 0.3))))
+    assert (np.isnan(found.velocity[:, 0]) == (np.abs(surge) >= 0.3)).all()
+    assert sum("saturated" in one for one in found.assumptions) == 2
+
+
+def test_outliers_are_left_out_and_a_reversal_is_none() -> None:
+    surge = moving()
+    wild = np.arange(17, 800, 61)
+    surge[wild] += 2.0
+    found = without_damage(recorded(surge))
+    assert np.flatnonzero(np.isnan(found.velocity[:, 0])).tolist() == wild.tolist()
+
+
+def test_bursts_are_spread_evenly() -> None:
+    ends = T[4::5]
+    late = np.repeat(ends, 5) + 1e-3 * np.tile(np.arange(-4, 1), len(ends))
+    found = without_damage(recorded(moving(), t=array(late)))
+    assert np.abs(found.velocity_t - T)[5:].max() < 1e-9
+    assert any("bursts of about 5" in one for one in found.assumptions)
+
+
+def test_two_sensors_that_take_turns_are_no_bursts() -> None:
+    record = recorded(moving(), moving(), t=array(T + np.where(np.arange(800) % 2, -0.099, 0.0)))
+    record.velocity[::2, 1] = record.velocity[1::2, 0] = np.nan
+    assert without_damage(record).assumptions == ()
+
+
+def test_gaps_are_told() -> None:
+    keep = (T < 20.0) | (T > 32.0)
+    whole = recorded(moving())
+    found = without_damage(replace(whole, velocity_t=T[keep], velocity=whole.velocity[keep]))
+    (told,) = found.assumptions
+    assert told.startswith("no velocity for 12.2 s in 1 gap, the longest of 12.2 s after 19.9 s")
