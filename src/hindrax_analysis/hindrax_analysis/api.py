@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hindrax_analysis.identification.prediction import parameters
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     axes_named,
@@ -32,7 +33,7 @@ from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results
-from hindrax_ident.model.motion_model import model_of, motions_of
+from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 
 if TYPE_CHECKING:
@@ -110,23 +111,14 @@ def predict(results: Results, axis: str, time_s: Sequence[float], force: Sequenc
     """
     index = axes_named([axis])[0]
     model = model_of(results.vehicle, index)
-    known: dict[str, float] = {}
-    for motion in motions_of(index):
-        found = results.motions[motion.name].coefficients if motion.name in results.motions else {}
-        # The model's names of what the motion has, in the order of the coefficients; its mass includes the water's.
-        names = dict(zip(("k_q", "k_l", "b", "added_mass", "k_r"), model.names_of(motion.side), strict=False))
-        known |= {names[name]: one.value for name, one in found.items() if name in names}
-    lacking = [name for name in model.names if name not in known]
-    if lacking:
-        raise UsageError(f"{axis}: found no {' and no '.join(lacking)} (with added mass) among what was identified")
-    known["mass"] += model.rigid
+    theta = parameters(model, {name: one.coefficients for name, one in results.motions.items()})
     t, f = array(np.asarray(time_s, dtype=float)), array(np.asarray(force, dtype=float))
     if t.shape != f.shape or len(t) < 2 or not np.all(np.diff(t) > 0.0):
         raise UsageError(f"found times {t.shape} and forces {f.shape}, wanted as many of both, and rising times")
     starts = np.arange(len(t)) == 0
     grid = Grid(t, starts, np.concatenate(([0.0], f[:-1] * np.diff(t))))
     guess = Trajectory(np.full(len(t), start), np.zeros(len(t)))
-    path = trajectory(model, array(np.array([known[name] for name in model.names])), grid, guess)
+    path = trajectory(model, theta, grid, guess)
     if path is None:
         raise UsageError(f"{axis}: no motion follows from these coefficients and forces; are the units right?")
     return path.v

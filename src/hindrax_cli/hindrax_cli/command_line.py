@@ -31,7 +31,7 @@ GROUPS = {
         "the machine and its devices",
         ("doctor", "health", "vehicle", "mock", "dvl", "imu", "depth", "ping", "oscillator", "esc", "deploy"),
     ),
-    "data": ("recorded data", ("bag", "identify", "replay")),
+    "data": ("recorded data", ("bag", "identify", "predict", "replay")),
     "experiment": (
         "bench experiments",
         ("bollard", "towing", "free-decay", "forced", "pendulum", "step", "estimate"),

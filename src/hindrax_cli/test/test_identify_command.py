@@ -218,6 +218,25 @@ def test_one_file_per_topic_is_one_record(tmp_path: Path, small: Path, capsys: p
     assert refused(capsys, files[0], "--vehicle", small)[0] != 0
 
 
+def test_coefficients_predict_a_record_that_they_were_not_fitted_to(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fitted, fresh = (
+        as_csv(tmp_path / "fitted.csv", *flown()),
+        as_csv(tmp_path / "fresh.csv", *flown(seed=3, noise=0.02)),
+    )
+    file, plot = tmp_path / "coefficients.yaml", tmp_path / "fresh.svg"
+    identified(capsys, fitted, "--vehicle", small, "--coefficients", file)
+    assert main(["predict", str(file), str(fresh), "--vehicle", str(small), "--plot", str(plot), "--json"]) == 0
+    surge = json.loads(capsys.readouterr().out)["motions"]["surge"]
+    assert surge["rmse"] == pytest.approx(0.02, rel=0.3)
+    assert surge["rmse_stays_still"] > 0.2
+    assert plot.read_text().startswith("<?xml")
+    assert main(["predict", str(file), str(fresh)]) == 2
+    assert "name one with --vehicle" in capsys.readouterr().err
+    assert main(["predict", str(file), str(fresh), "--vehicle", str(small), "--dof", "yaw"]) == 1
+
+
 def test_another_axis_has_its_units(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = as_csv(tmp_path / "a.csv", *flown(), names=("r", "N"))
     yaw = identified(capsys, record, "--vehicle", small)["motions"]["yaw"]

@@ -1,4 +1,4 @@
-"""Plots of the bench experiments: units on every axis, one color per meaning, no global state.
+"""Plots of the bench experiments and of predictions: units on every axis, one color per meaning, no global state.
 
 Each function returns a matplotlib Figure with the Agg canvas; the caller saves it (`figure.savefig(path)`).
 """
@@ -21,6 +21,8 @@ from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.pendulum import PendulumFit
 from hindrax_analysis.experiments.step import Plant, StepTest
 from hindrax_analysis.experiments.towing import Towing
+from hindrax_analysis.identification.prediction import Prediction
+from hindrax_core.vehicle import AXES
 
 MEASURED = "#33658a"
 MODEL = "#d1495b"
@@ -188,4 +190,17 @@ def estimate(model: EmpiricalModel) -> Figure:
     for axis, (part, values, label) in zip(axes, panels, strict=True):
         axis.bar(names[part], values[part], color=MEASURED if "added" in label else MODEL, width=0.6)
         _label(axis, "", label)
+    return figure
+
+
+def prediction(predictions: Sequence[Prediction]) -> Figure:
+    """Measured and predicted motion over time, one plot per axis."""
+    figure, rows = _figure(len(predictions), 1, 9.0, 2.6 * len(predictions))
+    for axis, one in zip(rows, predictions, strict=True):
+        edges = np.flatnonzero(np.diff(one.window)) + 1
+        axis.plot(one.t, one.measured, ".", markersize=2.0, color=MEASURED, label="measured")
+        apart = [np.insert(values, edges, np.nan) for values in (one.t, one.predicted)]
+        axis.plot(*apart, color=MODEL, label="predicted from the beginning of each window")
+        _label(axis, "time [s]", f"{AXES[one.axis]} [{one.unit}]")
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
     return figure

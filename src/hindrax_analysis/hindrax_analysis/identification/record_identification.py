@@ -39,6 +39,7 @@ from hindrax_ident.assess.assessment import Assessment, unidentified
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS, motions_of
 from hindrax_ident.online.session import Outcome, Session
+from hindrax_ident.records.axis_record import Record
 from hindrax_ident.records.feed import Feed
 from hindrax_ident.tuning import Tuning
 
@@ -178,12 +179,7 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
     if len(sources) == 1 and sources[0].recording is None and span.whole:
         found = IdentifiedRecords(identify_bag(sources[0].path, vehicle, mock=sources[0].mock))
         return replace(found, identified=_with_axes_only(found.identified, axes))
-    ours = [source for source in sources if source.recording is None]
-    if ours and len(ours) < len(sources):
-        raise UsageError(
-            f"{ours[0].path} is a bag of this stack, and others are not: pool records of one kind, "
-            "or name topics with --odometry and --wrench for all of them"
-        )
+    ours = _own(sources)
     if ours:
         session = Session(vehicle)
         _run_session(session, _own_events(ours, vehicle, span))
@@ -201,6 +197,37 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
             f"nothing was measured from {span.from_s:g} s to {span.to_s:g} s: the record lasts {lasts:.4g} s"
         )
     return _identify_recordings(recordings, vehicle, task)
+
+
+def _own(sources: Sequence[RecordSource]) -> list[RecordSource]:
+    """All sources if they are bags of this stack, or none; UsageError where they are mixed."""
+    ours = [source for source in sources if source.recording is None]
+    if ours and len(ours) < len(sources):
+        raise UsageError(
+            f"{ours[0].path} is a bag of this stack, and others are not: pool records of one kind, "
+            "or name topics with --odometry and --wrench for all of them"
+        )
+    return ours
+
+
+def axis_records(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> dict[int, Record]:
+    """Velocities, thrust and usable stretches of each axis that was excited, as the identification takes them."""
+    wanted = task.axes or tuple(range(6))
+    ours = _own(sources)
+    out: dict[int, Record] = {}
+    if ours:
+        session = Session(vehicle)
+        _run_session(session, _own_events(ours, vehicle, task.span))
+        out = {axis: session.record(axis) for axis in session.axes if axis in wanted}
+    recordings = [source.recording.between(task.span.from_s, task.span.to_s) for source in sources if source.recording]
+    tuning = tuned(recordings, task.tuning)
+    for axis in wanted if recordings else ():
+        usable = [one for one in recordings if not reason_to_skip(one, axis)]
+        if usable:
+            session = Session(vehicle, tuning)
+            _run_session(session, Feed(vehicle, tuning).all(_concatenated(usable, axis)))
+            out[axis] = session.record(axis)
+    return out
 
 
 def _with_axes_only(identified: IdentifiedBag, axes: Sequence[int]) -> IdentifiedBag:

@@ -217,6 +217,11 @@ class Session:
                 return rigid + added, sigma
         return USUAL_MASS_RATIO * rigid, USUAL_MASS_RATIO_SIGMA * rigid
 
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Axes that were excited."""
+        return tuple(self._axes)
+
     def record(self, axis: int, masses: Masses | None = None) -> Record:
         """Record of an axis; `masses` of all axes are the online estimates by default."""
         axis_session, tuning = self._axes[axis], self.tuning

@@ -1,0 +1,75 @@
+"""Free-running prediction: exact for the model's own motion, and honest about the coefficients of another vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_runs import back_and_forth, fly
+
+from hindrax_analysis.identification.prediction import parameters, predict_record
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.results import Number
+from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.records.axis_record import Record, Series, Stretch
+
+ROV = Vehicle("rov", mass_kg=20.0, volume_m3=0.0203, envelope_m=(0.6, 0.5, 0.4))
+TRUE = {"k_q": 60.0, "k_l": 2.0, "b": 0.5, "added_mass": 12.0}
+END_s = 60.0
+
+
+def numbers(**changed: float) -> dict[str, dict[str, Number]]:
+    return {"surge": {name: Number(value, 0.1) for name, value in (TRUE | changed).items()}}
+
+
+def flown(noise_mps: float = 0.0) -> Record:
+    """Surge back and forth, velocities at 10 Hz."""
+    theta: Array = parameters(model_of(ROV, 0), numbers())
+    flight = fly(model_of(ROV, 0), theta, back_and_forth((4.0, 8.0, 12.0), 5.0, END_s), 0.0)
+    t, v = flight.grid.times_s[::20], flight.path.v[::20]
+    v = array(v + noise_mps * np.random.default_rng(1).standard_normal(len(v)))
+    thrust = Series(flight.times_s, flight.commands)
+    return Record(Series(t, v), thrust, (Stretch(0.0, END_s, "surge", "excite"),))
+
+
+def test_the_motion_of_the_model_itself_is_predicted() -> None:
+    found = predict_record(numbers(), ROV, 0, flown(), 10.0)
+    assert found.rmse(found.predicted) < 1e-3 * found.rmse(found.still)
+    assert found.windows == 6
+    assert found.unit == "m/s"
+
+
+def test_noise_of_the_beginning_does_not_grow() -> None:
+    found = predict_record(numbers(), ROV, 0, flown(noise_mps=0.01), 10.0)
+    assert found.rmse(found.predicted) < 0.02
+
+
+def test_coefficients_of_another_vehicle_are_found_out() -> None:
+    own, other = (predict_record(numbers(k_q=k_q), ROV, 0, flown(), 10.0) for k_q in (60.0, 120.0))
+    assert other.rmse(other.predicted) > 5.0 * own.rmse(own.predicted)
+
+
+def test_depths_alone_are_predicted_as_depths() -> None:
+    """Heave of a vehicle whose depth alone is measured."""
+    heave = {name: numbers()["surge"] for name in ("heave_down", "heave_up")}
+    surge = flown()
+    depth = np.concatenate(([0.0], np.cumsum(0.05 * (surge.velocity.y[1:] + surge.velocity.y[:-1]))))
+    record = replace(surge, velocity=Series(np.zeros(0), np.zeros(0)), position=Series(surge.velocity.t, array(depth)))
+    found = predict_record(heave, ROV, 2, record, 10.0)
+    assert found.unit == "m"
+    assert found.rmse(found.predicted) < 0.01 * found.rmse(found.still)
+    assert found.rmse(found.predicted) < 0.01 * found.rmse(found.steady)
+
+
+def test_windows_longer_than_any_stretch_are_refused() -> None:
+    with pytest.raises(HindraxError, match=r"no stretch of the record lasts 90 s, the longest 60 s"):
+        predict_record(numbers(), ROV, 0, flown(), 90.0)
+
+
+def test_what_was_not_identified_is_named() -> None:
+    lacking = {"surge": {name: one for name, one in numbers()["surge"].items() if name != "added_mass"}}
+    with pytest.raises(UsageError, match="surge: found no mass"):
+        parameters(model_of(ROV, 0), lacking)

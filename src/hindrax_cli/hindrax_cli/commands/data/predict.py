@@ -1,0 +1,111 @@
+"""`hindrax predict`: what coefficients predict for records that they were not fitted to."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
+from hindrax_analysis.identification.prediction import Prediction, predict_record
+from hindrax_analysis.identification.record_identification import (
+    IdentificationTask,
+    RecordSource,
+    Span,
+    axes_named,
+    axis_records,
+    open_sources,
+    recorded_vehicle,
+)
+from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
+from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_cli.argument_types import add_vehicle, positive
+from hindrax_cli.commands.data.identify import CHOICES
+from hindrax_cli.experiment_command import add_output, save_plot
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+
+NAME = "predict"
+HELP = "the motion that coefficients predict for records that they were not fitted to"
+EXAMPLE = "./hindrax predict runs/monday/coefficients.yaml runs/tuesday --window 10 --plot tuesday.png"
+ABOUT = """
+The model runs free over windows of the record: from the velocity measured at the beginning of each, with the measured
+thrust alone. The error of the model stands beside those of two predictors that know nothing: the vehicle stays still,
+and it keeps its speed. Coefficients that were fitted to the same record prove little.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Coefficients, records, windows, and where the plot goes."""
+    parser.description = f"{HELP}\n{ABOUT}"
+    parser.add_argument("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run folder")
+    parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`")
+    parser.add_argument("--window", type=positive, default=10.0, metavar="S", help="length of a window (default 10 s)")
+    add_vehicle(parser, "vehicle: its file, or its name; default: the one in the bag", default=False)
+    parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
+    parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
+    parser.add_argument("--frame", choices=FRAMES, default="", help="axes, whatever they are called")
+    parser.add_argument(
+        "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all there are"
+    )
+    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
+    parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
+    add_output(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Predict and show; 1 when no motion can be predicted."""
+    file = arguments.coefficients
+    saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
+    named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
+    wanted = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
+    sources = open_sources(arguments.records, wanted, named)
+    vehicle = named or _recorded(sources[0])
+    task = IdentificationTask(tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s))
+    found, reasons = _predictions(arguments, saved, sources, vehicle, task)
+    if not found:
+        raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
+    save_plot(arguments.plot, "prediction", found)
+    if arguments.json:
+        motions = {AXES[one.axis]: one.to_json() for one in found}
+        print_json({"window_s": arguments.window, "motions": motions, "left_out": reasons})
+    else:
+        _show(found, reasons, arguments)
+    return 0
+
+
+def _recorded(source: RecordSource) -> Vehicle:
+    found = recorded_vehicle(source)
+    if found is None:
+        raise UsageError(f"{source.path}: holds no vehicle file; name one with --vehicle (its mass is needed)")
+    return found
+
+
+def _predictions(
+    arguments: argparse.Namespace,
+    saved: SavedCoefficients,
+    sources: list[RecordSource],
+    vehicle: Vehicle,
+    task: IdentificationTask,
+) -> tuple[list[Prediction], list[str]]:
+    """Predictions, and the reason of each axis of the records that has none."""
+    numbers = {name: motion.numbers for name, motion in saved.motions.items() if motion.identifiable}
+    found, reasons = [], []
+    for axis, record in axis_records(sources, vehicle, task).items():
+        try:
+            found.append(predict_record(numbers, vehicle, axis, record, arguments.window))
+        except HindraxError as error:
+            reasons.append(str(error))
+    return found, reasons
+
+
+def _show(found: list[Prediction], reasons: list[str], arguments: argparse.Namespace) -> None:
+    title = f"Free-running prediction over windows of {arguments.window:g} s: root mean square errors"
+    table = make_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"))
+    for one in found:
+        errors = (f"{one.rmse(predictor):.3g}" for predictor in (one.predicted, one.still, one.steady))
+        table.add_row(AXES[one.axis], str(one.windows), *errors, one.unit)
+    print_table(table)
+    for reason in reasons:
+        print(f"left out: {reason}")
+    if arguments.plot:
+        print(f"  {arguments.plot}")
