@@ -99,7 +99,7 @@ def _predictions(
 
 
 def _show(found: list[Prediction], reasons: list[str], arguments: argparse.Namespace) -> None:
-    title = f"Free-running prediction over windows of {arguments.window:g} s: root mean square errors"
+    title = f"RMS error of the prediction over {arguments.window:g} s"
     table = make_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"))
     for one in found:
         errors = (f"{one.rmse(predictor):.3g}" for predictor in (one.predicted, one.still, one.steady))
