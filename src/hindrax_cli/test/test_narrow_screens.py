@@ -22,7 +22,18 @@ COMMANDS = {
     "identify": f"identify {BAGS / 'surge'}",
 }
 """One that prints a table and needs neither a vehicle nor minutes, by its module."""
-ELSEWHERE = {"bench", "montecarlo", "predict", "status", "step", "towing", "forced", "free_decay", "bollard", "pendulum"}
+ELSEWHERE = {
+    "bench",
+    "montecarlo",
+    "predict",
+    "status",
+    "step",
+    "towing",
+    "forced",
+    "free_decay",
+    "bollard",
+    "pendulum",
+}
 """They print with the same two functions, but need minutes, a stack or a record that their own tests make."""
 HEADINGS = ("\u250f", "\u2503", "\u2521")
 FRAME = re.compile("[\u2500-\u257f;]")
