@@ -300,12 +300,12 @@ def test_lists_that_come_before_the_time_is_known_are_judged_as_soon_as_it_is(
     control: Control, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = control.now()
-    monkeypatch.setattr(control.pilot, "_now", lambda: Stamp(0))
+    monkeypatch.setattr(control.pilot, "now", lambda: Stamp(0))
     for age_s, name in ((7200.0, "T3"), (3600.0, "T4"), (-3600.0, "T5")):
         control.say(THRUSTER_HEALTH_ORDER, _of(ThrusterHealth(disabled=[name], reasons=["weak"]), after(now, -age_s)))
     control.pilot.drain()
     assert control.pilot._disabled == {}
-    monkeypatch.setattr(control.pilot, "_now", lambda: now)
+    monkeypatch.setattr(control.pilot, "now", lambda: now)
     control.pilot.drain()
     assert control.pilot._disabled == {"T4": "weak"}
     assert control.pilot._refusals.counts == {THRUSTER_HEALTH_ORDER.name: 1}

@@ -22,11 +22,19 @@ from hindrax_bringup.link_monitor import HOLD, NEUTRAL, STAY
 from hindrax_bringup.liveness import LivenessFile, health_change
 from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, NAMESPACE, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER
-from hindrax_msgs.msg import Heartbeat, ThrusterHealth
+from hindrax_core.topics import (
+    DIAGNOSTICS,
+    HEARTBEAT,
+    NAMESPACE,
+    THRUSTER_HEALTH,
+    THRUSTER_HEALTH_ORDER,
+    THRUSTER_STATE,
+)
+from hindrax_msgs.msg import Heartbeat, ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.stack_time import VARIABLE, StackTime, epoch_ns
 
 pytestmark = pytest.mark.ros
 PATIENT_S = 60.0
@@ -46,6 +54,7 @@ class Vehicle:
         self.reasons: list[str] = []
         self.cancelled = 0
         self.link: dict[str, bytes] = {}
+        self.clock: dict[str, bytes] = {}
         self.node.create_service(Arm, "thrusters/arm", self._arm)
         self.node.create_service(CancelGoal, "maneuver/fly/_action/cancel_goal", self._cancel)
         subscription(self.node, DIAGNOSTICS, self._diagnose)
@@ -63,6 +72,7 @@ class Vehicle:
 
     def _diagnose(self, message: Any) -> None:
         self.link |= {one.message: one.level for one in message.status if one.name == "hindrax: link"}
+        self.clock |= {one.message: one.level for one in message.status if one.name == "hindrax: clock"}
 
     def heartbeat(self, ahead_s: float = 0.0) -> Heartbeat:
         message = Heartbeat(source="test")
@@ -78,6 +88,12 @@ class Vehicle:
             self.executor.spin_once(timeout_sec=0.05)
             self.monitor.drain()
             self.monitor.publish_queue.flush()
+
+
+@pytest.fixture
+def real(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stack with a time of its own, which a mock has not."""
+    monkeypatch.setenv(VARIABLE, str(epoch_ns()))
 
 
 @pytest.fixture
@@ -106,6 +122,27 @@ def test_a_silent_operator_ends_what_flies_and_comes_back(watched: str, asked: l
     assert watched.armed == asked
     assert watched.reasons == ["no operator for 2 s" for _ in asked], "a reason says that no operator asks"
     assert watched.cancelled == 1
+
+
+@pytest.mark.usefixtures("real")
+@pytest.mark.parametrize("step_s", [-3600.0, 1e8])
+@pytest.mark.parametrize("watched", [STAY], indirect=True)
+def test_a_wall_clock_that_is_set_disarms_and_is_told_and_shown(watched: Vehicle, step_s: float) -> None:
+    why = f"the wall clock was set {'back' if step_s < 0 else 'forward'} by {abs(step_s):.1f} s"
+    thrusters = publisher(watched.node, THRUSTER_STATE)
+    state = ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8)
+
+    def heard() -> bool:
+        thrusters.publish(state)
+        return watched.monitor.armed
+
+    watched.until(lambda: heard() and watched.clock == {"as the wall clock": DiagnosticStatus.OK}, beating=False)
+    assert watched.armed == []
+    watched.monitor.stack_time = StackTime(epoch_ns() - round(step_s * 1e9))
+    watched.until(lambda: heard() and watched.armed == [False], beating=False)
+    assert watched.reasons == [why]
+    watched.until(lambda: any(one.startswith(f"clock: {why}") for one in watched.said), beating=False)
+    assert [level for text, level in watched.clock.items() if text.startswith(why)] == [DiagnosticStatus.WARN]
 
 
 @pytest.mark.parametrize("watched", [STAY], indirect=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,6 +13,8 @@ import yaml
 from hindrax_core.errors import HindraxError, UsageError
 
 FREE_BYTES_WANTED = 500_000_000
+FIRST_YEAR = 2025
+"""A clock before it was never set: a Raspberry Pi has no battery clock."""
 RUNS = Path("runs")
 """Where runs lie that are named by their time."""
 
@@ -58,7 +61,7 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
 
     HindraxError when fewer than `wanted_bytes` are free on its disk.
     """
-    path = Path(wanted) if wanted else _dated()
+    path = Path(wanted) if wanted else new_run(datetime.now(UTC).astimezone())
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise UsageError(f"{path} is occupied; name an empty or new folder with --out")
     folder = RunFolder(path.resolve())
@@ -79,8 +82,14 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
     return folder
 
 
-def _dated() -> Path:
-    return RUNS / datetime.now(UTC).astimezone().strftime("%Y-%m-%d_%H-%M-%S")
+def new_run(now: datetime) -> Path:
+    """Folder named by the time, or by a number where the clock was never set; one more where that is taken.
+
+    A computer without a battery clock begins every day at the same time.
+    """
+    name = now.strftime("%Y-%m-%d_%H-%M-%S") if now.year >= FIRST_YEAR else "undated"
+    numbered = (RUNS / (f"{name}_{number}" if number else name) for number in itertools.count())
+    return next(path for path in numbered if not path.exists())
 
 
 def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:

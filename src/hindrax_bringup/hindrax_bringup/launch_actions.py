@@ -20,7 +20,7 @@ from launch_ros.substitutions import ExecutableInPackage
 from hindrax_bringup.node_options import NodeOptions, Tuning
 from hindrax_bringup.processes import ONBOARD, Process
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
-from hindrax_bringup.stack import environment
+from hindrax_bringup.stack import stack_environment
 from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
 from hindrax_bringup.tether import tether_setting
 from hindrax_core.errors import UsageError
@@ -58,7 +58,8 @@ def stack(
         vehicle = str(vehicle_file(argument("vehicle")))
         tuning = Tuning(argument("namespace"), argument("params_file"))
         wires: dict[str, object] | None = None
-        made = environment(mock=hardware is not None, domain=None, tether=None if hardware else tether_setting())
+        tether = None if hardware else tether_setting()
+        made = stack_environment(mock=hardware is not None, domain=None, tether=tether)
         started: list[Action] = [
             SetEnvironmentVariable(key, value) for key, value in made.items() if os.environ.get(key) != value
         ]

@@ -47,15 +47,15 @@ class LivenessFile:
         self._path, self._next_s = path, 0.0
         self._file: IO[str] | None = None
 
-    def beat(self, status: str, troubles: Mapping[str, str]) -> None:
-        """Say that the tool lives, what it does in a few words, and which nodes are unwell."""
+    def beat(self, status: str, troubles: Mapping[str, str], *, armed: bool = False) -> None:
+        """Say that the tool lives, what it does in a few words, which nodes are unwell, and whether it may thrust."""
         now_s = time.monotonic()
         if now_s < self._next_s:
             return
         self._next_s = now_s + PERIOD_S
         notify(f"WATCHDOG=1\nSTATUS={status}")
         with contextlib.suppress(OSError):  # the folder goes with the last session of its user; what flies flies on
-            self._write({"at_s": now_s, "status": status, "troubles": dict(troubles)})
+            self._write({"at_s": now_s, "status": status, "troubles": dict(troubles), "armed": armed})
 
     def _write(self, beat: Mapping[str, object]) -> None:
         file = locked(self._path, beat)
@@ -111,6 +111,13 @@ def pulses(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
             known = found.get(pid, ("", []))[1]
             found[pid] = (one[0], [*one[1], *(trouble for trouble in known if trouble not in one[1])])
     return {pid: (status, "; ".join(troubles)) for pid, (status, troubles) in found.items()}
+
+
+def heard_armed(folder: Path, pid: int) -> bool:
+    """Whether the safety monitor of a stack hears armed thrusters; an armed vehicle says so fifty times a second."""
+    with contextlib.suppress(OSError, ValueError):
+        return bool(json.loads((folder / f"{pid}{NODES}").read_text(encoding="utf-8"))["armed"])
+    return False
 
 
 def _stack_of(path: Path) -> int:

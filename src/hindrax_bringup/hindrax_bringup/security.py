@@ -158,7 +158,7 @@ ROLES: tuple[Role, ...] = (
         "safety_monitor",
         "safety_monitor",
         publishes=(THRUSTER_HEALTH_ORDER, DIAGNOSTICS),
-        subscribes=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT),
+        subscribes=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT, THRUSTER_STATE),
         requests=(ARM, CANCEL),
     ),
     Role(

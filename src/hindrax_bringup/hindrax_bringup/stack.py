@@ -26,6 +26,7 @@ from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.topics import NAMESPACE
+from hindrax_ros import stack_time
 
 MOCK_READY_S = 60.0
 DOMAINS = range(1, 101)
@@ -153,12 +154,19 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     made.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
     made["PYTHONUNBUFFERED"] = "1"
     made.pop(NOTIFY, None)  # only the tool itself tells the service manager that it lives
+    made.pop(stack_time.VARIABLE, None)
     if domain is not None:
         made["ROS_DOMAIN_ID"] = str(domain)
     if mock or tether is not None or PROFILE not in made:
         made[PROFILE] = str(profile_file(tether))
         made["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
     return made if mock else made | security.settings(made.get(security.KEYSTORE, ""), made)
+
+
+def stack_environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:
+    """Environment of the processes of a stack that starts now; a real one has its own time from now on."""
+    made = environment(mock=mock, domain=domain, tether=tether)
+    return made if mock else made | {stack_time.VARIABLE: str(stack_time.epoch_ns())}
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ from typing import IO
 
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE
+from hindrax_ros import stack_time
 
 FOLDER = "HINDRAX_RUNTIME_DIR"
 """Environment variable that moves the folder; by default it is below XDG_RUNTIME_DIR, or in /tmp per user."""
@@ -28,7 +29,7 @@ UP, LAUNCHED = "up", "launch"
 HEARTBEATS = ".beats"
 """End of the name of a folder with the heartbeats of a tool's processes; it begins with the id of the tool."""
 
-GRAPH_PREFIXES = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_")
+GRAPH_PREFIXES = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_", stack_time.VARIABLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ def runtime_folder() -> Path:
 
 
 def graph_settings(environment: Mapping[str, str]) -> dict[str, str]:
-    """Pick the settings that decide which ROS graph a process joins."""
+    """Pick the settings that decide which ROS graph a process joins, and by which time it lives there."""
     found = {key: value for key, value in environment.items() if key.startswith(GRAPH_PREFIXES)}
     return {"ROS_DOMAIN_ID": "0"} | found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -15,19 +16,22 @@ from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder
-from hindrax_bringup.liveness import STARTING, LivenessFile, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, pulse
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS
-from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain, presence_of
-from hindrax_bringup.stack_lock import StackLock, announced
+from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
+from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder
 from hindrax_bringup.supervisor import Supervisor, last_words
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ros.stack_time import STEP_S, StackTime
 
 VITAL = (MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name)
 """Without these nothing is left to operate; without another one the rest still serves."""
 TURN_S = 0.1
+SETTLED_S = 3.0
+"""Time after a step of the wall clock in which its event is recorded, and further ones may come."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,25 +52,57 @@ def run_up(options: UpOptions) -> int:
     load_vehicle(options.vehicle_file)
     mock, namespace = options.mock is not None, options.tuning.namespace
     with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, pulse() as beating:
-        # A vehicle with a full disk can be flown; its recorder says that it waits for room.
-        folder = make_run_folder(options.out, options.vehicle_file, wanted_bytes=0)
-        address = awaited(options.tether, over, beating)
-        if over():
-            return 0
-        made = environment(mock=mock, domain=domain, tether=options.tether)
-        complete_earlier(RUNS)
-        with Supervisor(folder.logs, made, show_reports=True) as supervisor:
-            beating.beat("up", STARTING)
-            stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
-            without_operator = options.without_operator if options.tether else ""
-            stack.start(options.mock, record=options.record, without_operator=without_operator)
-            presence = presence_of(stack, made)
-            with announced(presence):
-                print(startup_text(presence, folder, record=options.record), flush=True)
-                _look_after(supervisor, over, options.tether, address, beating)
-            report("ending; the thrusters go neutral and disarm")
-        report("ended; neutral is on the wire")
+        run = 1
+        while not over():
+            _run(options, run, domain, over, beating)
+            run += 1
     return 0
+
+
+def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bool], beating: LivenessFile) -> None:
+    """One run, until a signal, or until the wall clock was set: the next one has its time, and another folder."""
+    # A vehicle with a full disk can be flown; its recorder says that it waits for room.
+    out = f"{options.out}_{run}" if options.out and run > 1 else options.out
+    folder = make_run_folder(out, options.vehicle_file, wanted_bytes=0)
+    address = awaited(options.tether, over, beating)
+    if over():
+        return
+    mock = options.mock is not None
+    made = stack_environment(mock=mock, domain=domain, tether=options.tether)
+    complete_earlier(RUNS)
+    with Supervisor(folder.logs, made, show_reports=True) as supervisor:
+        beating.beat("up", STARTING)
+        stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
+        without_operator = options.without_operator if options.tether else ""
+        stack.start(options.mock, record=options.record, without_operator=without_operator)
+        presence = presence_of(stack, made)
+        with announced(presence):
+            print(startup_text(presence, folder, record=options.record), flush=True)
+            clock = ClockStep(StackTime.of(made))
+            _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
+        report("ending; the thrusters go neutral and disarm")
+    report("ended; neutral is on the wire")
+
+
+@dataclass(slots=True)
+class ClockStep:
+    """Decides that a stack starts anew because the wall clock was set: disarmed, and not in the midst of more steps."""
+
+    of_stack: StackTime
+    armed: Callable[[], bool] = lambda: heard_armed(runtime_folder(), os.getpid())
+    now_s: Callable[[], float] = time.monotonic
+    _step_s: float = 0.0
+    _since_s: float = 0.0
+
+    def followed(self) -> bool:
+        """Whether the stack is to end now; says so."""
+        step, step_s, now_s = self.of_stack.step(), self.of_stack.step_s(), self.now_s()
+        if abs(step_s - self._step_s) > STEP_S:
+            self._step_s, self._since_s = step_s, now_s
+        if not step or now_s - self._since_s < SETTLED_S or self.armed():
+            return False
+        report(f"clock: {step}; the stack starts anew, in a run of its own, to follow it")
+        return True
 
 
 def complete_earlier(runs: Path) -> subprocess.Popen[bytes] | None:

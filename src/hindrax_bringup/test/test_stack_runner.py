@@ -1,4 +1,4 @@
-"""What `up` does before its processes start."""
+"""What `up` does before its processes start, and when the wall clock is set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from hindrax_bag.bag_index import is_whole
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.stack_runner import complete_earlier
+from hindrax_bringup.liveness import NODES, LivenessFile, heard_armed
+from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier
+from hindrax_ros.stack_time import StackTime, epoch_ns
 
 WORD = Channel("/demo/word", "demo_msgs/msg/Word")
 
@@ -34,3 +36,39 @@ def test_bags_of_earlier_runs_are_completed(tmp_path: Path, capsys: pytest.Captu
     assert not is_whole(bag.path)
     bag.close()
     assert complete_earlier(tmp_path) is None
+
+
+class SteppedTime(StackTime):
+    """A stack's time with a wall clock that steps when told."""
+
+    ahead_s = 0.0
+
+    def step_s(self) -> float:
+        return type(self).ahead_s
+
+
+def test_a_stack_follows_the_wall_clock_once_it_is_disarmed_and_the_clock_stays(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now_s, armed = 100.0, True
+    clock = ClockStep(SteppedTime(epoch_ns()), lambda: armed, lambda: now_s)
+    assert not clock.followed()
+    monkeypatch.setattr(SteppedTime, "ahead_s", -3600.0)
+    assert not clock.followed()
+    now_s += 10 * SETTLED_S
+    assert not clock.followed(), "armed: what flies keeps its time"
+    monkeypatch.setattr(SteppedTime, "ahead_s", 7.0)
+    armed = False
+    assert not clock.followed(), "the clock has just been set again"
+    now_s += SETTLED_S
+    assert clock.followed()
+    assert "set forward by 7.0 s; the stack starts anew" in capsys.readouterr().err
+
+
+def test_whether_a_stack_is_armed_is_heard_from_its_safety_monitor(tmp_path: Path) -> None:
+    assert not heard_armed(tmp_path, 7), "nobody has said so"
+    for armed in (True, False):
+        pulse = LivenessFile(tmp_path / f"7{NODES}")
+        pulse.beat("nodes", {}, armed=armed)
+        assert heard_armed(tmp_path, 7) is armed
+        pulse.close()

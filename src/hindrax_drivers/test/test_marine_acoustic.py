@@ -17,8 +17,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import marine_acoustic
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ros.convert import dvl_to_msg
-from hindrax_ros.graph import message_class
-from hindrax_ros.optional_messages import optional_class
+from hindrax_ros.graph import message_class, optional_class
 
 
 class Dvl:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -12,11 +13,13 @@ from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
 from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
 from hindrax_core.topics import NAMESPACE
+from hindrax_ros.stack_time import StackTime
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
 TETHER_S = 10.0
+FOLLOW_S = 1.0
 
 
 def add_stack(parser: argparse.ArgumentParser) -> None:
@@ -52,8 +55,19 @@ def joined(
     with adopted(here):
         from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment first
 
+        due_s = 0.0
+
+        def keep_time() -> None:
+            """Follow a stack that has started anew because the wall clock was set."""
+            nonlocal due_s
+            if found is not None and time.monotonic() >= due_s:
+                due_s = time.monotonic() + FOLLOW_S
+                now = next((one for one in stacks() if one.pid == found.pid), found)
+                operator.node.stack_time = StackTime.of(now.graph)
+            tick()
+
         mock = sim_time or (found is not None and found.mock)
-        with Operator(mock=mock, namespace=namespace if found is None else found.namespace, tick=tick) as operator:
+        with Operator(mock=mock, namespace=namespace if found is None else found.namespace, tick=keep_time) as operator:
             operator.beat(on=beating)
             operator.wait_for_time()
             yield operator

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.liveness import pulse
 from hindrax_bringup.processes import THRUSTERS
-from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
+from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, graph_settings, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -131,7 +131,7 @@ def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place, own_domain(mock=run.mock) as domain, pulse() as beat:
         folder = RunFolder(Path(place))
         shutil.copyfile(run.vehicle_file, folder.vehicle)
-        made = environment(mock=run.mock, domain=domain)
+        made = stack_environment(mock=run.mock, domain=domain)
         with Supervisor(folder.logs, made) as supervisor:
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(rate=1.0) if run.mock else None, record=False, onboard=(THRUSTERS,))

@@ -18,7 +18,7 @@ from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, pulse
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER
-from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain, presence_of
+from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
@@ -122,7 +122,8 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
     mock = options.mock
     flight = FlownManeuver()
     notes = f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}"
-    made = environment(mock=mock is not None, domain=domain, tether=None if mock else available_tether(progress.report))
+    tether = None if mock else available_tether(progress.report)
+    made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
     with pulse() as beating, Supervisor(folder.logs, made) as supervisor:
         beating.beat(notes, STARTING)
         stack = Stack(folder, supervisor, notes, options.tuning)

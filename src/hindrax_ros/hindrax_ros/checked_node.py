@@ -6,6 +6,7 @@ callback ends the process.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
+from hindrax_core.events import Stamp
 from hindrax_ros.parameters import why_fixed
+from hindrax_ros.stack_time import StackTime
 
 CLOCK = "use_sim_time"
 SETTABLE = {kind.value for kind in Parameter.Type} - {Parameter.Type.NOT_SET.value}
@@ -30,6 +33,13 @@ class CheckedNode(Node):
         super().__init__(name, start_parameter_services=False, **options)
         if start_parameter_services:
             CheckedParameterService(self)  # kept alive by its services
+        self.stack_time = StackTime.of(os.environ)
+
+    def now(self) -> Stamp:
+        """Time of the stack: on a real one no step of the wall clock moves it; of others, and in mock, ROS time."""
+        if self.stack_time.epoch_ns is None:
+            return Stamp(self.get_clock().now().nanoseconds)
+        return self.stack_time.now()
 
 
 class CheckedParameterService(ParameterService):

@@ -69,3 +69,13 @@ def publishers_of(node: Node, topic: Topic) -> frozenset[str]:
     """Full names of the nodes that publish a topic, as far as the graph is known."""
     found = node.get_publishers_info_by_topic(topic.name)
     return frozenset(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found)
+
+
+def optional_class(type_name: str) -> Any:
+    """Class of a message type written as `package/msg/Type`; None where its package is not installed."""
+    try:
+        return message_class(type_name)
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != type_name.partition("/")[0]:
+            raise
+        return None

@@ -28,7 +28,7 @@ from hindrax_bag.software_version import software_version
 from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_bag.write.publication_gaps import PublicationGaps
-from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import TOPICS, Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
@@ -71,9 +71,6 @@ class Recorder(BatchedNode):
         # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
 
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
-
     def _describe(self, told: dict[str, str], vehicle: str) -> None:
         rmw = os.environ.get("RMW_IMPLEMENTATION", "")
         told |= {"version": software_version(), "rmw": rmw, "namespace": self.get_namespace()}
@@ -81,7 +78,7 @@ class Recorder(BatchedNode):
         files = {"vehicle.yaml": vehicle, "parameters.yaml": parameter_file(sys.argv)}
         for name, path in files.items():
             if path:
-                self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self._now())
+                self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self.now())
 
     def _subscribe(self, topic: Topic) -> None:
         """Subscribe to a topic with a deep queue."""
@@ -91,7 +88,7 @@ class Recorder(BatchedNode):
 
     def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         stamped = starts_with_stamp(topic)
-        write, now, early = self._bag.write, self.get_clock().handle.get_now, self._early
+        write, now, early = self._bag.write, self.now, self._early
         count, invalid = self._gaps[topic.name].count, self._invalid_stamps
         channel: Channel | None = None
 
@@ -105,7 +102,7 @@ class Recorder(BatchedNode):
             sent = valid_stamp(data) if stamped else None
             if stamped and sent is None:
                 invalid[topic.name] += 1
-            received = now().nanoseconds
+            received = now()
             if not received:
                 # No /clock message yet: these messages wait for the first one.
                 early.append((channel, data, sent or 0))
@@ -150,7 +147,7 @@ class Recorder(BatchedNode):
         }
         level = DiagnosticStatus.ERROR if bag.stopped else DiagnosticStatus.WARN if lost else DiagnosticStatus.OK
         said = bag.stopped or (f"recording; {lost.total()} messages lost" if lost else "recording")
-        self._reporter.publish(self._now(), status("hindrax: recorder", level, said, values))
+        self._reporter.publish(self.now(), status("hindrax: recorder", level, said, values))
 
     def close(self) -> None:
         """Finish the bag with its index."""

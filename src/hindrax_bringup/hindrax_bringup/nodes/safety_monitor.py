@@ -5,7 +5,8 @@ that a restarted control process does not use a broken thruster; if the safety m
 the pilot.
 
 If the operator works over a tether, the safety monitor ends the maneuver when the heartbeat is lost; manual wrenches
-have expired by then. What happens is reported on stderr, and to `hindrax health`.
+have expired by then. It disarms an armed vehicle when the wall clock is set. What happens is reported on stderr, and to
+`hindrax health`.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ from hindrax_bringup.liveness import LivenessFile, health_change, pulse_of_nodes
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.stamp_window import TIMELESS, order_window
-from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, Topic
+from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.fast_serialization import applied_from_bytes
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.process import spin
+from hindrax_ros.stack_time import STEP_S
 
 CHECK_S, REPORT_S = 0.1, 1.0
 LINK = "link"
@@ -40,7 +43,8 @@ class SafetyMonitor(BatchedNode):
 
     def __init__(self, beating: LivenessFile) -> None:
         super().__init__("safety_monitor")
-        self.every(REPORT_S, lambda: beating.beat(f"nodes in {self.get_namespace()}", self._troubles))
+        nodes, self.armed, self._step_s = f"nodes in {self.get_namespace()}", False, 0.0
+        self.every(REPORT_S, lambda: beating.beat(nodes, self._troubles, armed=self.armed))
         self._order = publisher(self, THRUSTER_HEALTH_ORDER)
         self._listed_at = Stamp(0)
         self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
@@ -52,13 +56,17 @@ class SafetyMonitor(BatchedNode):
         subscription(self, DIAGNOSTICS, self._on_diagnostics)
         self._without_operator = knobs(self, SafetyMonitorKnobs, fixed={"": SAFETY}).without_operator
         self._link = LinkMonitor()
+        self._arm = self.create_client(Arm, "thrusters/arm")
+        self._reporter = DiagnosticsPublisher(self)
+        if self.stack_time.epoch_ns is not None:
+            subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
+            self.every(REPORT_S, self._check_clock)
         if self._without_operator != STAY:
             self._set_up_link()
 
     def _set_up_link(self) -> None:
         self._cancel = self.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
-        self._arm = self.create_client(Arm, "thrusters/arm")
-        self._reporter, self._report_s = DiagnosticsPublisher(self), 0.0
+        self._report_s = 0.0
         subscription(self, HEARTBEAT, self._on_heartbeat)
         self.every(CHECK_S, lambda: self._check_link(time.monotonic()))
 
@@ -69,13 +77,13 @@ class SafetyMonitor(BatchedNode):
     def drain(self) -> None:
         """Read what waits; then the list that came before the time was known."""
         super().drain()
-        if self._untimed_list is not None and self._now() > 0:
+        if self._untimed_list is not None and self.now() > 0:
             message, self._untimed_list = self._untimed_list, None
             self._on_health(message)
 
     def _on_heartbeat(self, beat: Any) -> None:
         """Accept a heartbeat unless it is stale (queued on a dead link) or its clock is wrong."""
-        untimely = self._window.judge(stamp_from_msg(beat.header.stamp), self._now())
+        untimely = self._window.judge(stamp_from_msg(beat.header.stamp), self.now())
         if untimely is None:
             message = self._link.beat(time.monotonic())
             if message:
@@ -102,25 +110,42 @@ class SafetyMonitor(BatchedNode):
             words = "; ".join([self._link.status_text(now_s), *refused])
             values = {"age [s]": f"{self._link.silent_s(now_s):.1f}"} | self._refusals.values()
             found = status(f"hindrax: {LINK}", level, words, values)
-            self._reporter.publish(self._now(), found)
+            self._reporter.publish(self.now(), found)
 
     def _act_on_lost_link(self, silent_s: float) -> None:
         """Put the vehicle into the state chosen for a lost link, without waiting for the answers."""
         # A request without an id and without a stamp means all goals (action_msgs/srv/CancelGoal).
         self._cancel.call_async(CancelGoal.Request())
         if self._without_operator == NEUTRAL:
-            request = Arm.Request(arm=False, reason=f"no operator for {silent_s:g} s")
-            request.stamp = stamp_to_msg(self._now())
-            self._arm.call_async(request)
+            self._disarm(f"no operator for {silent_s:g} s")
         what = "disarming" if self._without_operator == NEUTRAL else "maneuvers end, holds stay"
         self.report(f"link: no operator for {silent_s:g} s; {what}")
 
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
+    def _disarm(self, reason: str) -> None:
+        """Ask to disarm; a reason says that no operator asks."""
+        self._arm.call_async(Arm.Request(arm=False, reason=reason, stamp=stamp_to_msg(self.now())))
+
+    def _on_thrusters(self, data: bytes) -> None:
+        try:
+            self.armed = applied_from_bytes(data).armed
+        except ValueError as error:
+            self._refuse(THRUSTER_STATE, str(error))
+
+    def _check_clock(self) -> None:
+        """Disarm when the wall clock is set: orders of those who stamp with it would be refused from now on."""
+        step, step_s = self.stack_time.step(), self.stack_time.step_s()
+        if step and abs(step_s - self._step_s) > STEP_S:
+            self._step_s = step_s
+            if self.armed:
+                self._disarm(step)
+        level = DiagnosticStatus.WARN if step else DiagnosticStatus.OK
+        text = f"{step}; stamps do not follow until the stack starts anew" if step else "as the wall clock"
+        values = {"wall clock ahead [s]": f"{step_s:.3f}"}
+        self._reporter.publish(self.now(), status("hindrax: clock", level, text, values))
 
     def _on_health(self, message: Any) -> None:
         """Latch the newest list as an order, for a pilot that restarts without one."""
-        stamp, now = stamp_from_msg(message.header.stamp), self._now()
+        stamp, now = stamp_from_msg(message.header.stamp), self.now()
         if now <= 0:
             self._untimed_list = message
             return

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hindrax_bag.run_folder import FREE_BYTES_WANTED
+from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_bringup.tether import Tether, address_of
 from hindrax_cli.health_checks.check import Check, bad, good
@@ -25,8 +25,6 @@ from hindrax_core.errors import HindraxError
 LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
 PYTHONS = ((3, 11), (3, 12))
 GROUPS = ("dialout", "i2c")
-FIRST_YEAR = 2025
-"""A clock before it was never set: a Raspberry Pi has no battery clock."""
 TIME_ERROR, STA_UNSYNC, MAX_ERROR_s = 5, 0x0040, 0.5
 NODE_WORDS = tuple(f"hindrax_{room}.nodes." for room in ("drivers", "control", "ident", "bag", "sim"))
 LAUNCHERS = ("hindrax", "ros2", "launch")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
 
 from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs
@@ -47,10 +46,10 @@ class AllocatorNode(BatchedNode):
     `pilot`. `allocation_listeners` are called with every achieved allocation. While `inhibited`, wrenches are zero.
     """
 
-    def __init__(self, vehicle: Vehicle, clock: Clock | None = None) -> None:
-        """`clock`: the one of its time; its own by default."""
-        super().__init__("allocator", ros_time=clock is None)
-        self._time = clock or self.get_clock()
+    def __init__(self, vehicle: Vehicle, now: Callable[[], Stamp] | None = None) -> None:
+        """`now`: the clock of its time; its own by default."""
+        super().__init__("allocator", ros_time=now is None)
+        self._now = now or self.now
         self.pilot = ""
         self.inhibited: Callable[[], bool] = lambda: False
         self._commander, self._armed = SoleSource(), False
@@ -94,7 +93,7 @@ class AllocatorNode(BatchedNode):
     def _on_wrench_message(self, message: Any) -> None:
         """Obey the one publisher; what it says is judged as the pilot's wrenches are."""
         unfit = self._commander.judge(publishers_of(self, WRENCH), armed=self._armed)
-        stamp, now = stamp_from_msg(message.header.stamp), Stamp(self._time.now().nanoseconds)
+        stamp, now = stamp_from_msg(message.header.stamp), self._now()
         if not unfit and not self.on_wrench(wrench_from_msg(message), message.header.frame_id, stamp, now):
             unfit = self._cycle.refused[0]
         if unfit:

@@ -29,12 +29,12 @@ EVERY = ("allocator", "pilot", "navigator")
 def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     """Read the vehicle file, make the nodes, and connect those that have each other. The pilot brings its health."""
     reader = BatchedNode("control")
-    vehicle, clock = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]")), reader.get_clock()
-    allocator = AllocatorNode(vehicle, clock) if "allocator" in wanted else None
+    vehicle = load_vehicle(text(reader, "vehicle", "", "vehicle file [-]"))
+    allocator = AllocatorNode(vehicle, reader.now) if "allocator" in wanted else None
     pilot = navigator = health = None
     if "pilot" in wanted:
         pilot = PilotNode(vehicle, allocator.supply if allocator else SupplyVoltage(vehicle.supply_V))
-        pilot.health = health = EstimatorHealthNode(vehicle, clock)
+        pilot.health = health = EstimatorHealthNode(vehicle, reader.now)
     if "navigator" in wanted:
         navigator = NavigatorNode(vehicle)
     if allocator and health:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
@@ -30,11 +30,11 @@ class EstimatorHealthNode(BatchedNode):
     The pilot, in the same process, calls it with states of the vehicle and of the thrusters.
     """
 
-    def __init__(self, vehicle: Vehicle, clock: Clock) -> None:
-        """`clock`: the one of the time of its requests."""
+    def __init__(self, vehicle: Vehicle, now: Callable[[], Stamp]) -> None:
+        """`now`: the clock of its requests."""
         super().__init__("estimator_health", ros_time=False)
         self._health = EstimatorHealth(vehicle, knobs(self, EstimatorHealthKnobs, fixed={"": SAFETY}))
-        self._time = clock
+        self._now = now
         self._failed: tuple[str, ...] = ()
         self._armed = False
         self._asked = Stamp(0)
@@ -71,7 +71,7 @@ class EstimatorHealthNode(BatchedNode):
     def _disarm(self) -> None:
         """Request disarming; the thrusters' state is the answer. A reason keeps it from outranking an operator."""
         request = Arm.Request(arm=False, sequence=0, reason=self._failed[0])
-        request.stamp = stamp_to_msg(Stamp(self._time.now().nanoseconds))
+        request.stamp = stamp_to_msg(self._now())
         self._arm.call_async(request)
 
     def _report(self, stamped: Stamped[Navigation]) -> None:

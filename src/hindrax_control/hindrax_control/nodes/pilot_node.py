@@ -150,13 +150,10 @@ class PilotNode(BatchedNode):
     def drain(self) -> None:
         """Take what waits; then judge the lists that came before the time was known, in the order of their coming."""
         super().drain()
-        if self._untimed and self._now() > 0:
+        if self._untimed and self.now() > 0:
             messages, self._untimed = self._untimed, []
             for message in messages:
                 self._on_health_order(message)
-
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
 
     # ---- from the vehicle
 
@@ -196,7 +193,7 @@ class PilotNode(BatchedNode):
             self._refuse(ALLOCATION, str(error))
             return
         if message.supply_measured:
-            self._supply.update(message.supply_voltage, self._now())
+            self._supply.update(message.supply_voltage, self.now())
 
     def _on_range(self, data: bytes) -> None:
         """Keep the altimeter's range, which no odometry holds."""
@@ -215,7 +212,7 @@ class PilotNode(BatchedNode):
         state: Stamped[Navigation] | None = None
         if not unfit:
             try:
-                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.name, self._now())
+                state, unfit = self._odometry.step(odometry_from_msg(message), self._source.name, self.now())
             except ValueError as error:
                 unfit = str(error)
         if unfit:
@@ -229,7 +226,7 @@ class PilotNode(BatchedNode):
         The safety monitor's list comes at the start, on a mock maybe before the first time: such a list is judged as
         soon as the time is known.
         """
-        stamp, now = stamp_from_msg(message.header.stamp), self._now()
+        stamp, now = stamp_from_msg(message.header.stamp), self.now()
         if now <= 0:
             self._untimed = [*self._untimed, message][-UNTIMED:]
             return
@@ -295,7 +292,7 @@ class PilotNode(BatchedNode):
 
     def _on_setpoint(self, message: Any) -> None:
         """Keep a setpoint for the next cycle, which knows whether the thrusters are armed by now."""
-        untimely = self._window.judge(stamp_from_msg(message.header.stamp), self._now())
+        untimely = self._window.judge(stamp_from_msg(message.header.stamp), self.now())
         if message.axis not in HOLDS:
             self._refuse(HOLD_SETPOINT, f"hold {message.axis[:40]!r}: unknown, wanted one of {', '.join(HOLDS)}")
         elif untimely is not None:
@@ -314,7 +311,7 @@ class PilotNode(BatchedNode):
     def _on_operator_wrench(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp)
         for refused in self._pilot.set_operator_wrench(
-            wrench_from_msg(message), message.header.frame_id, stamp, self._now()
+            wrench_from_msg(message), message.header.frame_id, stamp, self.now()
         ):
             self._refuse(OPERATOR_WRENCH, refused)
 
@@ -329,7 +326,7 @@ class PilotNode(BatchedNode):
 
     def _unflyable(self, request: Any) -> str:
         """Why a goal is not even kept, as "guard: sentence"; empty when it is."""
-        untimely = self._window.judge(stamp_from_msg(request.stamp), self._now())
+        untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         if untimely is not None:
             return f"{LATE if untimely.kind == EXPIRED else 'clock'}: the goal is {untimely.sentence}"
         if self._goal is not None:
@@ -374,13 +371,13 @@ class PilotNode(BatchedNode):
 
     def _check_navigator(self) -> None:
         """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
-        silent_s = seconds_between(self._last_state, self._now())
+        silent_s = seconds_between(self._last_state, self.now())
         if silent_s <= SILENT_S or self._goal is None:
             return
         said = f"for {silent_s:.0f} s" if self._last_state else "yet"
         reason = f"navigation: no state of the vehicle {said}, so the thrusters are neutral; {SENSELESS}"
         self._pilot.abandon()
-        self._maneuver.publish(maneuver_to_msg(abandoned(reason), self._now()))
+        self._maneuver.publish(maneuver_to_msg(abandoned(reason), self.now()))
         self._finish_goal(self._goal, reason)
 
     # ---- published

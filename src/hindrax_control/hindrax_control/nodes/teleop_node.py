@@ -15,7 +15,7 @@ from typing import Any
 from rclpy.node import Node
 
 from hindrax_control.teleop import Teleop, TeleopKnobs
-from hindrax_core.events import Stamp, to_s
+from hindrax_core.events import to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.topics import JOYSTICK, NAMESPACE, OPERATOR_WRENCH, TWIST
 from hindrax_core.vehicle import Vehicle, load_vehicle
@@ -41,9 +41,6 @@ class TeleopNode(CheckedNode):
     def _begin(self, limits: Vec6, tuned: TeleopKnobs) -> None:
         self._teleop = Teleop(limits, tuned)
 
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
-
     def _on_joystick(self, message: Any) -> None:
         made_s = to_s(stamp_from_msg(message.header.stamp))
         self._publish(self._teleop.joystick(message.axes, message.buttons, made_s, time.monotonic()))
@@ -54,7 +51,7 @@ class TeleopNode(CheckedNode):
 
     def _publish(self, wrench: Vec6 | None) -> None:
         if wrench is not None:
-            self._out.publish(wrench_to_msg(self._now(), wrench))
+            self._out.publish(wrench_to_msg(self.now(), wrench))
 
 
 def make_nodes() -> Sequence[Node]:

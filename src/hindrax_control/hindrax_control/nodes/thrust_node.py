@@ -18,8 +18,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, wrench_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
-from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.optional_messages import optional_class
+from hindrax_ros.graph import optional_class, publisher, subscription
 from hindrax_ros.parameters import text
 from hindrax_ros.process import spin
 
@@ -54,7 +53,7 @@ class ThrustNode(BatchedNode):
         news = self._refusals.new_refusals()
         level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
         said = "; ".join(news) or (f"listening to {self._type}" if self._type else "waiting for pulses")
-        self._reporter.publish(self._now(), status("hindrax: thrust", level, said, self._refusals.values()))
+        self._reporter.publish(self.now(), status("hindrax: thrust", level, said, self._refusals.values()))
 
     def _on_pulses(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp) if hasattr(message, "header") else Stamp(0)
@@ -64,10 +63,7 @@ class ThrustNode(BatchedNode):
             self._refusals.add(PULSES.name, str(error))
             return
         wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
-        self._out.publish(wrench_to_msg(stamp or self._now(), wrench))
-
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
+        self._out.publish(wrench_to_msg(stamp or self.now(), wrench))
 
 
 def make_nodes() -> Sequence[Node]:

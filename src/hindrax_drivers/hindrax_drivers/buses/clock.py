@@ -8,11 +8,11 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import time
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
 from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_ros.stack_time import StackTime
 
 MOCK_PREFIX = "mock:"
 EPOCH = Stamp(0)
@@ -74,23 +74,24 @@ class Alarm:
 
 
 class SystemClock:
-    """CLOCK_REALTIME, because every node of the graph and the bag stamp with it.
+    """The time of the stack, as every node of the graph and the bag stamp with it; outside of one, the wall clock.
 
-    A sleep is measured as a duration: when the clock is set (a Pi has no battery clock and gets its time from the
-    network after boot), a sleep neither hangs for hours nor ends early by more than itself.
+    A sleep is measured as a duration: when the wall clock is set, a sleep neither hangs for hours nor ends early by
+    more than itself.
     """
 
     def __init__(self) -> None:
+        self._time = StackTime.of(os.environ)
         self._alarm = Alarm()
 
     def now(self) -> Stamp:
         """Nanoseconds since 1970."""
-        return Stamp(time.time_ns())
+        return self._time.now()
 
     def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
         """Sleep at most as long as the stamp lies ahead now."""
         meanwhile()
-        left_s = (stamp - time.time_ns()) / NS_PER_S
+        left_s = (stamp - self.now()) / NS_PER_S
         if left_s > 0.0:
             wanted = [self._alarm.fileno()] if readable is None else [self._alarm.fileno(), readable]
             ready, _, _ = select.select(wanted, (), (), left_s)

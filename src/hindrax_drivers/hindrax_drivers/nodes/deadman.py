@@ -31,6 +31,7 @@ from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.parent_silence import TOLD_S
 from hindrax_ros.heartbeat import VARIABLE, Heartbeat
+from hindrax_ros.stack_time import StackTime
 
 REPEAT_S = 0.09
 SILENT_S = 0.3
@@ -52,8 +53,8 @@ class NeutralWriter:
         """Why neutral could not be written the last time; empty when it is on the wire."""
 
     def now(self) -> Stamp:
-        """Time of the bus; without one, of the system."""
-        return Stamp(time.time_ns()) if self._bus is None else self._bus.now()
+        """Time of the bus; without one, of the stack."""
+        return StackTime.of(os.environ).now() if self._bus is None else self._bus.now()
 
     def write(self) -> None:
         """Neutral first; then make sure that the chip is set up as it should be. What fails is tried again."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from hindrax_core.topics import SENSOR, Topic
-from hindrax_ros.optional_messages import optional_class
+from hindrax_ros.graph import optional_class
 
 TYPE = "marine_acoustic_msgs/msg/Dvl"
 ALIKE = (

@@ -82,7 +82,7 @@ class Identifier(BatchedNode):
 
         def on_message(message: Any) -> None:
             try:
-                events = events_of(message, self._now())
+                events = events_of(message, self.now())
             except ValueError as error:
                 self._refusals.add(topic.name, str(error))
                 return
@@ -99,9 +99,6 @@ class Identifier(BatchedNode):
         response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
         return response
 
-    def _now(self) -> Stamp:
-        return Stamp(self.get_clock().now().nanoseconds)
-
     def _publish(self, estimate: Stamped[Estimate]) -> None:
         self._last = estimate.reading
         self._out.publish(estimate_to_msg(estimate))
@@ -114,7 +111,7 @@ class Identifier(BatchedNode):
         news = self._refusals.new_refusals()
         level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
         text = "; ".join([summary, *news])
-        self._reporter.publish(self._now(), status("hindrax: identifier", level, text, values))
+        self._reporter.publish(self.now(), status("hindrax: identifier", level, text, values))
 
 
 def verdict_text(result: MotionResult) -> str:

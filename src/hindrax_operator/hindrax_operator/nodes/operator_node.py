@@ -151,8 +151,8 @@ class Operator:
         return self._sequence
 
     def now(self) -> Stamp:
-        """ROS time: the system's, or the mock's."""
-        return Stamp(self.node.get_clock().now().nanoseconds)
+        """Time of the stack: the system's as it was at its start, or the mock's."""
+        return self.node.now()
 
     @property
     def flying(self) -> str:

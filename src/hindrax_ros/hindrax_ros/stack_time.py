@@ -1,0 +1,52 @@
+"""The time of a real stack: wall time as it was when the stack started, carried on by the clock that nobody sets.
+
+A computer without a battery clock (every Raspberry Pi) gets its time from the network after it has booted, and its wall
+clock then steps. Stamps of one stack do not: all its processes share the one offset that its tool measured.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from hindrax_core.events import NS_PER_S, Stamp
+
+VARIABLE = "HINDRAX_EPOCH_NS"
+"""Environment variable with the wall time at which the monotonic clock of this machine was zero [ns]."""
+STEP_S = 0.1
+"""A wall clock this far from the stack's time was stepped: orders that it stamps would be refused."""
+
+
+def epoch_ns() -> int:
+    """Wall time at which the monotonic clock was zero, by the wall clock as it is now."""
+    return time.time_ns() - time.monotonic_ns()
+
+
+@dataclass(frozen=True, slots=True)
+class StackTime:
+    """Time of a stack with this epoch; without one it is the wall clock, with its steps."""
+
+    epoch_ns: int | None = None
+
+    @classmethod
+    def of(cls, environment: Mapping[str, str]) -> Self:
+        """Time of the stack to which a process with this environment belongs."""
+        told = environment.get(VARIABLE, "")
+        return cls(int(told) if told else None)
+
+    def now(self) -> Stamp:
+        """Nanoseconds since 1970."""
+        return Stamp(time.time_ns() if self.epoch_ns is None else self.epoch_ns + time.monotonic_ns())
+
+    def step_s(self) -> float:
+        """How far the wall clock is ahead of this time, negative if behind [s]; the correction a clock daemon made."""
+        return 0.0 if self.epoch_ns is None else (epoch_ns() - self.epoch_ns) / NS_PER_S
+
+    def step(self) -> str:
+        """What has happened to the wall clock, as a reason; empty when it runs with this time."""
+        step_s = self.step_s()
+        if abs(step_s) <= STEP_S:
+            return ""
+        return f"the wall clock was set {'forward' if step_s > 0.0 else 'back'} by {abs(step_s):.1f} s"

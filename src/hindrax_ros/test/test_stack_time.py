@@ -1,0 +1,62 @@
+"""A stack's time does not step with the wall clock, and says how far that has stepped."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import pytest
+
+from hindrax_drivers.buses.clock import SystemClock
+from hindrax_ros.stack_time import VARIABLE, StackTime, epoch_ns
+
+S = 10**9
+
+
+@dataclass
+class Clocks:
+    """Both clocks of a machine, in place of the real ones."""
+
+    wall_ns: int = 1_700_000_000 * S
+    steady_ns: int = 100 * S
+
+    def run(self, seconds: int) -> None:
+        self.wall_ns += seconds * S
+        self.steady_ns += seconds * S
+
+
+@pytest.fixture
+def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
+    made = Clocks()
+    monkeypatch.setattr(time, "time_ns", lambda: made.wall_ns)
+    monkeypatch.setattr(time, "monotonic_ns", lambda: made.steady_ns)
+    return made
+
+
+@pytest.mark.parametrize(("step_s", "how"), [(-3600, "back by 3600.0 s"), (86400 * 400, "forward by 34560000.0 s")])
+def test_a_step_moves_no_stamp_and_is_told(
+    clocks: Clocks, monkeypatch: pytest.MonkeyPatch, step_s: int, how: str
+) -> None:
+    begin = clocks.wall_ns
+    monkeypatch.setenv(VARIABLE, str(epoch_ns()))
+    wire, stack = SystemClock(), StackTime(epoch_ns())
+    clocks.run(5)
+    assert (wire.now(), stack.now(), stack.step()) == (begin + 5 * S, begin + 5 * S, "")
+    clocks.wall_ns += step_s * S
+    clocks.run(5)
+    assert wire.now() == stack.now() == begin + 10 * S
+    assert stack.step() == f"the wall clock was set {how}"
+    assert stack.step_s() == pytest.approx(step_s)
+    wire.close()
+
+
+def test_outside_of_a_stack_it_is_the_wall_clock(clocks: Clocks) -> None:
+    alone = StackTime.of({})
+    clocks.wall_ns += 3600 * S
+    assert (alone.now(), alone.step()) == (clocks.wall_ns, "")
+
+
+def test_a_slewed_clock_has_not_stepped(clocks: Clocks) -> None:
+    stack = StackTime.of({VARIABLE: str(epoch_ns())})
+    clocks.wall_ns += S // 20
+    assert stack.step() == ""
