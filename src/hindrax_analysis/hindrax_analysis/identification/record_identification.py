@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
+from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.damage import without_damage
@@ -124,9 +125,11 @@ def _whole(source: RecordSource, recording: Recording) -> RecordSource:
 def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> RecordSource:
     bag = path / "bag" if (path / "bag").is_dir() else path
     if not bag.exists():
-        raise UsageError(f"{path}: does not exist; name a bag, a run folder or a CSV file")
+        raise UsageError(f"{path}: does not exist; name a bag, a run folder, a CSV file or a log of ArduPilot")
     if bag.suffix.lower() in CSV_ENDINGS:
         return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame, part=part))
+    if bag.suffix.lower() in ENDINGS:
+        return RecordSource(bag, read_log(bag, vehicle))
     topics = topics_of(bag)
     if is_ours(topics) and wanted == TopicSelection():
         return RecordSource(bag, mock=is_mock(bag))

@@ -1,0 +1,150 @@
+"""Logs of ArduPilot: velocities, attitude and pulses of a DataFlash log (.bin) or of recorded telemetry (.tlog).
+
+Read by pymavlink. Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body
+axes by its attitude. Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage.
+Fields: ArduPilot's log messages XKF1, NKF1, ATT, IMU, RCOU, BAT; MAVLink common LOCAL_POSITION_NED, ATTITUDE,
+SERVO_OUTPUT_RAW, SYS_STATUS.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hindrax_analysis.records.recording import Recording
+from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import Array, array
+
+ENDINGS = (".bin", ".tlog")
+VELOCITY, ATTITUDE, RATE, PULSES, SUPPLY = "velocity", "attitude", "rate", "pulses", "supply"
+CHANNELS = 14
+DEGREE = math.pi / 180.0
+FIELDS: dict[str, tuple[tuple[str, float, tuple[str, ...]], ...]] = {
+    "XKF1": ((VELOCITY, 1.0, ("VN", "VE", "VD")),),
+    "NKF1": ((VELOCITY, 1.0, ("VN", "VE", "VD")),),
+    "ATT": ((ATTITUDE, DEGREE, ("Roll", "Pitch", "Yaw")),),
+    "IMU": ((RATE, 1.0, ("GyrX", "GyrY", "GyrZ")),),
+    "RCOU": ((PULSES, 1.0, tuple(f"C{n}" for n in range(1, CHANNELS + 1))),),
+    "BAT": ((SUPPLY, 1.0, ("Volt",)),),
+    "LOCAL_POSITION_NED": ((VELOCITY, 1.0, ("vx", "vy", "vz")),),
+    "ATTITUDE": ((ATTITUDE, 1.0, ("roll", "pitch", "yaw")), (RATE, 1.0, ("rollspeed", "pitchspeed", "yawspeed"))),
+    "SERVO_OUTPUT_RAW": ((PULSES, 1.0, tuple(f"servo{n}_raw" for n in range(1, CHANNELS + 1))),),
+    "SYS_STATUS": ((SUPPLY, 1e-3, ("voltage_battery",)),),
+}
+"""Message -> quantities, their factor to SI, and their fields."""
+INSTANCES = ("C", "I", "Inst", "Instance", "port")
+"""Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
+MOST_ROWS = 2_000_000
+LEAST_V, MOST_V = 5.0, 60.0
+"""Another voltage is that of an unconnected monitor."""
+STEP_V = 0.1
+"""Resolution of the voltage in the thrust curves."""
+
+
+def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
+    """Read a log in SNAME axes. UsageError names what is missing, or that the vehicle file is."""
+    if vehicle is None or not vehicle.thrusters:
+        raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
+    # pymavlink prints each byte that it skips.
+    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+        found = _tables(path)
+    tables = {name: (array(np.array(t)), array(np.array(rows))) for name, (t, rows) in found.items()}
+    for name, words in ((VELOCITY, "velocities (XKF1 or LOCAL_POSITION_NED)"), (ATTITUDE, "attitude (ATT, ATTITUDE)"),
+                        (PULSES, "pulses (RCOU or SERVO_OUTPUT_RAW)")):  # fmt: skip
+        if name not in tables:
+            there = ", ".join(sorted(tables)) or "nothing that is known"
+            raise UsageError(f"{path}: found {there}, wanted the {words}")
+    origin = min(float(t[0]) for t, _ in tables.values())
+    tables = {name: (array(t - origin), rows) for name, (t, rows) in tables.items()}
+    attitude_t, attitude = tables[ATTITUDE]
+    velocity_t, world = tables[VELOCITY]
+    moved = _in_body(world, _at(velocity_t, attitude_t, attitude))
+    parts = [(velocity_t, array(np.column_stack([moved, np.full_like(moved, np.nan)])))]
+    if RATE in tables:
+        rate_t, rates = tables[RATE]
+        parts.append((rate_t, array(np.column_stack([np.full_like(rates, np.nan), rates]))))
+    t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
+    order = np.argsort(t, kind="stable")
+    pulses_t, wrench, told = _wrenches(path, tables, vehicle)
+    tilts = array(np.column_stack([attitude[:, :2], np.full(len(attitude), np.nan)]))
+    return Recording(
+        str(path), array(t[order]), array(rows[order]), pulses_t, wrench, attitude_t, tilts, origin,
+        ("velocities are those of the autopilot's estimator, turned into body axes by its attitude", told),
+    )  # fmt: skip
+
+
+def _tables(path: Path) -> dict[str, tuple[list[float], list[list[float]]]]:
+    """Times [s since 1970, or since power-up] and rows of each quantity; times that step back are left out."""
+    tables: dict[str, tuple[list[float], list[list[float]]]] = {}
+    for message in _messages(path):
+        if any(getattr(message, name, 0) for name in INSTANCES):
+            continue
+        for quantity, factor, fields in FIELDS[message.get_type()]:
+            times, rows = tables.setdefault(quantity, ([], []))
+            at_s = float(message._timestamp)  # noqa: SLF001  # pymavlink's own name of it
+            if not times or at_s > times[-1]:
+                times.append(at_s)
+                rows.append([factor * float(getattr(message, name, 0) or 0) for name in fields])
+            if len(times) > MOST_ROWS:
+                raise UsageError(f"{path}: found more than {MOST_ROWS} of {message.get_type()}; cut the log first")
+    return tables
+
+
+def _messages(path: Path) -> Iterator[Any]:
+    try:
+        from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
+    except ImportError as error:
+        raise HindraxError(f"{path}: logs of ArduPilot need pymavlink, which a set-up for the desk brings") from error
+    if not path.stat().st_size:
+        raise UsageError(f"{path}: is empty")
+    try:
+        log = mavutil.mavlink_connection(str(path))
+        while (message := log.recv_match(type=list(FIELDS))) is not None:
+            yield message
+    except Exception as error:  # pymavlink raises plain ones on garbage
+        raise UsageError(f"{path}: is no log of ArduPilot that pymavlink can read ({error!r})") from error
+
+
+def _at(t: Array, attitude_t: Array, attitude: Array) -> Array:
+    """Attitude (n, 3) [rad] at other times (n,) [s], between those before and after."""
+    steady = np.unwrap(attitude, axis=0)
+    return array(np.column_stack([np.interp(t, attitude_t, column) for column in steady.T]))
+
+
+def _in_body(world: Array, attitude: Array) -> Array:
+    """Velocities (n, 3) from north, east, down in body axes. Fossen 2011 eq. 2.18, transposed."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(attitude).T, np.cos(attitude).T
+    north, east, down = world.T
+    ahead, across = cy * north + sy * east, cy * east - sy * north
+    up_tilted = sp * ahead + cp * down
+    return array(np.column_stack([cp * ahead - sp * down, cr * across + sr * up_tilted, cr * up_tilted - sr * across]))
+
+
+def _wrenches(path: Path, tables: dict[str, tuple[Array, Array]], vehicle: Vehicle) -> tuple[Array, Array, str]:
+    """Times (n,) [s], wrenches (n, 6) [N, N m], and what is said of the supply voltage."""
+    t, channels = tables[PULSES]
+    volts, told = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
+    supply_t, supply = tables.get(SUPPLY, (array(np.zeros(0)), array(np.zeros((0, 1)))))
+    connected = (supply[:, 0] >= LEAST_V) & (supply[:, 0] <= MOST_V)
+    if connected.any():
+        logged = supply[connected, 0]
+        volts = np.interp(t, supply_t[connected], logged)
+        told = f"thrust is that of the curves at the logged {logged.min():.1f} to {logged.max():.1f} V"
+    applied = functools.cache(lambda steps: AppliedWrench(vehicle, steps * STEP_V))
+    wrenches = []
+    try:
+        for row, steps in zip(channels.tolist(), np.round(volts / STEP_V).astype(int).tolist(), strict=True):
+            at_supply = applied(steps)
+            wrenches.append(at_supply.wrench(at_supply.forces_N(pulses_of_channels(vehicle, row))))
+    except ValueError as error:
+        raise UsageError(f"{path}: {error}") from error
+    return t, array(np.array(wrenches)), f"pulses of the outputs are converted by the vehicle file; {told}"
