@@ -54,6 +54,10 @@ def test_a_rest_before_the_first_thrust_is_no_damage() -> None:
     assert without_damage(rest).assumptions == ()
 
 
+def test_an_axis_that_was_never_measured_is_not_damaged() -> None:
+    assert without_damage(recorded(moving(), array(np.zeros(len(T))))).assumptions == ()
+
+
 def test_a_frozen_sensor_is_told() -> None:
     surge = moving()
     surge[between(31.0, 33.0)] = surge[between(31.0, 33.0)][0]

@@ -26,7 +26,7 @@ JUMP = 0.2
 HALF_WINDOW = 3
 OUTLIER_SIGMAS, OUTLIER_SPAN = 6.0, 0.25
 """Least distance of an outlier from the running median: deviations of the noise, and share of the span of 90 %."""
-MOST_OUTLIERS = 0.1
+MOST_OUTLIERS = 0.05
 """Share of outliers above which they are the signal."""
 SHORT_STEP, MOST_SHORT = 0.2, 0.4
 """A step below this share of the mean is one within a burst; share of such steps that makes a record one of bursts."""
@@ -54,9 +54,9 @@ def without_damage(recording: Recording) -> Recording:
     velocity, thrust = spread.velocity.copy(), _thrust_at(spread)
     for axis, name in enumerate(AXES):
         known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
-        if len(known) <= 2 * FEWEST:
-            continue
         t, v = spread.velocity_t[known], spread.velocity[known, axis]
+        if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is told where it is asked for
+            continue
         for sentence, damaged in _damage(t, v, thrust[known, axis]):
             at = known[damaged]
             velocity[at, axis] = np.nan
