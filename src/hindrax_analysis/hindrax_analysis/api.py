@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hindrax_analysis.identification.prediction import parameters
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     axes_named,
@@ -22,6 +21,7 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
+from hindrax_analysis.records.prediction import parameters
 from hindrax_analysis.records.third_party_bag import TopicSelection, topics_of
 from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import messages

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly
 
-from hindrax_analysis.identification.prediction import parameters, predict_record
+from hindrax_analysis.records.prediction import parameters, predict_record
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array

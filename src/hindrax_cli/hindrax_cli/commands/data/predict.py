@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
-from hindrax_analysis.identification.prediction import Prediction, predict_record
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     RecordSource,
@@ -16,6 +15,7 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
+from hindrax_analysis.records.prediction import Prediction, predict_record
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
