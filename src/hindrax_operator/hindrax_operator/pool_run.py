@@ -10,9 +10,8 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_run, show
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, pulse
@@ -26,6 +25,9 @@ from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.progress import Progress
+
+if TYPE_CHECKING:
+    from hindrax_analysis.identification.bag_identification import IdentifiedBag
 
 UP_S = 30.0
 ABORT, CONTINUE = "abort", "continue"
@@ -86,12 +88,16 @@ def run_pool_test(options: PoolOptions) -> int:
             progress.report(f"{vehicle.name} {servable}")
             flight = fly(options, folder, domain, progress)
             progress.report("identifying over the bag")
+            from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
+
             identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted)
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
     document |= {"mock": flight.facts} if mock else {}
     if options.json:
         print(json.dumps(document))
     else:
+        if identified.results.motions:
+            show(identified)
         finish(identified, folder, flight)
     if flight.interrupted:
         return INTERRUPTED
@@ -99,9 +105,7 @@ def run_pool_test(options: PoolOptions) -> int:
 
 
 def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) -> None:
-    """Print the summary of a run."""
-    if identified.results.motions:
-        show(identified)
+    """Print how a run went, below its results."""
     if flight.aborted:
         print(f"aborted by {flight.aborted}", file=sys.stderr)
         for line in flight.node_problems:
@@ -169,10 +173,11 @@ def _operate(
             report_devices(operator, heard, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
+    progress.report("waiting for the devices, the thrusters and a navigation solution")
     with Operator(mock=options.mock is not None, namespace=options.tuning.namespace, tick=tick) as operator:
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
-        progress.report("sensors and thrusters are up; arming")
+        progress.report("sensors and thrusters are up; arming, which holds neutral for the time that the ESCs need")
         with deferred_interrupt(), disarmed_at_the_end(operator):
             operator.arm(seconds=ARMING_S)
             flight.armed = True
