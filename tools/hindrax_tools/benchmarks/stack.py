@@ -1,4 +1,4 @@
-"""CPU time of the whole node stack at vehicle rates, beside a plain rclpy node that only subscribes to its topics."""
+"""CPU time and memory of the whole node stack at vehicle rates, beside an rclpy node that listens to its topics."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from hindrax_bringup.processes import MOCK
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
+from hindrax_core.events import seconds_between
 
 SPAN_S = 20.0
 UP_S = 60.0
@@ -25,7 +25,7 @@ LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers.listener"]
 
 
 def rows() -> list[dict[str, Any]]:
-    """One row per process and one for all: CPU time [us] in a second of a vehicle that holds its depth."""
+    """One row per process and one for all: CPU time [us] in a second of a vehicle that holds its depth, memory [MB]."""
     with tempfile.TemporaryDirectory() as place, own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
         folder = make_run_folder(f"{place}/run", default_vehicle())
@@ -33,17 +33,24 @@ def rows() -> list[dict[str, Any]]:
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(seed=1, rate=1.0), record=True)
             spans = _measure(supervisor, made)
-    peer_us = spans.pop("listener")
-    spans["all nodes"] = sum(spans.values())
-    peer = "one rclpy node that listens to all topics"
-    named = [(f"CPU of 1 s at vehicle rates: {name}", us) for name, us in spans.items()]
+    peer_us, peer_MB = spans.pop("listener")
+    spans["all nodes"] = sum(us for us, _ in spans.values()), sum(size for _, size in spans.values())
+    peer = f"one rclpy node that listens to all topics, {peer_MB:.0f} MB"
     return [
-        {"name": name, "ours_us": us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / us} for name, us in named
+        {
+            "name": f"CPU of 1 s at vehicle rates: {name}, {size_MB:.0f} MB",
+            "ours_us": us,
+            "pss_MB": size_MB,
+            "peer": peer,
+            "peer_us": peer_us,
+            "ratio": peer_us / us,
+        }
+        for name, (us, size_MB) in spans.items()
     ]
 
 
-def _measure(supervisor: Supervisor, made: dict[str, str]) -> dict[str, float]:
-    """CPU time per second [us] of each process but the mock, and of the listener, which comes in for a second span."""
+def _measure(supervisor: Supervisor, made: dict[str, str]) -> dict[str, tuple[float, float]]:
+    """CPU time per second [us] and memory [MB] of each process but the mock, and of the listener in a second span."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
     from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # the same
 
@@ -52,24 +59,30 @@ def _measure(supervisor: Supervisor, made: dict[str, str]) -> dict[str, float]:
         operator.arm(seconds=UP_S)
         hold(operator, ["depth"], DEPTH_m, engaged=True)
         nodes = {name: child.handle.pid for name, child in supervisor.children.items() if name != MOCK.name}
-        found = _shares(nodes)
+        found = _shares(nodes, operator)
         listener = subprocess.Popen(LISTENER, env=made)  # noqa: S603  # our own interpreter and module
         try:
             operator.pause(5.0)
-            found |= _shares({"listener": listener.pid})
+            found |= _shares({"listener": listener.pid}, operator)
         finally:
             listener.terminate()
             listener.wait()
     return found
 
 
-def _shares(pids: dict[str, int]) -> dict[str, float]:
-    """CPU time per second [us] over one span."""
-    before = {name: _ticks(pid) for name, pid in pids.items()}
-    begin = time.monotonic()
-    time.sleep(SPAN_S)
-    elapsed = time.monotonic() - begin
-    return {name: (_ticks(pid) - before[name]) / TICKS_PER_S / elapsed * 1e6 for name, pid in pids.items()}
+def _shares(pids: dict[str, int], operator: Any) -> dict[str, tuple[float, float]]:
+    """CPU time [us] per second of the vehicle, which on a busy machine is longer than one of the wall; memory [MB]."""
+    before, begin = {name: _ticks(pid) for name, pid in pids.items()}, operator.now()
+    operator.pause(SPAN_S)
+    spent = {name: _ticks(pid) - before[name] for name, pid in pids.items()}
+    elapsed_s = seconds_between(begin, operator.now())
+    return {name: (spent[name] / TICKS_PER_S / elapsed_s * 1e6, _pss_MB(pid)) for name, pid in pids.items()}
+
+
+def _pss_MB(pid: int) -> float:
+    """Memory of a process and its children; what several share counts in parts (proportional set size, proc(5))."""
+    rollups = [Path(f"/proc/{one}/smaps_rollup").read_text() for one in _family(pid)]
+    return sum(int(line.split()[1]) for text in rollups for line in text.splitlines() if line.startswith("Pss:")) / 1e3
 
 
 def _ticks(pid: int) -> int:
