@@ -37,6 +37,7 @@ from hindrax_operator.web import page as page_text
 from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE
+from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.summary import Chart, finite, summary
 
 GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
@@ -450,6 +451,20 @@ def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed() -> None:
 
 
 # ---- reports
+
+
+def test_the_newest_report_comes_with_the_largest_contributions_to_its_uncertainty(tmp_path: Path) -> None:
+    number = "{value: 66.366, std: 0.24, std_calibrated: 1.88, unit: N s^2/m^2}"
+    budget = "{k_q: {tether: 0.18, thrust calibration: 1.33, inflow loss: 0.63, own wake: 0.3}, drag: {tether: 0.1}}"
+    (tmp_path / "report.html").write_text("<p>", encoding="utf-8")
+    file = tmp_path / "coefficients.yaml"
+    file.write_text(f"motions:\n  surge:\n    k_q: {number}\n    budget: {budget}\n", encoding="utf-8")
+    listed = Reports(tmp_path.parent).listed()
+    want = "surge k_q, 66.4 +- 1.9 N s^2/m^2: thrust calibration 1.3, inflow loss 0.63, own wake 0.3"
+    assert [one["budget"] for one in listed if one["name"] == tmp_path.name] == [[want]]
+    for damaged in ("motions: {surge: {budget: [1]}}", "motions: 1", "{", "", "motions: {surge: {}}", "\0"):
+        file.write_text(damaged, encoding="utf-8")
+        assert Reports(tmp_path.parent).listed()[0]["budget"] == []
 
 
 def test_reports_come_from_the_folder_of_runs_and_nowhere_else(tmp_path: Path) -> None:

@@ -468,6 +468,7 @@ async function listReports() {
       link.href = "#";
       link.addEventListener("click", event => { event.preventDefault(); openReport(run.name); });
     } else line.append(make("span", "\u00a0 recorded, no report yet", "soft"));
+    line.append(...(run.budget || []).map(row => make("div", row, "soft")));
     return line;
   }) : [make("li", "none in the folder of runs", "soft")]));
 }

@@ -7,11 +7,16 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
+from hindrax_analysis.terminal import measured
 from hindrax_bag.run_folder import RunFolder
+from hindrax_core.errors import HindraxError
+from hindrax_core.yaml_text import read_yaml
 from hindrax_operator.web.access import RefusedRequest
 
 LARGEST_bytes = 50_000_000
 MOST = 200
+CONTRIBUTIONS = 3
+"""Rows of a budget that are shown, the largest first."""
 
 
 class Reports:
@@ -21,8 +26,15 @@ class Reports:
         self.runs = runs
 
     def listed(self) -> Sequence[Mapping[str, Any]]:
-        """Name of every run with a bag or a report, and whether it has the report; the newest first."""
-        return [{"name": name, "report": file.is_file()} for name, file in self._files().items()]
+        """Name of every run with a bag or a report, and whether it has the report; the newest first.
+
+        The newest report comes with its uncertainty budget: a line per coefficient.
+        """
+        found = [{"name": name, "report": file.is_file()} for name, file in self._files().items()]
+        newest = next((one for one in found if one["report"]), None)
+        if newest is not None:
+            newest["budget"] = _budget(RunFolder(self.runs / str(newest["name"])).coefficients)
+        return found
 
     def read(self, name: str) -> bytes:
         """Return one report as it is; Refused when there is none of this name, or it is no page of ours by its size."""
@@ -51,3 +63,23 @@ class Reports:
         except OSError:  # no runs yet, or one that is being removed
             pass
         return {name: file for _, name, file in sorted(found, reverse=True)[:MOST]}
+
+
+def _budget(file: Path) -> Sequence[str]:
+    """Each coefficient with its calibrated band and the largest contributions to it; none where the file has none."""
+    try:
+        with file.open(encoding="utf-8") as opened:
+            motions = read_yaml(opened.read(LARGEST_bytes), file.name)["motions"]
+        return [
+            f"{motion} {name}, {measured(one['value'], one['std_calibrated'])} {one['unit']}: {_largest(rows)}"
+            for motion, body in motions.items()
+            for name, rows in body["budget"].items()
+            if (one := body.get(name)) is not None
+        ]
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, HindraxError):
+        return []  # of another version, damaged, or being written: its report says more
+
+
+def _largest(rows: Mapping[str, float]) -> str:
+    ordered = sorted(rows.items(), key=lambda row: -row[1])[:CONTRIBUTIONS]
+    return ", ".join(f"{influence} {std:.2g}" for influence, std in ordered)
