@@ -42,6 +42,16 @@ def test_a_narrow_screen_gets_every_value_behind_its_heading(
     assert re.search(r"^  value \[N\]: 66.4801234;  \+-: 10.2012345;", said, re.MULTILINE)
 
 
+def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.CaptureFixture[str]) -> None:
+    for remark in ("", "disabled"):
+        table = make_table("Thrusters", ("name",), ("force [N]", ""))
+        table.add_row("T1", "1.00", "")
+        table.add_row("T2", "2.00", remark)
+        print_table(table)
+        row = next(line for line in capsys.readouterr().out.splitlines() if "T2" in line)
+        assert row.split("\u2502")[3:] == ([f" {remark} ", ""] if remark else [""])
+
+
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.search(rf"{TOPIC}.*66.4801234.*{NOTE}", shown(capsys, monkeypatch, None))
 
