@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
 from rosbags.rosbag2 import Reader
 
 from hindrax_bag.read import mcap_records
@@ -56,6 +57,22 @@ def test_cut_at_any_byte(tmp_path: Path) -> None:
             summary = make_reader(stream, validate_crcs=True).get_summary()
             assert summary.statistics.message_count == flushed
             assert bool(summary.chunk_indexes) == bool(flushed)
+
+
+def test_a_channel_that_has_lost_its_schema_keeps_its_messages(tmp_path: Path) -> None:
+    with (tmp_path / "lost.mcap").open("wb") as file:
+        bare = Writer(file, use_chunking=False)
+        bare.start()
+        lost = bare.register_channel(LEVEL.topic, "cdr", schema_id=7)
+        for index in range(3):
+            bare.add_message(lost, index, level(index, 0.5), index)
+        bare.finish()
+    made = recover(tmp_path / "lost.mcap", tmp_path / "out")
+    assert made.messages == 3
+    with next(made.output.glob("*.mcap")).open("rb") as stream:
+        assert [message.data for _, _, message in make_reader(stream).iter_messages()] == [
+            level(n, 0.5) for n in range(3)
+        ]
 
 
 def test_a_bag_of_several_files_is_cut_at_any_byte_of_its_last(tmp_path: Path) -> None:

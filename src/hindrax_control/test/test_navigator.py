@@ -59,6 +59,7 @@ class Ride:
     dvl_from_s: float = 0.0
     dvl_until_s: float = 1e9
     sonar_until_s: float = 1e9
+    deep: bool = True
     motors_T: Callable = STILL
 
     def __post_init__(self) -> None:
@@ -99,7 +100,7 @@ class Ride:
     def slow_sensors(self, t: float, number: int) -> None:
         """What has arrived since the last IMU sample."""
         sensors, gauss = self.vehicle.sensors, lambda sigma: self.random.gauss(0.0, sigma * self.noise)
-        if number % 5 == 0:
+        if number % 5 == 0 and self.deep:
             depth = self.point(t, sensors["ms5837"].position_m)[2]
             pressure = 101325.0 + 1000.0 * GRAVITY_mps2 * (depth + gauss(0.002))
             self.tell(t, Pressure(pressure, 20.0), "ms5837")
@@ -239,6 +240,33 @@ def test_heave_velocity_is_far_better_than_a_differentiated_altitude() -> None:
     assert off < 2.0 * ride.out[-1].reading.velocity_sigma_mps[2]
     assert rms(ride.errors(lambda n: n.depth_m, lambda t: heaving(t)[2])) < 0.002
     assert rms(ride.errors(lambda n: n.altitude_m, lambda t: FLOOR_m - heaving(t)[2])) < 0.004
+
+
+@pytest.mark.parametrize(("deep", "roll", "known"), [(True, 0.0, True), (False, 0.0, False), (True, 2.8, False)])
+def test_heave_is_told_only_with_a_depth_and_upright(deep: bool, roll: float, known: bool) -> None:
+    state = Ride(deep=deep, attitude=lambda _: (roll, 0.0, 0.0), sonar_until_s=0.0).run(3.0).out[-1].reading
+    assert math.isfinite(state.velocity_mps[2]) is known
+    assert math.isfinite(state.velocity_sigma_mps[2]) is known
+
+
+def sinking(t: float) -> Vec3:
+    """Down at 0.3 m/s, reached between one and two seconds."""
+    since = max(0.0, t - 1.0)
+    return (0.0, 0.0, 0.3 * (0.5 * since**2 if since < 1.0 else since - 0.5))
+
+
+def pitching_up(t: float) -> Vec3:
+    return (0.0, 0.4 * math.sin(0.25 * max(0.0, t - 3.0)), 0.0)
+
+
+@pytest.mark.parametrize("deep", [True, False])
+def test_a_turn_without_dvl_makes_no_surge_of_heave(deep: bool) -> None:
+    position = sinking if deep else HOVER
+    bias = 0.0 if deep else 0.1
+    ride = Ride(position=position, attitude=pitching_up, deep=deep, force_bias=(0.0, 0.0, bias), dvl_until_s=3.0)
+    ride.sonar_until_s = 0.0
+    off = ride.run(9.0).errors(lambda state: state.velocity_mps[0], lambda t: ride.velocity(t)[0], 8.0)
+    assert max(map(abs, off)) < 0.08
 
 
 def test_without_sonar_the_altitude_goes_on_from_depth_and_grows_old() -> None:
@@ -402,6 +430,23 @@ def test_after_a_gap_in_the_imu_it_starts_anew() -> None:
     assert ride.out[count].stamp >= stamp_from_s(9.0)
     assert math.isnan(state.velocity_mps[0])
     assert math.isnan(state.depth_m)
+
+
+def test_after_a_gap_the_compass_is_still_corrected_by_what_the_thrusters_do() -> None:
+    ride = Ride()
+    ride.navigator.thrust(Stamp(0), pattern(30.0))
+    for gap_s in (0.0, 2.0):
+        ride.tell(gap_s, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+    assert ride.navigator._aiding.forces_N == pattern(30.0)  # its effect on the compass is tested above
+
+
+def test_alignment_averages_a_whole_window_after_every_start() -> None:
+    ride = Ride()
+    for begin in (0.0, 10.0):
+        count = len(ride.out)
+        for number in range(1, 199):
+            ride.tell(begin + number * 0.005, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        assert len(ride.out) == count, "a second is not over"
 
 
 def test_time_that_runs_back_is_refused() -> None:

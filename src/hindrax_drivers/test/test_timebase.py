@@ -174,6 +174,16 @@ def test_a_host_clock_set_back_is_told() -> None:
     assert stamp == START + 5_000 * MS
 
 
+@pytest.mark.parametrize("ticks", [21_000_000, 50_000], ids=["host", "device and host"])
+def test_after_a_host_clock_set_back_stamps_go_on_from_the_new_time(ticks: int) -> None:
+    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.006))
+    for index in range(200):
+        base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
+    for index in range(100):
+        arrival = START - 3_600 * NS_PER_S + index * 100 * MS
+        assert base.map(ticks + index * 100_000, Stamp(arrival)) == arrival - 6 * MS
+
+
 def test_a_restart_forgets_offset_but_keeps_the_rate() -> None:
     base = Timebase(1e-6)
     for ticks, _, arrival in journey(2, 150.0, (0.05, 0.05), 1000, 1.0):

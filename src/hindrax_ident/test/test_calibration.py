@@ -20,6 +20,8 @@ from hindrax_ident.model.prior import wide_prior
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning
 
+MIRROR = np.polynomial.Polynomial([3000.0, -1.0])
+"""Pulse of the same thrust in the other direction [us]."""
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 PLAN = back_and_forth((4.0, 8.0, 13.0), 8.0, 64.0)
 
@@ -91,6 +93,27 @@ def test_branches_with_standard_deviations_add_modes(vehicle: Vehicle, surge: tu
     assert len(modes(doubtful, 0)) == 2
     assert modes(doubtful, 0)[1].error(np.array([5.0, -5.0])).shape == (2, 4)
     narrow, wide = (calibration(one, record, fit) for one in (vehicle, doubtful))
+    assert wide[0, 0] > narrow[0, 0]
+
+
+def test_a_doubtful_positive_branch_widens_the_band_by_the_forces_ahead(
+    vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]
+) -> None:
+    curve = vehicle.curves["main"]
+    mirrored = replace(
+        curve.negative,
+        from_us=3000.0 - curve.negative.to_us,
+        to_us=3000.0 - curve.negative.from_us,
+        c=tuple((-np.polynomial.Polynomial(curve.negative.c)(MIRROR)).coef.tolist()),
+    )
+    exact = replace(vehicle, curves={"main": replace(curve, positive=mirrored)})
+    loose = replace(mirrored, sigma=(137.82, 0.3212, 2.5e-4, 6.4e-8))
+    doubtful = replace(vehicle, curves={"main": replace(curve, positive=loose)})
+    (added,) = {mode.name for mode in modes(doubtful, 0)} - {mode.name for mode in modes(exact, 0)}
+    assert added == "positive branch of curve main"
+    mode = next(mode for mode in modes(doubtful, 0) if mode.name == added)
+    assert np.any(mode.error(np.array([5.0])))
+    narrow, wide = (calibration(one, *surge) for one in (exact, doubtful))
     assert wide[0, 0] > narrow[0, 0]
 
 

@@ -64,6 +64,33 @@ def test_what_a_row_does_is_within_the_band(
         assert any(row.name in warning for warning in budget.warnings())
 
 
+@pytest.mark.parametrize(
+    ("name", "tuning", "sigma"),
+    [
+        ("thrust lag", Tuning(lag_doubt_s=0.3), 0.3),
+        ("latency of the velocity", Tuning(lag_doubt_s=0.3), 0.3),
+        ("thrust lag", Tuning(timing_sigma_s=0.04), 0.04),
+        ("dead band of the thrust", Tuning(), 0.0),
+        ("dead band of the thrust", Tuning(thrust_doubt=0.01), 1.0),
+        ("stamps of the record", Tuning(stamp_doubt_s=0.007), 0.007),
+        ("gain of the wrench", Tuning(wrench_gain_sigma=0.03), 0.03),
+        ("gain of the velocity", Tuning(velocity_gain_sigma=0.01), 0.01),
+        ("current", Tuning(current_sigma_mps=0.02), 0.02),
+    ],
+)
+def test_what_the_tuning_doubts_is_the_deviation_of_its_row(
+    vehicle: Vehicle, flown: tuple[Record, OutputErrorFit], name: str, tuning: Tuning, sigma: float
+) -> None:
+    (row,) = (row for row in INFLUENCES if row.name == name)
+    assert row.sigma(Case(vehicle, *flown, tuning)) == sigma
+
+
+def test_a_doubted_thrust_may_be_the_pull_of_a_tether(vehicle: Vehicle, flown: tuple[Record, OutputErrorFit]) -> None:
+    (row,) = (row for row in INFLUENCES if row.name == "tether")
+    known, doubted = (Case(vehicle, *flown, Tuning(thrust_doubt=doubt)) for doubt in (0.0, 0.1))
+    assert 0.0 < row.sigma(known) < row.sigma(doubted) == pytest.approx(0.1 * doubted.pull)
+
+
 def test_names_are_distinct_and_every_row_has_a_remedy() -> None:
     assert len({row.name for row in INFLUENCES}) == len(INFLUENCES)
     assert all(row.remedy and row.unit for row in INFLUENCES)

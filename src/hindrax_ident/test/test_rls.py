@@ -87,6 +87,27 @@ def learned(forgetting: float) -> tuple[Rls, np.random.Generator]:
     return rls, rng
 
 
+@pytest.mark.parametrize("keep", [0.95, 0.999])
+def test_forgets_as_directional_forgetting_does(keep: float) -> None:
+    """Kulhavy and Zarrop 1993, "On a general concept of forgetting": the covariance grows only along the regressor."""
+    rng = np.random.default_rng(5)
+    rls = Rls([0.0] * 3, [30.0] * 3, keep)
+    theta, P, squares, weight = np.zeros(3), 900.0 * np.eye(3), 0.0, 0.0
+    for x in np.vstack([rng.standard_normal((60, 3)), 0.01 * rng.standard_normal((20, 3))]):
+        y = float(x @ TRUTH + rng.standard_normal())
+        rls.update(x.tolist(), y)
+        information, error = float(x @ P @ x), y - float(x @ theta)
+        theta = theta + P @ x * error / (1.0 + information)
+        squares, weight = keep * squares + error**2 / (1.0 + information), keep * weight + 1.0
+        kept = keep - (1.0 - keep) / information
+        if kept > 0.0:
+            P = P - np.outer(P @ x, P @ x) / (1.0 / kept + information)
+    assert rls.values == pytest.approx(theta.tolist(), rel=1e-9)
+    assert rls.unit_covariance == pytest.approx(P, rel=1e-9)
+    assert (rls.weight, rls.samples) == (pytest.approx(weight), 80)
+    assert rls.variance == pytest.approx(squares / (weight * (1.0 - 3 / 80)))
+
+
 @pytest.mark.parametrize("speeds", [(0.0,), (0.3,), (0.1, 0.2)], ids=["parked", "one speed", "one direction"])
 def test_does_not_wind_up_without_excitation(speeds: tuple[float, ...]) -> None:
     rls, rng = learned(0.99)

@@ -1,0 +1,43 @@
+"""The tool that mutates a module changes what a test holds, and tells which test does not."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hindrax_tools import mutation
+
+SOURCE = '''"""Text with 3 and > in it."""
+
+def limited(value: int = 3, top: int = 10) -> int:
+    """Not `and`, nor 7."""
+    return top if value > top and not value < 0 else -value
+'''
+
+
+def test_every_mutant_differs_from_its_source_and_leaves_texts_alone() -> None:
+    same = compile(mutation.mutated(SOURCE, -1), "same", "exec")
+    assert same.co_consts == compile(SOURCE, "source", "exec").co_consts
+    known = mutation.mutants(SOURCE)
+    changed = {(one.before, one.after) for one in known}
+    assert {("value > top", "value <= top"), ("not value < 0", "value < 0"), ("-value", "value"), ("3", "4")} <= changed
+    trees = {mutation.ast.unparse(mutation.mutated(SOURCE, number)) for number in range(len(known))}
+    assert len(trees) == len(known)
+    assert all("Text with 3 and > in it." in one and "Not `and`, nor 7." in one for one in trees)
+
+
+def test_it_tells_the_mutant_that_no_test_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "doubling.py").write_text("def twice(x):\n    return x * 2\n\n\ndef half(x):\n    return x / 2\n")
+    tests = tmp_path / "test_doubling.py"
+    tests.write_text("import doubling\n\n\ndef test_twice():\n    assert doubling.twice(3) == 6\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    assert mutation.main(["doubling", str(tests), "--grep", "x * 2"]) == 0
+    assert mutation.main(["doubling", str(tests), "--grep", "x / 2"]) == 1
+    said = capsys.readouterr().out
+    assert "2 of 2 mutants killed" in said
+    assert "x / 2  ->  x * 2" in said
