@@ -18,6 +18,7 @@ from synthetic_runs import Flight, back_and_forth, fly
 
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_bag.read.bag_reader import messages
+from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_core.vehicle import load_vehicle
@@ -322,6 +323,15 @@ def test_wrong_units_are_suspected(
     assert any("check the units" in reason for reason in surge["reasons"])
 
 
+def test_the_gain_of_our_own_thrusters_may_be_doubted_too(capsys: pytest.CaptureFixture[str]) -> None:
+    bag = clone_root() / "test" / "replay" / "bags" / "yaw_replug"
+    believed, doubted = (
+        identified(capsys, bag, *words)["motions"]["yaw"]["added_mass"] for words in ([], ["--gain-sigma", 0.3])
+    )
+    assert doubted["value"] == believed["value"]
+    assert doubted["std_calibrated"] > 2.0 * believed["std_calibrated"]
+
+
 @pytest.mark.parametrize(("words", "share"), [([], 0.1), (["--gain-sigma", 0.2], 0.2)])
 def test_the_gain_of_a_wrench_is_never_taken_as_exact(
     tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], words: list[str], share: float
@@ -348,7 +358,10 @@ def test_several_records_are_pooled_and_their_spread_is_shown(
     tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     records = [as_csv(tmp_path / f"{seed}.csv", *flown(seed=seed)) for seed in range(3)]
-    document = identified(capsys, *records, "--vehicle", small)
+    assert main(["identify", *map(str, records), "--vehicle", str(small), "--json"]) == 0
+    said = capsys.readouterr()
+    assert "2.csv alone, 3 of 3" in said.err
+    document = json.loads(said.out)
     pooled, runs = document["motions"]["surge"], [run["motions"]["surge"] for run in document["runs"]]
     assert is_true(pooled)
     assert len(runs) == 3

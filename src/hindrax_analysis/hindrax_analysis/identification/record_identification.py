@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -167,24 +167,34 @@ class IdentificationTask:
     tuning: Tuning = field(default_factory=Tuning)
 
 
-def identify_sources(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> IdentifiedRecords:
-    """Identify over one record, or over several pooled."""
+def identify_sources(
+    sources: Sequence[RecordSource],
+    vehicle: Vehicle,
+    task: IdentificationTask,
+    progress: Callable[[str], None] = lambda _text: None,
+) -> IdentifiedRecords:
+    """Identify over one record, or over several pooled; `progress` is told what begins."""
+    if len(sources) > 1:
+        progress(f"identifying over {len(sources)} records together")
     whole = _identify(sources, vehicle, task)
     if len(sources) == 1:
         return whole
-    runs = tuple(_identify([one], vehicle, task).identified.results for one in sources)
+    runs = []
+    for index, one in enumerate(sources, start=1):
+        progress(f"identifying over {one.path} alone, {index} of {len(sources)}")
+        runs.append(_identify([one], vehicle, task).identified.results)
     results, spreads = _with_spread(whole.identified.results, runs)
-    return replace(whole, identified=replace(whole.identified, results=results), runs=runs, spreads=spreads)
+    return replace(whole, identified=replace(whole.identified, results=results), runs=tuple(runs), spreads=spreads)
 
 
 def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: IdentificationTask) -> IdentifiedRecords:
     axes, span = task.axes or tuple(range(6)), task.span
     if len(sources) == 1 and sources[0].recording is None and span.whole:
-        found = IdentifiedRecords(identify_bag(sources[0].path, vehicle, mock=sources[0].mock))
+        found = IdentifiedRecords(identify_bag(sources[0].path, vehicle, mock=sources[0].mock, tuning=task.tuning))
         return replace(found, identified=_with_axes_only(found.identified, axes))
     ours = _own(sources)
     if ours:
-        session = Session(vehicle)
+        session = Session(vehicle, task.tuning)
         _run_session(session, _own_events(ours, vehicle, span))
         outcome = session.finalize()
         mock = all(source.mock for source in ours)

@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
     span = Span(arguments.from_s, arguments.to_s)
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
     task = IdentificationTask(tuple(axes_named(arguments.dof)), span, mass_known=NO_VEHICLE not in said, tuning=tuning)
-    found = identify_sources(sources, vehicle, task)
+    found = identify_sources(sources, vehicle, task, lambda text: print(text, file=sys.stderr, flush=True))
     took_s = time.monotonic() - began
     conditions = _conditions(vehicle, sources, found, said)
     if arguments.report:
@@ -144,8 +144,8 @@ def _vehicle(named: Vehicle | None, source: RecordSource) -> tuple[Vehicle, list
 
 
 def _gain_sigma(given: float | None, vehicle: Vehicle, source: RecordSource, said: list[str]) -> float:
-    """Standard deviation of the wrench's gain in third-party records, beyond the curves of the vehicle file."""
-    if source.recording is None or (given is None and vehicle.thrusters):
+    """Standard deviation of the wrench's gain, beyond the curves of the vehicle file."""
+    if given is None and (source.recording is None or vehicle.thrusters):
         return 0.0
     believed = GAIN_SIGMA if given is None else given
     said.append(f"the gain of the wrench is believed to within {believed:.0%} (--gain-sigma): see the calibrated band")
