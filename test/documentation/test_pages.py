@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import ardusub
 import pytest
 from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, links_of, paths_of
 
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
-from hindrax_core.vehicle import load_vehicle
+from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_sim.hardware import Hardware
 
 HOW_TO = ROOT / "docs" / "how-to"
@@ -93,3 +95,24 @@ def test_the_sweep_of_the_how_to_gives_a_curve(
     said = capsys.readouterr().out
     assert re.search(r"negative:\n +c: \[", said)
     assert Path("curve.png").stat().st_size > 10_000
+
+
+def test_the_bluerov_of_the_how_to_is_pushed_where_ardusub_wants_it_to_go(tmp_path: Path) -> None:
+    """Signs and numbers of the outputs against ArduSub's own table; all else is the vehicle that comes with us."""
+    file = tmp_path / "bluerov.yaml"
+    file.write_text(block_of(HOW_TO / "bluerov2-on-ardusub.md", "bluerov.yaml"), encoding="utf-8")
+    vehicle, ours = load_vehicle(file), load_vehicle(ardusub.HEAVY)
+    applied = AppliedWrench(vehicle)
+    for name in ardusub.COLUMNS:
+        pulses = [*ardusub.outputs(name, 0.5), *[0] * 8]
+        wrench = applied.wrench(applied.forces_N(pulses_of_channels(vehicle, pulses)))
+        wanted = -1.0 if name == "heave" else 1.0
+        assert wrench[AXES.index(name)] * wanted > 1.0
+        others = [wrench[AXES.index(other)] for other in ardusub.COLUMNS if other != name]
+        assert others == pytest.approx([0.0] * 3, abs=1e-9)
+    assert [one.position_m for one in vehicle.thrusters] == [one.position_m for one in ours.thrusters]
+    same = ("mass_kg", "volume_m3", "envelope_m", "inertia_kgm2", "center_of_buoyancy_m", "supply_V")
+    assert all(getattr(vehicle, one) == getattr(ours, one) for one in same)
+    for pulse in range(1100, 1901, 50):
+        forces = [AppliedWrench(one).forces_N([pulse] * 8) for one in (vehicle, ours)]
+        assert forces[0] == pytest.approx(forces[1])

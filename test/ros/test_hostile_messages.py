@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,21 +15,27 @@ import pytest
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
+import ardusub
 import hostile
+import numpy as np
 import rclpy
+from builtin_interfaces.msg import Time
+from documentation.pages import ROOT, block_of
 from geometry_msgs.msg import Twist
 from ideal_vehicle import IdealVehicle
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, Joy
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_control.allocation.applied_wrench import PULSE_FIELDS
 from hindrax_control.nodes import allocator_node, pilot_node
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_control.nodes.teleop_node import TeleopNode
+from hindrax_control.nodes.thrust_node import ThrustNode
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_core.signals import ZERO6, Estimate, Navigation
@@ -42,6 +51,7 @@ from hindrax_core.topics import (
     JOYSTICK,
     LEAK,
     MAGNETIC,
+    NAMESPACE,
     ODOMETRY,
     OPERATOR_WRENCH,
     PRESSURE,
@@ -55,11 +65,13 @@ from hindrax_core.topics import (
     resolved,
 )
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.nodes.identifier import Identifier
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
 from hindrax_ros import convert
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
 from hindrax_ros.fast_serialization import command_from_bytes
+from hindrax_ros.graph import message_class
 from hindrax_ros.serialization import serialized
 
 pytestmark = pytest.mark.ros
@@ -357,3 +369,79 @@ def test_a_state_of_other_thrusters_is_not_believed(control: Control) -> None:
     for node in (control.pilot, control.allocator):
         assert node._refusals.counts == {THRUSTER_STATE.name: 4}
         assert node._refusals.last == "thrusters/state: found a pulse of 9000 us, wanted 500 to 2500 us"
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[tuple[Identifier, ThrustNode]]:
+    """What listens to the stack of anybody, here of a BlueROV2 on ArduSub."""
+    file = tmp_path / "bluerov.yaml"
+    file.write_text(block_of(ROOT / "docs" / "how-to" / "bluerov2-on-ardusub.md", "bluerov.yaml"), encoding="utf-8")
+    with own_domain(mock=True) as domain, adopted(environment(mock=True, domain=domain)):
+        rclpy.init(args=["--ros-args", "-p", f"vehicle:={file}"])
+        nodes = Identifier(), ThrustNode()
+        try:
+            yield nodes
+        finally:
+            for node in nodes:
+                node.destroy_node()
+            rclpy.try_shutdown()
+
+
+def test_nothing_that_anybodys_stack_says_ends_the_identifier_or_spoils_what_is_good(
+    desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    identifier, thrust = desk
+    told: list[Estimate] = []
+    monkeypatch.setattr(identifier, "_publish", lambda stamped: told.append(stamped.reading))
+    listening = {one.topic_name: one.callback for one in Node.subscriptions.fget(identifier)}
+    odometry, wrench = (listening[f"{NAMESPACE}/{name}"] for name in ("odometry", "wrench"))
+    now = Stamp(time.time_ns())
+    state = good(ODOMETRY, now)
+    for hear, message in ((odometry, state), (wrench, wrench_to_msg(now, PUSH))):
+        for one in (*hostile.floods(type(message), stamp_to_msg(now)), *hostile.mutants(message)):
+            hear(one)
+        for one in (*hostile.untimely(message), *hostile.untimely(message)):
+            hear(one)
+        identifier.drain()
+        assert "wanted" in identifier._refusals.last
+    told.clear()
+    dropped, begin = identifier._any.dropped, Stamp(time.time_ns())
+    state.twist.covariance = np.zeros(36)
+    monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=wrench))
+    flown = [(stamp_to_msg(after(begin, k * ardusub.STEP_S)), *one) for k, one in enumerate(ardusub.flight(12.5))]
+    for stamp, _, speeds in flown:
+        state.header.stamp, state.twist.twist.linear.x = stamp, speeds["surge"]
+        odometry(state)
+    for stamp, pulses, _ in flown:  # all after all: as they wait while a verdict is made
+        hear_pulses(thrust, Header(stamp=stamp), pulses)
+    identifier.drain()
+    k_q, k_l = [one for one in told if one.motion == "surge"][-1].values[:2]
+    assert k_q * 0.5**2 + k_l * 0.5 == pytest.approx(141.0 * 0.5**2 + 13.7 * 0.5, rel=0.1)
+    assert identifier._any.dropped == dropped
+
+
+def hear_pulses(thrust: ThrustNode, header: Header, channels: Any) -> None:
+    """As `mavros_msgs/RCOut`, which is in no wheel."""
+    thrust._type = "mavros_msgs/msg/RCOut"
+    thrust._on_pulses(SimpleNamespace(header=header, channels=channels))
+
+
+def test_pulses_that_are_none_are_refused_and_become_no_wrench(
+    desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, thrust = desk
+    sent: list[Any] = []
+    monkeypatch.setattr(thrust, "_out", SimpleNamespace(publish=sent.append))
+    for kind in PULSE_FIELDS:
+        if kind.startswith("std_msgs/"):
+            thrust._type = kind
+            for message in hostile.floods(message_class(kind), Time(), every=31):
+                thrust._on_pulses(message)
+    told = thrust._refusals.counts.total()
+    for channels in ([], [1500] * 7, [65535] * 16, [1] * 8, [1500] * 7 + [499]):
+        hear_pulses(thrust, Header(), channels)
+    assert sent == []
+    assert thrust._refusals.counts.total() == told + 5
+    for time_of in hostile.TIMES:
+        hear_pulses(thrust, Header(stamp=Time(sec=time_of[0], nanosec=time_of[1])), [1500] * 8)
+    assert {wrench_from_msg(one) for one in sent} == {ZERO6}

@@ -1,5 +1,6 @@
 """The page "Use one node", word for word: each of our nodes beside a program of ten lines that replaces another one."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -43,6 +44,7 @@ from hindrax_ros.graph import publisher, subscription
 pytestmark = pytest.mark.ros
 
 PAGE = ROOT / "docs" / "how-to" / "use-one-node.md"
+ARDUSUB_PAGE = ROOT / "docs" / "how-to" / "bluerov2-on-ardusub.md"
 INSTALLED = ROOT / "ros_ws" / "install"
 PATIENT_S = 60.0
 
@@ -51,7 +53,7 @@ class Surroundings:
     """Plays thrusters for the nodes under test, starts them by the lines of the page, and hears what they say."""
 
     def __init__(self, folder: Path, processes: ExitStack, environ: dict[str, str]) -> None:
-        self._folder, self._processes, self._environ = folder, processes, environ
+        self.folder, self._processes, self.environ = folder, processes, environ
         (folder / "myrov.yaml").write_text(default_vehicle().read_text(encoding="utf-8"), encoding="utf-8")
         self.node = Node("surroundings", namespace=NAMESPACE)
         self._executor = SingleThreadedExecutor()
@@ -81,20 +83,21 @@ class Surroundings:
         self.armed, response.accepted = self.armed and request.arm, True
         return response
 
-    def run(self, line: str) -> subprocess.Popen[bytes]:
-        """Start a line of the page in its folder: `ros2 run` by the installed program, where ros2 is not there."""
-        assert f"\n{line}\n" in PAGE.read_text(encoding="utf-8"), f"{line}: not on {PAGE}"
+    def run(self, line: str, page: Path = PAGE) -> subprocess.Popen[bytes]:
+        """Start a line of a page in its folder: `ros2 run` by the installed program, where ros2 is not there."""
+        assert f"\n{line}\n" in page.read_text(encoding="utf-8"), f"{line}: not on {page}"
         package, program, *words = shlex.split(line)[2:]
-        return self._start([sys.executable, INSTALLED / package / "lib" / package / program, *words])
+        return self.start([sys.executable, INSTALLED / package / "lib" / package / program, *words])
 
     def program(self, name: str, old: str = "", new: str = "") -> subprocess.Popen[bytes]:
         """Start a program of the page, maybe with another word in it."""
-        file = self._folder / f"{time.monotonic_ns()}_{name}"
+        file = self.folder / f"{time.monotonic_ns()}_{name}"
         file.write_text(block_of(PAGE, name).replace(old, new), encoding="utf-8")
-        return self._start([sys.executable, file])
+        return self.start([sys.executable, file])
 
-    def _start(self, words: list[Any]) -> subprocess.Popen[bytes]:
-        child = subprocess.Popen(list(map(str, words)), env=self._environ, cwd=self._folder)
+    def start(self, words: list[Any]) -> subprocess.Popen[bytes]:
+        """Start a program, which is ended with the surroundings."""
+        child = subprocess.Popen(list(map(str, words)), env=self.environ, cwd=self.folder)
         self._processes.callback(end, child)
         return child
 
@@ -234,3 +237,37 @@ def test_pulses_of_anybody_become_the_wrench_that_they_achieve(around: Surroundi
     assert wrench_from_msg(heard[0]) == pytest.approx(wanted)
     assert heard[0].header.frame_id == "base_link_fsd"
     assert stamp_from_msg(heard[0].header.stamp) > 0
+
+
+@pytest.fixture(scope="module")
+def mavros_msgs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Environment with `mavros_msgs/RCOut`, which is in no wheel: built as set-up builds the message of /tf."""
+    folder, like = tmp_path_factory.mktemp("mavros_msgs"), ROOT / "setup" / "tf2_msgs"
+    for name in ("CMakeLists.txt", "package.xml"):
+        text = (like / name).read_text(encoding="utf-8").replace("tf2_msgs", "mavros_msgs")
+        text = text.replace("geometry_msgs", "std_msgs").replace("TFMessage", "RCOut")
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "msg").mkdir()
+    (folder / "msg" / "RCOut.msg").write_text("std_msgs/Header header\nuint16[] channels\n", encoding="utf-8")
+    install = folder / "install"
+    for words in (
+        ["-S", str(folder), "-B", str(folder / "build"), f"-DCMAKE_INSTALL_PREFIX={install}", "-DBUILD_TESTING=OFF"],
+        ["--build", str(folder / "build"), "--target", "install"],
+    ):
+        made = subprocess.run(["cmake", *words], capture_output=True, text=True, check=False)
+        assert made.returncode == 0, made.stdout[-2000:] + made.stderr[-2000:]
+    (modules,) = install.glob("lib/python*/site-packages")
+    first = {"AMENT_PREFIX_PATH": install, "LD_LIBRARY_PATH": install / "lib", "PYTHONPATH": modules}
+    return {name: os.pathsep.join(filter(None, [str(path), os.environ.get(name)])) for name, path in first.items()}
+
+
+def test_a_bluerov_on_ardusub_is_identified_beside_mavros(around: Surroundings, mavros_msgs: dict[str, str]) -> None:
+    around.environ |= mavros_msgs
+    (around.folder / "bluerov.yaml").write_text(block_of(ARDUSUB_PAGE, "bluerov.yaml"), encoding="utf-8")
+    learned: list[ModelEstimate] = []
+    around.node.create_subscription(ModelEstimate, "/bluerov/ident/estimate", learned.append, 200)
+    ours = "--ros-args -r __ns:=/bluerov -p vehicle:=bluerov.yaml"
+    around.run(f"ros2 run hindrax_control thrust {ours} -r pulses:=/mavros/rc/out", ARDUSUB_PAGE)
+    around.run(f"ros2 run hindrax_ident identifier {ours} -r odometry:=/mavros/local_position/odom", ARDUSUB_PAGE)
+    around.start([sys.executable, ROOT / "test" / "mavros_stand_in.py", "40", "4"])
+    around.until(lambda: any(one.motion == "surge" and one.state == "learning" for one in learned))

@@ -68,6 +68,7 @@ class Identifier(BatchedNode):
         """Begin a session; one with another tuning forgets what was learned before."""
         self._feed, self._session = Feed(vehicle, tuning), Session(vehicle, tuning)
         self._any, self._any_heard = RecordSession(vehicle, tuning), False
+        self._waiting: list[Stamped[IdentEvent]] = []
 
     def _listener(self, listen: Listen) -> Callable[[Any], None]:
         def on_message(message: Any) -> None:
@@ -87,11 +88,17 @@ class Identifier(BatchedNode):
                 self._refusals.add(topic.name, str(error))
                 return
             self._any_heard = True
-            for event in events:
-                for estimate in self._any.step(event):
-                    self._publish(estimate)
+            self._waiting += events
 
         return on_message
+
+    def drain(self) -> None:
+        """Take what waits; of another stack in the order of stamps, for much waits while a verdict is made."""
+        super().drain()
+        waiting, self._waiting = sorted(self._waiting, key=lambda one: one.stamp), []
+        for event in waiting:
+            for estimate in self._any.step(event):
+                self._publish(estimate)
 
     def _on_assess(self, _request: Any, response: Any) -> Any:
         """Verdict on every motion so far, a line each; success if there is any."""

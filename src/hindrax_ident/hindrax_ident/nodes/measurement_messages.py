@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from hindrax_core.events import Stamp, Stamped
+from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, UNKNOWN6, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
@@ -55,10 +55,12 @@ LISTENERS: dict[Topic, Listen] = {
 
 # ---- of another stack
 
-ANY = Quality(reliable=False, depth=50)
-"""Takes reliable publishers too."""
+ANY = Quality(reliable=False, depth=5000)
+"""Takes reliable publishers too; keeps what comes while `ident/assess` computes."""
 ANY_ODOMETRY = Topic("odometry", "nav_msgs/msg/Odometry", ANY, 0, False, "velocities and attitude of any vehicle")
 ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, False, "wrench that its thrusters achieve")
+LARGEST_LEAD_s = 60.0
+"""A stamp farther ahead of the clock would make all that follow it late."""
 LARGEST_VARIANCE = 1e3
 """Variances from here on, or below zero, say that a velocity is not measured."""
 
@@ -66,11 +68,11 @@ LARGEST_VARIANCE = 1e3
 def velocities_from_odometry(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], ...]:
     """Attitude and velocities of a REP-105 odometry; without a stamp, of `now`. ValueError for other frames."""
     found = odometry_from_msg(message)
+    stamp = _sensible(found.stamp, now)
     variances, state = message.twist.covariance[::7], found.reading
     pairs = zip((*state.velocity_mps, *state.rate_radps), variances, strict=True)
     u, v, w, p, q, r = (value if 0.0 <= variance < LARGEST_VARIANCE else NAN for value, variance in pairs)
     roll, pitch, _ = state.attitude_rad
-    stamp = found.stamp or now
     nu = (u, v, w, p, q, r)
     return Stamped(stamp, Attitude((roll, pitch, NAN))), Stamped(stamp, Velocity(nu, UNKNOWN6, "odometry"))
 
@@ -84,4 +86,12 @@ def thrust_from_wrench(message: Any, now: Stamp) -> tuple[Stamped[IdentEvent], .
         raise ValueError("found a wrench that is not finite, wanted numbers")
     if frame != FSD:
         wrench = (*half_turn(wrench[:3]), *half_turn(wrench[3:]))
-    return (Stamped(stamp_from_msg(message.header.stamp) or now, Thrust(wrench)),)
+    return (Stamped(_sensible(stamp_from_msg(message.header.stamp), now), Thrust(wrench)),)
+
+
+def _sensible(stamp: Stamp, now: Stamp) -> Stamp:
+    """Stamp of a measurement, `now` where it has none; ValueError for one from the future."""
+    lead_s = seconds_between(now, stamp)
+    if now and lead_s > LARGEST_LEAD_s:
+        raise ValueError(f"found a stamp {lead_s:.0f} s ahead of the clock, wanted at most {LARGEST_LEAD_s:g} s")
+    return stamp or now
