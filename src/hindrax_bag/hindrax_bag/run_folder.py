@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -90,6 +91,29 @@ def new_run(now: datetime) -> Path:
     name = now.strftime("%Y-%m-%d_%H-%M-%S") if now.year >= FIRST_YEAR else "undated"
     numbered = (RUNS / (f"{name}_{number}" if number else name) for number in itertools.count())
     return next(path for path in numbered if not path.exists())
+
+
+def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> Iterator[str]:
+    """Remove runs, the oldest first, until the others take at most `most_bytes`; yields a sentence for each.
+
+    Removed is only what `make_run_folder` made, and never a run `in_use` (resolved paths).
+    """
+    made = [path.resolve() for path in runs.glob("*") if not path.is_symlink() and RunFolder(path).vehicle.is_file()]
+    sizes = {path: _bytes_in(path) for path in sorted(made, key=lambda one: RunFolder(one).vehicle.stat().st_mtime_ns)}
+    total = sum(sizes.values())
+    for path, size in sizes.items():
+        if total > most_bytes and path not in in_use:
+            try:
+                shutil.rmtree(path)
+            except OSError as error:
+                yield f"{path}: cannot be removed ({error.strerror or error})"
+                continue
+            total -= size
+            yield f"{path}: removed, {size / 1e6:.1f} MB; the runs take {total / 1e6:.1f} MB now"
+
+
+def _bytes_in(folder: Path) -> int:
+    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:

@@ -1,7 +1,8 @@
-"""How runs are named."""
+"""How runs are named, and which of them make room."""
 
 from __future__ import annotations
 
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,3 +21,22 @@ def test_every_boot_without_a_clock_has_a_run_of_its_own(
         made.append(run_folder.new_run(datetime(year, 1, 1, 0, 0, 40, tzinfo=UTC)))
         made[-1].mkdir()
     assert [path.name for path in made] == [name, f"{name}_1", f"{name}_2"]
+
+
+def test_only_the_oldest_finished_runs_make_room(tmp_path: Path) -> None:
+    runs, elsewhere = tmp_path / "runs", tmp_path / "elsewhere"
+    for age, path in enumerate((runs / "flying", runs / "old", runs / "older_name", runs / "new", elsewhere)):
+        (path / "bag").mkdir(parents=True)
+        (path / "bag/bag_0.mcap").write_bytes(bytes(1000))
+        (path / "vehicle.yaml").touch()
+        os.utime(path / "vehicle.yaml", (age, age))
+    (runs / "linked").symlink_to(elsewhere)
+    (runs / "notes").mkdir()
+    (runs / "notes/diary.txt").write_bytes(bytes(5000))
+    said = list(run_folder.remove_oldest(runs, 2500.0, [runs / "flying"]))
+    assert {path.name for path in runs.iterdir()} == {"flying", "new", "linked", "notes"}
+    assert elsewhere.exists()
+    assert [one.partition(":")[0] for one in said] == [str(runs / "old"), str(runs / "older_name")]
+    assert said[-1].endswith("removed, 0.0 MB; the runs take 0.0 MB now")
+    assert list(run_folder.remove_oldest(runs, 2500.0, [])) == []
+    assert len(list(run_folder.remove_oldest(runs, 0.0, []))) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -15,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
-from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder
+from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, pulse
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
-from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder
+from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, last_words
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
@@ -45,6 +46,8 @@ class UpOptions:
     tether: Tether | None = None
     without_operator: str = ""
     tuning: Tuning = field(default_factory=Tuning)
+    keep_bytes: float = math.inf
+    """Room for the runs in `RUNS`: the oldest ones are removed before a start; infinite: none is."""
 
 
 def run_up(options: UpOptions) -> int:
@@ -61,6 +64,10 @@ def run_up(options: UpOptions) -> int:
 
 def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bool], beating: LivenessFile) -> None:
     """One run, until a signal, or until the wall clock was set: the next one has its time, and another folder."""
+    if options.keep_bytes < math.inf:
+        in_use = [Path(one.folder).resolve() for one in stacks()]
+        for sentence in remove_oldest(RUNS, options.keep_bytes, in_use):
+            report(sentence)
     # A vehicle with a full disk can be flown; its recorder says that it waits for room.
     out = f"{options.out}_{run}" if options.out and run > 1 else options.out
     folder = make_run_folder(out, options.vehicle_file, wanted_bytes=0)

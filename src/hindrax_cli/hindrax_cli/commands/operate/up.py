@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_runner import UpOptions, run_up
 from hindrax_bringup.tether import add_tether, tether_setting
-from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
+from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, positive, seed, tuning_of
 from hindrax_core.errors import UsageError
 
 NAME = "up"
@@ -22,6 +23,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", action="store_true", help="write a bag")
     add_vehicle(parser)
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for logs and bag; default runs/<time>")
+    parser.add_argument(
+        "--keep",
+        type=positive,
+        metavar="GB",
+        help="room for runs/: older ones are removed; default: all stay",
+    )
     add_tether(parser)
     parser.add_argument(
         "--without-operator",
@@ -50,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     # A mock is for this machine alone, unless it is asked for by name here.
     tether = tether_setting() if arguments.tether or not arguments.mock else None
     vehicle, without, tuning = Path(arguments.vehicle), arguments.without_operator, tuning_of(arguments)
-    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning))
+    keep_bytes = math.inf if arguments.keep is None else arguments.keep * 1e9
+    return run_up(UpOptions(vehicle, mock, arguments.record, arguments.out, tether, without, tuning, keep_bytes))
 
 
 def mock_options(arguments: argparse.Namespace) -> MockOptions:
