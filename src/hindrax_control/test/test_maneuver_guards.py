@@ -9,8 +9,14 @@ from typing import Any
 
 import pytest
 
-from hindrax_control.maneuver.maneuver_guards import ManeuverGuards, Situation
-from hindrax_control.pool_bounds import PoolBounds
+from hindrax_control.maneuver.maneuver_guards import (
+    ManeuverGuardKnobs,
+    ManeuverGuards,
+    Situation,
+    walls_after_braking_m,
+)
+from hindrax_control.maneuver.plan import LAG_S
+from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Vehicle
@@ -41,6 +47,19 @@ def look(hindrax: Vehicle) -> Callable[..., tuple[str, ...]]:
 def test_nothing_is_wrong_when_all_is_well(look: Callable[..., tuple[str, ...]]) -> None:
     assert look(WELL) == ()
     assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
+
+
+WALLS = {"north": (1.0, 0.0), "south": (-1.0, 0.0), "east": (0.0, 1.0), "west": (0.0, -1.0)}
+
+
+@pytest.mark.parametrize("wall", WALLS)
+def test_braking_takes_its_way_ahead_only_and_none_at_a_speed_that_nobody_knows(wall: str) -> None:
+    knobs, walls_m = ManeuverGuardKnobs(), dict.fromkeys(WALLS, 2.0)
+    north, east = WALLS[wall]
+    way_m = 0.5 * LAG_S + 0.5 * 0.5**2 / knobs.braking_mps2
+    found = walls_after_braking_m(PoolPosition(0.0, 0.0, 0.0, 0.5 * north, 0.5 * east), walls_m, knobs)
+    assert found == pytest.approx(walls_m | {wall: 2.0 - way_m})
+    assert walls_after_braking_m(PoolPosition(0.0, 0.0, 0.0, math.nan, math.nan), walls_m, knobs) == walls_m
 
 
 @pytest.mark.parametrize(
