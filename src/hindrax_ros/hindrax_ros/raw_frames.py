@@ -13,16 +13,23 @@ from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.graph import publisher
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
+UNHEARD_S = 10.0
+"""How long the first frames wait for a subscriber: a replay needs those with which a device was set up."""
 
 
 class FrameTap:
-    """Collects the frames of one source and publishes them as one message every `period_s`."""
+    """Collects the frames of one source and publishes them as one message every `period_s`.
+
+    The first message waits until somebody has subscribed, or for `UNHEARD_S`: on a busy machine the recorder may be
+    discovered later than the first frames are there.
+    """
 
     def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:
         topic = next(one for one in RAW_FRAMES if one.name == f"raw/{source}")
         self._publisher = publisher(node, topic)
         self._source, self._period_s = source, period_s
         self._begin: Stamp | None = None
+        self._heard = False
         self._stamps: list[int] = []
         self._directions = bytearray()
         self._lengths: list[int] = []
@@ -36,7 +43,9 @@ class FrameTap:
         self._directions.append(direction)
         self._lengths.append(len(data))
         self._data += data
-        if seconds_between(self._begin, stamp) >= self._period_s:
+        age_s = seconds_between(self._begin, stamp)
+        self._heard = self._heard or age_s >= UNHEARD_S or self._publisher.get_subscription_count() > 0
+        if self._heard and age_s >= self._period_s:
             self.flush(stamp)
 
     def flush(self, stamp: Stamp) -> None:

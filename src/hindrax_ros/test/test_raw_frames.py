@@ -1,0 +1,61 @@
+"""Raw frames in batches; the first waits for its recorder."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+
+from rclpy.node import Node
+
+from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_ros import raw_frames
+from hindrax_ros.raw_frames import RECEIVED, UNHEARD_S, FrameTap, unpack
+
+STEP_ns = NS_PER_S // 100
+
+
+class Wire:
+    """Publisher with as many subscribers as it is told."""
+
+    def __init__(self) -> None:
+        self.subscribers = 0
+        self.sent: list[Any] = []
+        self.publish = self.sent.append
+
+    def get_subscription_count(self) -> int:
+        return self.subscribers
+
+
+@pytest.fixture
+def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
+    made = Wire()
+    monkeypatch.setattr(raw_frames, "publisher", lambda _node, _topic: made)
+    return made
+
+
+def stamps_of(messages: list[Any]) -> list[int]:
+    return [stamp for message in messages for stamp, _, _ in unpack(message)]
+
+
+def test_no_frame_before_the_first_subscriber_is_lost(wire: Wire) -> None:
+    tap, stamps = FrameTap(cast("Node", None), "dvl75"), [Stamp(STEP_ns * turn) for turn in range(1, 301)]
+    for stamp in stamps[:200]:
+        tap.add(stamp, RECEIVED, b"x")
+    assert not wire.sent
+    wire.subscribers = 1
+    for stamp in stamps[200:]:
+        tap.add(stamp, RECEIVED, b"x")
+    wire.subscribers = 0  # a recorder that was restarted is the supervisor's matter: frames go on
+    tap.flush(stamps[-1])
+    assert stamps_of(wire.sent) == stamps
+    assert len(wire.sent) > 5
+
+
+def test_without_a_recorder_frames_are_not_kept(wire: Wire) -> None:
+    tap = FrameTap(cast("Node", None), "dvl75")
+    for turn in range(round(2 * UNHEARD_S * 100)):
+        tap.add(Stamp(STEP_ns * (turn + 1)), RECEIVED, b"x")
+    assert len(wire.sent[-1].stamps) < 20
