@@ -460,7 +460,7 @@ def test_the_newest_report_comes_with_the_largest_contributions_to_its_uncertain
     file = tmp_path / "coefficients.yaml"
     file.write_text(f"motions:\n  surge:\n    k_q: {number}\n    budget: {budget}\n", encoding="utf-8")
     listed = Reports(tmp_path.parent).listed()
-    want = "surge k_q, 66.4 +- 1.9 N s^2/m^2: thrust calibration 1.3, inflow loss 0.63, own wake 0.3"
+    want = "surge k_q, 66.4 +- 1.9 N s^2/m^2, from thrust calibration 1.3, inflow loss 0.63, own wake 0.3"
     assert [one["budget"] for one in listed if one["name"] == tmp_path.name] == [[want]]
     for damaged in ("motions: {surge: {budget: [1]}}", "motions: 1", "{", "", "motions: {surge: {}}", "\0"):
         file.write_text(damaged, encoding="utf-8")

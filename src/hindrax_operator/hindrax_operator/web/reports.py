@@ -71,7 +71,7 @@ def _budget(file: Path) -> Sequence[str]:
         with file.open(encoding="utf-8") as opened:
             motions = read_yaml(opened.read(LARGEST_bytes), file.name)["motions"]
         return [
-            f"{motion} {name}, {measured(one['value'], one['std_calibrated'])} {one['unit']}: {_largest(rows)}"
+            f"{motion} {name}, {measured(one['value'], one['std_calibrated'])} {one['unit']}, from {_largest(rows)}"
             for motion, body in motions.items()
             for name, rows in body["budget"].items()
             if (one := body.get(name)) is not None
