@@ -247,6 +247,17 @@ def test_another_axis_has_its_units(tmp_path: Path, small: Path, capsys: pytest.
 # ---- never sure without cause
 
 
+@pytest.mark.parametrize(("excess_N", "told"), [(3.0, True), (0.0, False)])
+def test_a_mass_that_cannot_be_is_told(
+    tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str], excess_N: float, told: bool
+) -> None:
+    velocities, (t, force) = flown()
+    floats_N = load_vehicle(small).net_buoyancy_N + excess_N
+    record = as_csv(tmp_path / "heave.csv", velocities, (t, force + floats_N), ("w", "Z"))
+    heave = identified(capsys, record, "--vehicle", small)["motions"]["heave_down"]
+    assert any("check mass_kg, volume_m3" in one for one in heave["warnings"]) == told
+
+
 @pytest.mark.parametrize(
     "record",
     [

@@ -14,7 +14,12 @@ from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.damage import without_damage
-from hindrax_analysis.records.plausibility import with_plausibility_check, with_reason, wrong_thrust_sign
+from hindrax_analysis.records.plausibility import (
+    with_plausibility_check,
+    with_reason,
+    with_weight_check,
+    wrong_thrust_sign,
+)
 from hindrax_analysis.records.provenance import is_mock, truth_in
 from hindrax_analysis.records.recording import (
     Recording,
@@ -309,7 +314,9 @@ def _identify_recordings(
         }
     if not motions:
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
-    if not task.mass_known:
+    if task.mass_known:
+        motions = {name: with_weight_check(one, vehicle) for name, one in motions.items()}
+    else:
         motions = {name: _without_mass(one) for name, one in motions.items()}
     results = Results(motions, vehicle)
     return IdentifiedRecords(IdentifiedBag(Outcome(results, assessments), results, mock=False), traces)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,8 +22,8 @@ MOST_ADDED = 8.0
 FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
 REMEDY = "check the units of force and velocity, and the vehicle file"
-
-
+CONTRADICTED, LEAST_OFF = 3.0, 0.005
+"""Least difference of the net buoyancy that is told: in its deviations, and as a share of the weight."""
 USUAL_S = 0.7
 """Usual time constant of a small vehicle."""
 AGAINST = -0.6
@@ -60,6 +61,22 @@ def with_plausibility_check(result: MotionResult, vehicle: Vehicle) -> MotionRes
     for found in _implausibilities(result, vehicle) if result.coefficients else ():
         result = with_reason(result, found)
     return result
+
+
+def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+    """The result, with a warning where its net buoyancy contradicts mass and volume of the vehicle file."""
+    found = result.coefficients.get("b")
+    if MOTIONS[result.motion].axis != 2 or found is None:
+        return result
+    off_N = found.value - vehicle.net_buoyancy_N
+    sigma_N = found.std_calibrated if math.isfinite(found.std_calibrated) else found.std
+    if abs(off_N) < max(CONTRADICTED * sigma_N, LEAST_OFF * vehicle.weight_N):
+        return result
+    told = (
+        f"the record has a net buoyancy of {found.value:.3g} +- {sigma_N:.2g} N, mass and volume of the vehicle file "
+        f"{vehicle.net_buoyancy_N:.3g} N: check mass_kg, volume_m3 and the density of the water"
+    )
+    return replace(result, warnings=(*result.warnings, told))
 
 
 def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
