@@ -120,6 +120,15 @@ def test_a_parameter_that_the_hand_cannot_have_is_refused_before_it_steers(
     assert reason in capsys.readouterr().err
 
 
+def test_steering_without_a_stack_says_where_it_is_looked_for(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy", reason="the node of the joystick needs it")
+    monkeypatch.setattr("hindrax_ros.process.spin", lambda _make, _words: 0)
+    assert main(["joystick"]) == 0
+    assert "no `./hindrax up` runs here; looking in the ROS graph" in capsys.readouterr().err
+
+
 # ---- wrench
 
 

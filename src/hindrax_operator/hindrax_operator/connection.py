@@ -80,13 +80,19 @@ def _graph_of_this_terminal() -> dict[str, str]:
     return environment(mock=False, domain=None, tether=tether)
 
 
-@contextlib.contextmanager
-def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
-    """Yield an operator in the graph that the words of a command mean."""
+def told_presence(arguments: argparse.Namespace) -> StackLock | None:
+    """Pick the stack that is meant; when none is announced, say where it is looked for."""
     found = presence_of(arguments)
     if found is None:
         tether = tether_setting()
         where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
         print(f"no `./hindrax up` runs here; looking {where}", file=sys.stderr)
+    return found
+
+
+@contextlib.contextmanager
+def operator_of(arguments: argparse.Namespace) -> Iterator[Operator]:
+    """Yield an operator in the graph that the words of a command mean."""
+    found = told_presence(arguments)
     with joined(found, sim_time=arguments.sim_time, namespace=arguments.namespace) as operator:
         yield operator

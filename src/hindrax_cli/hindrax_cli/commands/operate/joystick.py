@@ -15,7 +15,7 @@ from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
 from hindrax_core.topics import namespace_arguments
-from hindrax_operator.connection import add_stack, presence_of
+from hindrax_operator.connection import add_stack, told_presence
 
 NAME = "joystick"
 HELP = "steer by hand: /hindrax/joy and /hindrax/cmd_vel become wrenches, until Ctrl-C"
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the node here until a signal."""
     check(arguments.set)
-    found = presence_of(arguments)
+    found = told_presence(arguments)
     file = arguments.vehicle or (found.vehicle if found else str(vehicle_file(usual_vehicle())))
     mock = arguments.sim_time or (found is not None and found.mock)
     given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
