@@ -128,13 +128,40 @@ def _refit_with(drafted: DraftFit, index: int, value: float, variance: float) ->
     return reweighted(drafted.fit, drafted.fit.noise, drafted.belief.combined_with(index, value, math.sqrt(variance)))
 
 
-def assess(vehicle: Vehicle, drafted: DraftFit, *, tuning: Tuning) -> Assessment:
-    """Bands of a draft from its uncertainty budget."""
-    record, belief, online = drafted.record, drafted.belief, drafted.online
+def assess(
+    vehicle: Vehicle, drafts: Mapping[int, DraftFit], *, tuning: Tuning
+) -> tuple[dict[int, Assessment], dict[int, ValueError]]:
+    """Bands of the drafts of a run from their uncertainty budgets, and why there are none.
+
+    All motions were flown in one water: what one record tells of it counts for all.
+    """
+    cases = {axis: _case(vehicle, one, tuning) for axis, one in drafts.items()}
+    evidence: dict[int, Array] = {}
+    found: dict[int, Assessment] = {}
+    failed: dict[int, ValueError] = {}
+    for axis, case in cases.items():
+        try:
+            evidence[axis] = budget_of(case).evidence
+        except ValueError as error:
+            failed[axis] = error
+    for axis in evidence:
+        try:
+            found[axis] = _assess(drafts[axis], cases[axis], array(sum(evidence.values())))
+        except ValueError as error:
+            failed[axis] = error
+    return found, failed
+
+
+def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
     fit = drafted.fit
     if tuning.thrust_doubt > 0.0:
         fit = replace(fit, covariance=array(slow_force_ratio(fit) * fit.covariance))
-    budget = budget_of(Case(vehicle, record, fit, tuning, drafted.moved))
+    return Case(vehicle, drafted.record, fit, tuning, drafted.moved)
+
+
+def _assess(drafted: DraftFit, case: Case, water: Array) -> Assessment:
+    record, fit, belief, online = drafted.record, case.fit, drafted.belief, drafted.online
+    budget = budget_of(case, water=water)
     own = budget.band_of_run()
     return Assessment(
         record=record,

@@ -3,6 +3,8 @@
 A row has a name, a unit, a prior standard deviation, an effect and a remedy. Its effect is what one unit does to the
 record: unmodeled impulses on the vehicle, or errors of the measurements. From it alone `uncertainty_budget` computes
 what the row contributes to each coefficient, and what the record tells about it. A new influence is a new row.
+
+The deviations of water, thrust and hull are those of a usual pool (`docs/reference/worlds.md` has their sources).
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse, per_step
@@ -30,12 +32,16 @@ BETWEEN_RUNS_S = 900.0
 FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
-MEMORY_S, WAKE_S = 1.0, 3.0
+SAG_S = 900.0
+EDGE = 0.1
+"""Share of the largest thrust from which a thruster works on its curve [-]."""
+MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
-TETHER = 0.005
-"""Standard deviation of the pull of a tether, as a share of the largest thrust [-]."""
-TETHER_DRAG = 0.5
-"""Drag of the tether at the highest speed over its pull at the greatest distance [-]."""
+TETHER = 0.04
+"""Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
+HEAVE, YAW = 2, 5
+NEAR = 0.03
+"""Share of the influences of a usual pool that is left in water near the model [-]."""
 LAG, LATENCY = "thrust lag", "latency of the velocity"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
@@ -106,6 +112,11 @@ class Case:
         """Derivative of the drag: (n,) [N s/m, N m s]."""
         return self.fit.model.slope(self.fit.theta, self.v)
 
+    @property
+    def mass(self) -> float:
+        """Total mass or inertia of the fit [kg, kg m^2]."""
+        return float(self.fit.theta[-1])
+
     def of_force(self, force: Array) -> Array:
         """Impulses over each step of forces at its ends, (n,) or (n, k): (n, k) [N s, N m s]."""
         table = force.reshape(len(self.v), -1)
@@ -143,6 +154,8 @@ class Influence:
     `effect`: per unit, impulses over each step (grid, k), or with `of_readings` errors of each measurement (n, k).
     `considered`: the record may not judge it, because it would do so by details that other rows explain as well.
     `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
+    `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
+    `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
     """
 
     name: str
@@ -154,6 +167,8 @@ class Influence:
     of_readings: bool = False
     considered: bool = False
     drag: Callable[[Case, Array], Array] | None = None
+    near: float = 1.0
+    loss: bool = False
 
 
 # ---- thrust
@@ -183,22 +198,26 @@ def _root(covariance: Array) -> Array:
 def _inflow(case: Case) -> Array:
     """Thrust lost to water that already moves along: T = T_nn n|n| - T_nu |n| u, Fossen 2011 eq. 9.8.
 
-    A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust.
+    A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust. The
+    thrusters that push against the net buoyancy do so in every motion.
     """
-    lost = np.zeros(len(case.v))
-    for per_newton, share in thrust_shares(case.vehicle, case.axis).values():
-        reference_N = INFLOW_N if case.vehicle.thrusters else abs(share) * case.pull
-        lost += per_newton**2 * np.sqrt(np.abs(share * case.thrust) * reference_N) * case.v / INFLOW_mps
+    lost, vehicle = np.zeros(len(case.v)), case.vehicle
+    held_N = 0.0 if case.axis == HEAVE else vehicle.net_buoyancy_N
+    holding = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
+    for index, (per_newton, share) in thrust_shares(vehicle, case.axis).items():
+        reference_N = INFLOW_N if vehicle.thrusters else abs(share) * case.pull
+        _, hold = holding.get(index, (0.0, 0.0))
+        force = np.abs(share * case.thrust + hold * held_N)
+        lost += per_newton**2 * np.sqrt(force * reference_N) * case.v / INFLOW_mps
     return case.of_force(array(-lost))
 
 
 def _drift(case: Case) -> Array:
-    """Thrust that falls evenly from the start of a run; records that are pooled each start anew."""
+    """Thrust that falls evenly from the start of a run, by all in 15 min; records that are pooled each start anew."""
     t = case.fit.problem.grid.times_s
     begins = np.where(np.diff(t, prepend=-np.inf) > BETWEEN_RUNS_S, t, 0.0)
-    begins[0] = min(float(t[0]), float(case.record.thrust.t[0]))
-    since_s = t - np.maximum.accumulate(begins)
-    return case.of_force(array(-case.thrust * since_s / max(1e-9, float(since_s.max()))))
+    begins[0] = 0.0
+    return case.of_force(array(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S))
 
 
 def _load(case: Case) -> Array:
@@ -217,11 +236,19 @@ def _dead_band(case: Case) -> Array:
     )
 
 
+def _edges(case: Case) -> Array:
+    edge = max(1e-9, EDGE * case.pull)
+    return case.of_commands(-case.pull * np.clip(case.record.thrust.y / edge, -1.0, 1.0)[:, None])
+
+
 # ---- water
 
 
 def _memory(case: Case) -> Array:
-    return case.of_force(array(case.drag(case.v) - case.drag(case.delayed(MEMORY_S))))
+    """Flow that follows late: a share of the drag, and one of the mass (Cummins' convolution, one exponential)."""
+    late = case.delayed(MEMORY_S)
+    of_drag, of_mass = case.drag(case.v) - case.drag(late), -case.mass * (case.v - late) / MEMORY_S
+    return case.of_force(np.stack([of_mass, of_drag], axis=1))
 
 
 def _wake(case: Case) -> Array:
@@ -241,8 +268,30 @@ def _exponent(case: Case, v: Array) -> Array:
 
 
 def _tether(case: Case) -> Array:
+    """Pull that grows with the distance; in yaw, at the stern and always from one side: its moment turns with heading.
+
+    One unknown in each direction.
+    """
+    if case.axis != YAW:
+        return case.of_force(-case.position)
+    heading = np.cumsum(case.v * case.steps_s)
+    return case.of_force(-np.stack([np.sin(heading), np.cos(heading)], axis=1))
+
+
+def _tether_drag(case: Case) -> Array:
     x = case.v / max(1e-9, case.speed)
-    return case.of_force(-np.stack([case.position, TETHER_DRAG * np.abs(x) * x], axis=1))
+    return case.of_force(array(-np.abs(x) * x))
+
+
+def _seiche(case: Case) -> Array:
+    """Standing wave along the pool: water that moves, and takes the vehicle along as it accelerates (Froude-Krylov)."""
+    pool = case.vehicle.pool
+    rate = math.pi * math.sqrt(GRAVITY_mps2 * pool.depth_m) / pool.length_m
+    phase = rate * case.fit.problem.grid.times_s
+    own = case.mass - case.fit.model.rigid + case.vehicle.volume_m3 * case.vehicle.water.density_kgpm3
+    parts = [case.slope() * np.cos(phase) - own * rate * np.sin(phase)]
+    parts += [case.slope() * np.sin(phase) + own * rate * np.cos(phase)]
+    return case.of_force(np.stack(parts, axis=1))
 
 
 def _coriolis(case: Case) -> Array:
@@ -289,29 +338,35 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "thrust calibration", "sigma", GAIN,
         lambda case: 1.0 if _gains(case) else 0.0, _calibration,
-        "a known-weight or bollard-pull test measures the gain of the thrust",
+        "a known-weight or bollard-pull test measures the gain of the thrust", considered=True,
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
         lambda case: case.tuning.wrench_gain_sigma, _gain,
-        "describe the thrusters in the vehicle file, or measure the wrench",
+        "describe the thrusters in the vehicle file, or measure the wrench", considered=True,
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
-        _always(0.015), _gain,
+        _always(0.08), lambda case: -_gain(case),
         "a known-weight test on this axis measures the thrust with all losses",
+        considered=True, near=0.38, loss=True,
     ),
     Influence(
-        "inflow loss", "of 10 N at 0.5 m/s", MODEL, _always(0.015), _inflow,
+        "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
+        considered=True, near=NEAR, loss=True,
     ),
     Influence(
-        "sag over the run", "-", MODEL, _always(0.007), _drift,
-        "measure the supply voltage, or repeat the first leg at the end",
+        "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,
+        "measure the supply voltage, or repeat the first leg at the end", near=NEAR, loss=True,
     ),
     Influence(
-        "sag under load", "-", MODEL, _always(0.007), _load,
-        "measure the supply voltage at the ESCs",
+        "sag under load", "-", MODEL, _always(0.05), _load,
+        "measure the supply voltage at the ESCs", near=NEAR, loss=True,
+    ),
+    Influence(
+        "dead bands that differ", "of the largest thrust", MODEL, _always(0.01), _edges,
+        "measure the pulse at which each thruster starts", near=NEAR,
     ),
     Influence(
         "dead band of the thrust", "sigma", MODEL,
@@ -338,27 +393,34 @@ INFLUENCES: tuple[Influence, ...] = (
         "fly each speed both ways, in still water",
     ),
     Influence(
-        "tether", "N", MODEL,
-        lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether,
-        "leave the tether slack, or float it, and fly near its fixed end",
+        "seiche", "m/s", MODEL, lambda case: 0.006 if case.axis in HORIZONTAL else 0.0, _seiche,
+        "wait until the water is still", near=NEAR,
     ),
     Influence(
-        "fluid memory", "-", MODEL, _always(0.02), _memory,
-        "longer plateaus and slower changes of speed",
+        "tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether,
+        "leave the tether slack, or float it, and fly near its fixed end", near=NEAR,
     ),
     Influence(
-        "own wake", "-", MODEL, _always(0.02), _wake,
-        "rest between legs until the water is still",
+        "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether_drag,
+        "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
+    ),
+    Influence(
+        "fluid memory", "-", MODEL, _always(0.06), _memory,
+        "longer plateaus and slower changes of speed", near=NEAR,
+    ),
+    Influence(
+        "own wake", "-", MODEL, _always(0.12), _wake,
+        "rest between legs until the water is still", near=NEAR,
     ),
     Influence(
         "fore/aft asymmetry", "-", MODEL,
-        lambda case: 0.0 if case.fit.model.split else 0.015, lambda case: case.of_force(-_asymmetry(case, case.v)),
-        "identify each direction for itself", drag=_asymmetry,
+        lambda case: 0.0 if case.fit.model.split else 0.05, lambda case: case.of_force(-_asymmetry(case, case.v)),
+        "identify each direction for itself", drag=_asymmetry, near=0.3,
     ),
     Influence(
-        "exponent of the drag", "-", MODEL, _always(0.02),
+        "exponent of the drag", "-", MODEL, _always(0.17),
         lambda case: case.of_force(-_exponent(case, case.v)),
-        "fly the speeds at which the coefficients will be used", drag=_exponent,
+        "fly the speeds at which the coefficients will be used", drag=_exponent, near=NEAR,
     ),
     Influence(
         "masses of other axes", "sigma", RUN,

@@ -11,17 +11,22 @@ import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, Case, Influence, acting
+from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.assess.influences import GAIN, HEAVE, INFLUENCES, MODEL, NEAR, RUN, Case, Influence, acting
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.score_test import score
 
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
+ODDS = (math.log(0.03), 0.0)
+"""What the water may be: near the model, or that of a usual pool; logarithms of the prior odds."""
+LOSS_MEAN = 0.75**0.5
+"""Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
 GREAT = 10.0
 """Scale from which the search for one great influence begins, in prior deviations."""
@@ -38,7 +43,7 @@ class Budget:
     """Influences in units of their prior deviations: m columns, of which `rows[k]` of influence k.
 
     `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
-    after the record.
+    after the record. `evidence` (k,): logarithm of what this record tells of how near the water is to the model.
     """
 
     case: Case
@@ -48,6 +53,7 @@ class Budget:
     shifts: Array
     mean: Array
     covariance: Array
+    evidence: Array
 
     def prior(self, name: str) -> float:
         """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
@@ -87,14 +93,15 @@ class Budget:
     def contributions(self, sensitivity: Array) -> list[Contribution]:
         """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
 
-        It is the standard deviation that the quantity would lose if the influence were known: for an independent one
-        sensitivity times deviation (GUM eq. 11a).
+        What the record shows of it, and the standard deviation that the quantity would lose if the rest were known:
+        for an independent one sensitivity times deviation (GUM eq. 11a).
         """
         out = []
         for row, influence, _ in self._table():
-            along = self._moment[row] @ sensitivity
-            lost = float(along @ np.linalg.lstsq(self._moment[row, row], along, rcond=None)[0])
-            out.append(Contribution(influence.name, math.sqrt(max(0.0, lost)), influence.remedy))
+            along = self.covariance[row] @ sensitivity
+            lost = float(along @ np.linalg.lstsq(self.covariance[row, row], along, rcond=None)[0])
+            shown = float(self.mean[row] @ sensitivity[row])
+            out.append(Contribution(influence.name, math.hypot(math.sqrt(max(0.0, lost)), shown), influence.remedy))
         return sorted(out, key=lambda one: -one.std)
 
     def found(self, name: str) -> tuple[float, float]:
@@ -141,8 +148,11 @@ class Budget:
         return array(chosen @ moment @ chosen.T)
 
 
-def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
-    """Budget of a case: every row's effect, and what the residuals say about all rows together."""
+def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES, water: Array | None = None) -> Budget:
+    """Budget of a case: every row's effect, and what the residuals say about all rows together.
+
+    `water` (k,): sum of the evidence of all motions of the run; None: of this one alone.
+    """
     known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
     columns = [sigma * row.effect(case) for row, sigma in known]
     on_body = sum(not row.of_readings for row, _ in known)
@@ -156,7 +166,7 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
         told[row] = not influence.considered
     information, gradient = found.information * np.outer(told, told), found.gradient * told
     weighed = _weighed(case, found.shifts)
-    mean, covariance = _posterior(information + weighed[0], gradient + weighed[1])
+    mean, covariance, evidence = _posterior(information + weighed[0], gradient + weighed[1], _prior(known, rows), water)
     return Budget(
         case=case,
         influences=tuple(row for row, _ in known),
@@ -165,32 +175,86 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budge
         shifts=found.shifts,
         mean=mean,
         covariance=covariance,
+        evidence=evidence,
     )
 
 
-def _posterior(information: Array, gradient: Array) -> tuple[Array, Array]:
-    """Mean (m,) and covariance (m, m) of the influences under Student priors of unit scale.
+def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _Prior:
+    """Prior of the influences in water near the model, and in a usual pool."""
+    m = rows[-1].stop if rows else 0
+    near, loss = np.ones(m), np.zeros(m)
+    for row, (influence, _) in zip(rows, known, strict=True):
+        near[row], loss[row] = influence.near, influence.loss
+    size = np.stack([near, np.ones(m)])
+    usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
+    return _Prior(array(usual), array(spread), np.stack([near > NEAR, near > 0.0]))
 
-    Their tails let a record tell of an influence far greater than usual, instead of spreading it over all. Expectation
-    maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one: explanations
-    that the record cannot tell apart all count, by their evidence.
+
+class _Prior(NamedTuple):
+    """Mean and deviation of the influences for each nearness, (k, m); `tails`: which may be far greater than that."""
+
+    mean: Array
+    sigma: Array
+    tails: Flags
+
+
+class _Explanations(NamedTuple):
+    """Explanations of a record: logarithms of their evidence (e,), means (e, m), covariances (e, m, m)."""
+
+    evidence: Array
+    mean: Array
+    covariance: Array
+
+
+class _Posterior(NamedTuple):
+    """Mean (m,) and covariance (m, m) of the influences; logarithm of the evidence of each nearness, (k,)."""
+
+    mean: Array
+    covariance: Array
+    evidence: Array
+
+
+def _posterior(information: Array, gradient: Array, prior: _Prior, water: Array | None) -> _Posterior:
+    """How near the water is to the model is unknown: a record that shows influences tells of those it cannot show.
+
+    Explanations that it cannot tell apart all count, by their evidence (global and local scales: Carvalho, Polson,
+    Scott 2010). `water`: evidence of all motions of the run.
     """
-    m = len(gradient)
-    power, axes = np.linalg.eigh(information)
+    found = [_explained(information, gradient, *one) for one in zip(*prior, strict=True)]
+    own = array([np.logaddexp.reduce(one.evidence) for one in found])
+    others = np.array(ODDS) + (0.0 if water is None else water - own)
+    evidence = np.concatenate([one.evidence + other for one, other in zip(found, others, strict=True)])
+    mean, covariance = (np.concatenate(parts) for parts in ([x.mean for x in found], [x.covariance for x in found]))
+    weight = np.exp(evidence - evidence.max())
+    weight /= weight.sum()
+    middle = weight @ mean
+    apart = mean - middle
+    total = np.tensordot(weight, covariance, 1) + (weight[:, None] * apart).T @ apart
+    return _Posterior(array(middle), array(total), own)
+
+
+def _explained(information: Array, gradient: Array, usual: Array, sigma: Array, tails: Flags) -> _Explanations:
+    """Explanations by unknowns with these means and deviations: Student priors where `tails`, otherwise normal.
+
+    Tails let a record tell of an influence far greater than usual, instead of spreading it over all. Expectation
+    maximization over the scale of each (Tipping 2001, section 3), begun once for each as the great one.
+    """
+    m, known = len(gradient), float(gradient @ usual - 0.5 * usual @ information @ usual)
+    gradient = sigma * (gradient - information @ usual)
+    power, axes = np.linalg.eigh(sigma[:, None] * information * sigma)
     root = axes * np.sqrt(np.clip(power, 0.0, MOST_INFORMATION))
-    variance = np.ones((m + 1, m)) + (GREAT**2 - 1.0) * np.eye(m + 1, m)
+    variance = 1.0 + tails * (GREAT**2 - 1.0) * np.eye(m + 1, m)
     for _ in range(ROUNDS):
         covariance, log_size = _given(variance, root)
         mean = covariance @ gradient
         spread = np.diagonal(covariance, axis1=1, axis2=2)
         evidence = 0.5 * (mean @ gradient - log_size - FREEDOM * np.sum(np.log(variance) + 1.0 / variance, axis=1))
-        variance = np.minimum(MOST_VARIANCE, (FREEDOM + mean**2 + spread) / (FREEDOM + 1.0))
+        scale = np.minimum(MOST_VARIANCE, (FREEDOM + mean**2 + spread) / (FREEDOM + 1.0))
+        variance = np.where(tails, scale, 1.0)
     same = np.abs(mean[:, None] - mean[None]).max(axis=2, initial=0.0) < SAME_EXPLANATION
-    weight = np.exp(evidence - evidence.max()) / same.sum(axis=1)
-    weight /= weight.sum()
-    middle = weight @ mean
-    apart = mean - middle
-    return array(middle), array(np.tensordot(weight, covariance, 1) + (weight[:, None] * apart).T @ apart)
+    # One that is found from many starts counts once.
+    evidence += known - np.log(same.sum(axis=1))
+    return _Explanations(array(evidence), array(usual + sigma * mean), array(sigma[:, None] * covariance * sigma))
 
 
 def _given(variance: Array, root: Array) -> tuple[Array, Array]:
@@ -205,7 +269,7 @@ def _given(variance: Array, root: Array) -> tuple[Array, Array]:
 def _weighed(case: Case, shifts: Array) -> tuple[Array, Array]:
     """Information (m, m) and gradient (m,) of a weighed net buoyancy: heave then tells the gain of the thrust."""
     m, sigma = shifts.shape[1], case.tuning.buoyancy_sigma_N
-    if case.axis != 2 or not sigma > 0.0:
+    if case.axis != HEAVE or not sigma > 0.0:
         return np.zeros((m, m)), np.zeros(m)
     at = case.fit.model.names.index("b")
     variance = sigma**2 + float(case.fit.covariance[at, at])

@@ -167,20 +167,17 @@ class Session:
         """Refine every motion flown. May be called at any time; it changes nothing that was learned."""
         motions: dict[str, MotionResult] = {}
         drafts: dict[int, DraftFit] = {}
-        assessments: dict[int, Assessment] = {}
         for axis in sorted(self._axes):
             try:
                 drafts[axis] = self._draft(axis, self._believed_masses(drafts))
             except ValueError as error:
                 motions |= self._unidentified(axis, error)
-        for axis, one in combine_drafts(drafts).items():
-            try:
-                assessments[axis] = assess(self.vehicle, one, tuning=self.tuning)
-            except ValueError as error:
-                motions |= self._unidentified(axis, error)
-                continue
-            for motion in self._reported_motions(axis, assessments[axis]):
-                motions[motion.name] = result_of(motion, assessments[axis])
+        assessments, failed = assess(self.vehicle, combine_drafts(drafts), tuning=self.tuning)
+        for axis, reason in failed.items():
+            motions |= self._unidentified(axis, reason)
+        for axis, assessment in assessments.items():
+            for motion in self._reported_motions(axis, assessment):
+                motions[motion.name] = result_of(motion, assessment)
         return Outcome(Results(motions, self.vehicle), assessments)
 
     def _unidentified(self, axis: int, error: ValueError) -> dict[str, MotionResult]:
