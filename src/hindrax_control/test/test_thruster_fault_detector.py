@@ -77,6 +77,19 @@ def test_wrong_prior_is_not_taken_for_a_dead_thruster(
     assert Rig(hindrax, ideal_vehicle, believed).fly(wiggle, 60.0)[0] is None
 
 
+@pytest.mark.parametrize("sideways_N", [5.5, 8.0])
+def test_losses_of_thrusters_at_work_are_not_taken_for_one_that_is_nearly_idle(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], sideways_N: float
+) -> None:
+    """A pool test in sway: roll by their losses was taken for a dead T6 of 1 N, then for a dead T5; so it capsized."""
+
+    def sideways(t: float) -> tuple[float, ...]:
+        a = sideways_N * math.copysign(1.0, math.sin(0.3 * t))
+        return (a - 2, -a - 2, a - 2, -a - 2, -1.5, 1.5, 1.5, -1.5)
+
+    assert Rig(hindrax, ideal_vehicle).fly(sideways, 40.0, dead=("T6",))[0] is None
+
+
 def test_current_is_not_taken_for_a_dead_thruster(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
     rig = Rig(hindrax, ideal_vehicle)
     rig.ideal.current = (0.1, 0.1)

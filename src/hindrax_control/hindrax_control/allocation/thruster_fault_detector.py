@@ -37,6 +37,7 @@ class FaultDetectorKnobs:
     surprise: float = knob(9.0, 1.0, 1e4, "mean square of the residual, in variances of the model, from which on [-]")
     sigma: Vec6 = knob((0.8, 0.8, 1.0, 0.15, 0.2, 0.12), 1e-3, 1e3, "error of the model at rest [N, N m]")
     sigma_drag: float = knob(0.35, 0.0, 2.0, "error of the model as a share of the drag [-]")
+    sigma_thrust: float = knob(0.1, 0.0, 1.0, "loss of each thruster at work, as a share of its thrust [-]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +117,10 @@ class ThrusterFaultDetector:
 
     def _judge(self, residual: Matrix, drag: Matrix, dt: float) -> SuspectedFault | None:
         knobs = self._knobs
-        weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag))
-        signature = -(self._B * self._slow_thrust) * weight[:, None]
+        wrenches = self._B * self._slow_thrust
+        at_work = knobs.sigma_thrust * np.linalg.norm(wrenches, axis=1)
+        weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag) + at_work)
+        signature = -wrenches * weight[:, None]
         surprise = residual * weight
         keep = -math.expm1(-dt / knobs.memory_s)
         self._along += (signature.T @ surprise - self._along) * keep
