@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -26,6 +27,7 @@ from ideal_vehicle import IdealVehicle
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, Joy
 from std_msgs.msg import Bool, Header
+from std_srvs.srv import Trigger
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -66,6 +68,7 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.nodes.identifier import Identifier
+from hindrax_ident.online.session import Outcome, Session
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
 from hindrax_ros import convert
@@ -445,3 +448,23 @@ def test_pulses_that_are_none_are_refused_and_become_no_wrench(
     for time_of in hostile.TIMES:
         hear_pulses(thrust, Header(stamp=Time(sec=time_of[0], nanosec=time_of[1])), [1500] * 8)
     assert {wrench_from_msg(one) for one in sent} == {ZERO6}
+
+
+def test_measurements_are_read_while_a_verdict_is_made(
+    desk: tuple[Identifier, ThrustNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    identifier, _ = desk
+    read, beaten, seen = threading.Event(), threading.Event(), []
+    nothing = Session(identifier._session.vehicle).finalize()
+
+    def finalize(session: Session) -> Outcome:
+        seen.append((session, read.wait(10.0), beaten.wait(10.0)))
+        return nothing
+
+    monkeypatch.setattr(identifier, "drain", read.set)
+    monkeypatch.setattr(identifier, "_heartbeat", SimpleNamespace(beat=lambda _now_s: beaten.set()))
+    monkeypatch.setattr(Session, "finalize", finalize)
+    response = identifier._on_assess(Trigger.Request(), Trigger.Response())
+    ((judged, was_read, was_alive),) = seen
+    assert (was_read, was_alive, response.success) == (True, True, False)
+    assert judged is not identifier._session, "what comes meanwhile would change it"

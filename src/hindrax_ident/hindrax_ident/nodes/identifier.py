@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+import os
 import sys
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -27,13 +31,14 @@ from hindrax_ident.nodes.measurement_messages import (
     velocities_from_odometry,
 )
 from hindrax_ident.online.record_session import RecordSession
-from hindrax_ident.online.session import Session
+from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.feed import DROPPED, Feed
 from hindrax_ident.tuning import Tuning
-from hindrax_ros.batched_node import BatchedNode
+from hindrax_ros.batched_node import TURN_S, BatchedNode
 from hindrax_ros.convert import estimate_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 
@@ -61,8 +66,9 @@ class Identifier(BatchedNode):
         self._refusals = Refusals()
         for topic, events_of in ((ANY_ODOMETRY, velocities_from_odometry), (ANY_WRENCH, thrust_from_wrench)):
             subscription(self, topic, self._any_listener(topic, events_of))
+        self._heartbeat = Heartbeat.of(os.environ)
         self.create_service(Trigger, ASSESS, self._on_assess)
-        self.create_timer(REPORT_S, self._report)
+        self.every(REPORT_S, self._report)
 
     def _begin(self, vehicle: Vehicle, tuning: Tuning) -> None:
         """Begin a session; one with another tuning forgets what was learned before."""
@@ -93,7 +99,7 @@ class Identifier(BatchedNode):
         return on_message
 
     def drain(self) -> None:
-        """Take what waits; of another stack in the order of stamps, for much waits while a verdict is made."""
+        """Take what waits; of another stack in the order of stamps."""
         super().drain()
         waiting, self._waiting = sorted(self._waiting, key=lambda one: one.stamp), []
         for event in waiting:
@@ -101,8 +107,19 @@ class Identifier(BatchedNode):
                 self._publish(estimate)
 
     def _on_assess(self, _request: Any, response: Any) -> Any:
-        """Verdict on every motion so far, a line each; success if there is any."""
-        motions = self._any.finalize() if self._any_heard else self._session.finalize().results.motions
+        """Verdict on every motion so far, a line each; success if there is any.
+
+        It takes seconds to minutes. A thread makes it on a copy, so that nothing is lost that comes meanwhile, and
+        nobody takes the process for frozen.
+        """
+        session: Session | RecordSession = copy.deepcopy(self._any if self._any_heard else self._session)
+        with ThreadPoolExecutor(1) as worker:
+            verdict = worker.submit(_motions, session)
+            while not wait([verdict], TURN_S).done:
+                self.drain()
+                self.publish_queue.flush()
+                self._heartbeat.beat(time.monotonic())
+        motions = verdict.result()
         response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
         return response
 
@@ -119,6 +136,11 @@ class Identifier(BatchedNode):
         level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
         text = "; ".join([summary, *news])
         self._reporter.publish(self.now(), status("hindrax: identifier", level, text, values))
+
+
+def _motions(session: Session | RecordSession) -> Mapping[str, MotionResult]:
+    found = session.finalize()
+    return found.results.motions if isinstance(found, Outcome) else found
 
 
 def verdict_text(result: MotionResult) -> str:
