@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +28,24 @@ from std_srvs.srv import Trigger
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_core.events import Stamp, Stamped
+from hindrax_core.signals import NAN, Navigation
 from hindrax_core.topics import (
+    ALLOCATION,
     DIAGNOSTICS,
+    ESTIMATE,
     HOLD_SETPOINT,
+    MANEUVER,
     NAMESPACE,
+    NAVIGATION,
     THRUSTER_COMMAND,
     THRUSTER_STATE,
     WRENCH,
 )
 from hindrax_core.vehicle import load_vehicle
-from hindrax_msgs.msg import HoldSetpoint, ModelEstimate, ThrusterState
+from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ManeuverStatus, ModelEstimate, ThrusterState
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_ros.convert import navigation_to_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
 from hindrax_ros.graph import publisher, subscription
 
 pytestmark = pytest.mark.ros
@@ -174,12 +181,13 @@ IDENTIFIER = (
     "ros2 run hindrax_ident identifier --ros-args -r __ns:=/myrov -p vehicle:=myrov.yaml "
     "-r odometry:=/mavros/local_position/odom"
 )
+IDENT, MY_ROV = "hindrax_ident", "vehicle:=myrov.yaml"
 K_Q, K_L, MASS_kg = 60.0, 5.0, 25.0
 SPAN_S, STEP_S, BURST = 15.0, 0.05, 8
 
 
-def surge() -> Iterator[tuple[float, float]]:
-    """Force [N] and speed [m/s] of a vehicle that is pushed forth and back, every `STEP_S`."""
+def pushed() -> Iterator[tuple[float, float]]:
+    """Force [N, N m] and speed [m/s, rad/s] of a vehicle that is pushed forth and back, every `STEP_S`."""
     speed = 0.0
     for step in range(round(SPAN_S / STEP_S)):
         force = (20.0 if step * STEP_S % 20.0 < 10.0 else 8.0) * (1.0 if step * STEP_S % 10.0 < 5.0 else -1.0)
@@ -198,7 +206,7 @@ def test_the_identifier_learns_any_vehicle_in_any_namespace_and_tells_its_verdic
     begin_ns = time.time_ns()
     state, push = Odometry(child_frame_id="base_link"), WrenchStamped()
     state.header.frame_id, push.header.frame_id = "map", "base_link"
-    for step, (force, speed) in enumerate(surge()):
+    for step, (force, speed) in enumerate(pushed()):
         stamp = stamp_to_msg(begin_ns + round(step * STEP_S * 1e9))
         state.header.stamp = push.header.stamp = stamp
         push.wrench.force.x, state.twist.twist.linear.x = force, speed
@@ -215,6 +223,28 @@ def test_the_identifier_learns_any_vehicle_in_any_namespace_and_tells_its_verdic
     # Whether the verdict is that over the record is tested without ROS: here a busy machine may lose some of it.
     assert asked.result().success
     assert asked.result().message.startswith("surge: ")
+
+
+def test_the_identifier_hears_any_navigator_allocator_and_pilot(around: Surroundings) -> None:
+    around.start([sys.executable, INSTALLED / IDENT / "lib" / IDENT / "identifier", "--ros-args", "-p", MY_ROV])
+    navigation, allocation, maneuver = (publisher(around.node, topic) for topic in (NAVIGATION, ALLOCATION, MANEUVER))
+    learned: list[ModelEstimate] = []
+    subscription(around.node, ESTIMATE, learned.append)
+    around.until(lambda: all(one.get_subscription_count() for one in (navigation, allocation, maneuver)))
+    begin_ns = time.time_ns()
+    level = Navigation((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, NAN, (0.0, 0.0), dvl_locked=True)
+    for step, (moment, rate) in enumerate(pushed()):
+        now = Stamp(begin_ns + round(step * STEP_S * 1e9))
+        flown, given = ManeuverStatus(motion="yaw", phase="excite"), AllocationStatus(forces=[0.0] * 8)
+        flown.header.stamp = given.header.stamp = stamp_to_msg(now)
+        given.achieved[5] = moment
+        maneuver.publish(flown)
+        allocation.publish(given)
+        navigation.publish(navigation_to_msg(Stamped(now, replace(level, rate_radps=(0.0, 0.0, rate)))))
+        if step % BURST == 0:
+            time.sleep(0.1)
+    around.until(lambda: learned)
+    assert {one.motion for one in learned} == {"yaw"}
 
 
 def test_pulses_of_anybody_become_the_wrench_that_they_achieve(around: Surroundings) -> None:

@@ -136,7 +136,6 @@ def _bands(model: Model, theta: Array, grid: Grid, v: Array, s: Array) -> Array:
 
 def _solve(bands: Array, right: Array) -> Array:
     """Solution of the banded system: (n, 2, m), the shape of the right-hand sides."""
-    """Solution of the banded system: (n, 2, m), the shape of the right-hand sides."""
     flat = right.reshape(2 * right.shape[0], -1)
     solved = solve_banded((3, 1), bands, flat, overwrite_b=False, check_finite=False)
     return np.asarray(solved).reshape(right.shape)

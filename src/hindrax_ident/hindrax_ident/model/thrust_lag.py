@@ -44,13 +44,11 @@ class LaggedThrust:
 
     def _locate(self, at_s: Array) -> tuple[Index, Array]:
         """Index of the command in force, (n,), and time since it, (n,) [s]."""
-        """Index of the command in force, (n,), and time since it, (n,) [s]."""
         index = np.maximum(np.searchsorted(self._times, at_s, side="right") - 1, 0)
         return index, np.asarray(at_s, float) - self._times[index]
 
 
 def _decay(spans_s: Array, lag_s: float) -> Array:
-    """Share of a lag's transient that is left after each span: (n,) [-]."""
     """Share of a lag's transient that is left after each span: (n,) [-]."""
     if lag_s <= 0.0:
         return np.zeros_like(spans_s)

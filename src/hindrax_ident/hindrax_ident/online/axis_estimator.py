@@ -246,7 +246,6 @@ class AxisEstimator:
 
     def _with_fixed_mass(self, values: Array, covariance: Array) -> tuple[Array, Array]:
         """Parameters with the fixed mass as the last, (p,), and their covariance, (p, p)."""
-        """Parameters with the fixed mass as the last, (p,), and their covariance, (p, p)."""
         mass = self._fixed_mass
         whole = np.zeros((len(values) + 1,) * 2)
         whole[:-1, :-1] = covariance * mass * mass

@@ -105,7 +105,6 @@ class JointFilter:
 
     def _columns(self, v: float, s: float) -> Array:
         """Regressors of all parameters but the mass at one velocity and position: (p - 1,)."""
-        """Regressors of all parameters but the mass at one velocity and position: (p - 1,)."""
         return array(self._model.columns(np.array([v]), np.array([s]))[0])
 
     def _transition(self, h: float, v: float, s: float, columns: Array, impulse: float) -> Array:
