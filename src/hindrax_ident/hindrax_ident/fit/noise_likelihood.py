@@ -147,6 +147,7 @@ class _Pieces:
         squares, logs, n = self.filtered(total * (1.0 - candidates.part), thrust, candidates.other)
         return np.log(np.maximum(1e-300, squares / n)) + logs / n, squares / n
 
+    @np.errstate(over="ignore", invalid="ignore")  # see `transitions`
     def filtered(self, force: Array, thrust: Array, other: Array) -> tuple[Array, Array, int]:
         """Sums of squared normalized innovations, (g,), and of log variances, (g,), and their number.
 

@@ -63,6 +63,7 @@ class Chain:
         return array(noise.force + noise.thrust * self.thrust)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # parameters that make the error grow for ever; they are not finite then
 def transitions(chain: Chain) -> tuple[Array, Array]:
     """Transition of the error (v, s, a) over each step, and its covariance for unit density: (n, 3, 3) each, SI.
 
