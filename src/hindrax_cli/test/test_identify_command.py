@@ -236,6 +236,9 @@ def test_coefficients_predict_a_record_that_they_were_not_fitted_to(
     assert main(["predict", str(file), str(fresh)]) == 2
     assert "name one with --vehicle" in capsys.readouterr().err
     assert main(["predict", str(file), str(fresh), "--vehicle", str(small), "--dof", "yaw"]) == 1
+    capsys.readouterr()
+    assert main(["predict", str(file), str(fresh), "--vehicle", str(small), "--from", "5", "--to", "2"]) == 2
+    assert "--to 2: wanted more than --from 5" in capsys.readouterr().err
 
 
 def test_another_axis_has_its_units(tmp_path: Path, small: Path, capsys: pytest.CaptureFixture[str]) -> None:

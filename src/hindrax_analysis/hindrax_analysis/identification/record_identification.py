@@ -199,9 +199,7 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
         return replace(found, identified=_with_axes_only(found.identified, axes))
     ours = _own(sources)
     if ours:
-        session = Session(vehicle, task.tuning)
-        _run_session(session, _own_events(ours, vehicle, span))
-        outcome = session.finalize()
+        outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize()
         mock = all(source.mock for source in ours)
         truths = [truth_in(source.path, vehicle) for source in ours if mock]
         # Runs in different worlds have no truth in common.
@@ -234,17 +232,15 @@ def axis_records(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identi
     ours = _own(sources)
     out: dict[int, Record] = {}
     if ours:
-        session = Session(vehicle)
-        _run_session(session, _own_events(ours, vehicle, task.span))
+        session = _session_over(_own_events(ours, vehicle, task.span), vehicle, task.tuning)
         out = {axis: session.record(axis) for axis in session.axes if axis in wanted}
     recordings = [source.recording.between(task.span.from_s, task.span.to_s) for source in sources if source.recording]
     tuning = tuned(recordings, task.tuning)
     for axis in wanted if recordings else ():
         usable = [one for one in recordings if not reason_to_skip(one, axis)]
         if usable:
-            session = Session(vehicle, tuning)
-            _run_session(session, Feed(vehicle, tuning).all(_concatenated(usable, axis)))
-            out[axis] = session.record(axis)
+            events_of_axis = Feed(vehicle, tuning).all(_concatenated(usable, axis))
+            out[axis] = _session_over(events_of_axis, vehicle, tuning).record(axis)
     return out
 
 
@@ -362,9 +358,12 @@ def _trace(names: tuple[str, ...], rows: list[tuple[float, tuple[float, ...], tu
     return Trace(times, {name: values[:, i] for i, name in columns}, {name: stds[:, i] for i, name in columns})
 
 
-def _run_session(session: Session, found: Iterator[Stamped[IdentEvent]]) -> None:
+def _session_over(found: Iterator[Stamped[IdentEvent]], vehicle: Vehicle, tuning: Tuning) -> Session:
+    """A session that has taken all of these events."""
+    session = Session(vehicle, tuning)
     for event in found:
         session.step(event)
+    return session
 
 
 # ---- several runs

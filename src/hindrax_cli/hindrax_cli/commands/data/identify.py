@@ -76,6 +76,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin or .tlog"
     )
     add_vehicle(parser, "vehicle: its file, or its name; mass, volume and envelope are enough", default=False)
+    add_selection(parser)
+    parser.add_argument(
+        "--gain-sigma",
+        type=_share,
+        metavar="SHARE",
+        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def add_selection(parser: argparse.ArgumentParser) -> None:
+    """Options that say what is taken of the records, for `selected`."""
     parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
     parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
     parser.add_argument(
@@ -84,17 +98,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all that moved"
     )
-    parser.add_argument(
-        "--gain-sigma",
-        type=_share,
-        metavar="SHARE",
-        help=f"deviation of the wrench's gain; default: by the vehicle file, {GAIN_SIGMA:g} where it has no thrusters",
-    )
     parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
     parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
-    parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def selected(arguments: argparse.Namespace) -> tuple[TopicSelection, tuple[int, ...], Span]:
+    """Topics, axes and part of the records that were asked for."""
+    if not arguments.to_s > arguments.from_s:
+        raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
+    topics = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
+    return topics, tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s)
 
 
 def _share(text: str) -> float:
@@ -107,17 +120,14 @@ def _share(text: str) -> float:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read, identify, show; 0 when the work was done, whatever the verdict on each motion."""
-    if not arguments.to_s > arguments.from_s:
-        raise UsageError(f"--to {arguments.to_s:g}: wanted more than --from {arguments.from_s:g}")
-    wanted = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
+    wanted, axes, span = selected(arguments)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     sources = open_sources(arguments.records, wanted, named)
     vehicle, said = _vehicle(named, sources[0])
     began = time.monotonic()
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
-    span = Span(arguments.from_s, arguments.to_s)
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
-    task = IdentificationTask(tuple(axes_named(arguments.dof)), span, mass_known=NO_VEHICLE not in said, tuning=tuning)
+    task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in said, tuning=tuning)
     found = identify_sources(sources, vehicle, task, lambda text: print(text, file=sys.stderr, flush=True))
     took_s = time.monotonic() - began
     conditions = _conditions(vehicle, sources, found, said)

@@ -9,17 +9,14 @@ from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficie
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     RecordSource,
-    Span,
-    axes_named,
     axis_records,
     open_sources,
     recorded_vehicle,
 )
 from hindrax_analysis.records.prediction import Prediction, predict_record
-from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
-from hindrax_cli.commands.data.identify import CHOICES
+from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
@@ -41,14 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`")
     parser.add_argument("--window", type=positive, default=10.0, metavar="S", help="length of a window (default 10 s)")
     add_vehicle(parser, "vehicle: its file, or its name; default: the one in the bag", default=False)
-    parser.add_argument("--odometry", default="", metavar="TOPIC", help="velocities; default: found by type")
-    parser.add_argument("--wrench", default="", metavar="TOPIC", help="forces; default: found by type")
-    parser.add_argument("--frame", choices=FRAMES, default="", help="axes, whatever they are called")
-    parser.add_argument(
-        "--dof", nargs="+", default=[], choices=CHOICES, metavar="MOTION", help="default: all there are"
-    )
-    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="S", help="begin here [s]")
-    parser.add_argument("--to", dest="to_s", type=float, default=float("inf"), metavar="S", help="end here [s]")
+    add_selection(parser)
     add_output(parser)
 
 
@@ -57,10 +47,10 @@ def run(arguments: argparse.Namespace) -> int:
     file = arguments.coefficients
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
-    wanted = TopicSelection(arguments.odometry, arguments.wrench, arguments.frame)
+    wanted, axes, span = selected(arguments)
     sources = open_sources(arguments.records, wanted, named)
     vehicle = named or _recorded(sources[0])
-    task = IdentificationTask(tuple(axes_named(arguments.dof)), Span(arguments.from_s, arguments.to_s))
+    task = IdentificationTask(axes, span)
     found, reasons = _predictions(arguments, saved, sources, vehicle, task)
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
