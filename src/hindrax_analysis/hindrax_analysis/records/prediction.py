@@ -24,7 +24,6 @@ from hindrax_ident.records.axis_record import Record, Stretch
 
 START_S = 1.0
 """The beginning of a window, whose measurements give its initial velocity and position."""
-
 GAUSS_NEWTON_STEPS = 3
 
 
@@ -63,7 +62,7 @@ class Prediction:
 def parameters(model: Model, motions: Mapping[str, Mapping[str, Number]]) -> Array:
     """Parameters of a model (p,), in the order of its names, from the coefficients of each motion.
 
-    HindraxError names what is missing.
+    UsageError names what is missing.
     """
     found: dict[str, float] = {}
     for motion in motions_of(model.axis):

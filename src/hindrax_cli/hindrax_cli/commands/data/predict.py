@@ -25,7 +25,7 @@ NAME = "predict"
 HELP = "the motion that coefficients predict for records that they were not fitted to"
 EXAMPLE = "./hindrax predict runs/monday/coefficients.yaml runs/tuesday --window 10 --plot tuesday.png"
 ABOUT = """
-The model runs free over windows of the record: from the velocity measured at the beginning of each, with the measured
+The model runs free over windows of the record: from the velocity that fits the first second of each, with the measured
 thrust alone. The error of the model stands beside those of two predictors that know nothing: the vehicle stays still,
 and it keeps its speed. Coefficients that were fitted to the same record prove little.
 """
