@@ -21,7 +21,7 @@ from hindrax_core.events import Stamp
 from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation, Phase
 from hindrax_core.vehicle import Vehicle
 
-SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0))
+SHORT = PilotKnobs(plan=PlanKnobs(levels=2, turning_levels=2, repeats=(1,) * 6, plateau_s=5.0, turns=1.0))
 
 
 class Rig:
@@ -109,7 +109,7 @@ def test_heave_begins_with_hovering_as_long_as_planned(rig: Rig) -> None:
     _, phases = rig.fly(Goal(("heave",)), note)
     order = [phase.phase for phase in phases]
     assert order.index("settle") < order.index("hover") < order.index("transient")
-    assert hovered[-1][0] - hovered[0][0] == pytest.approx(15.0, abs=0.1)
+    assert hovered[-1][0] - hovered[0][0] == pytest.approx(PlanKnobs().hover_s, abs=0.1)
     assert {motion for _, motion, _ in hovered} == {"heave_down"}
     assert max(abs(rate) for *_, rate in hovered) < 0.02
 

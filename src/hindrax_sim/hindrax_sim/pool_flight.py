@@ -5,12 +5,14 @@ Fly once, identify often: the `events` of a flight can be pickled and given to `
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
-from hindrax_control.maneuver.maneuver import PLATEAUS, Goal
+from hindrax_control.maneuver.maneuver import PLATEAUS, Goal, ManeuverOutput
+from hindrax_control.maneuver.plan import Plan
 from hindrax_core.events import Stamped
-from hindrax_core.signals import Estimate, IdentEvent
+from hindrax_core.signals import Estimate, IdentEvent, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.motion_model import MOTIONS
@@ -21,6 +23,8 @@ from hindrax_sim.lockstep import Lockstep
 from hindrax_sim.world import Conditions, World
 
 LONGEST_S = 7200.0
+Watch: TypeAlias = Callable[[World, ManeuverOutput], None]
+"""Called in every cycle of a maneuver with the truth and what the maneuver puts out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +36,7 @@ class PoolFlight:
     events: tuple[Stamped[IdentEvent], ...]
     session: Session
     aborted: str
+    plans: tuple[Plan, ...] = ()
 
     @property
     def outcome(self) -> Outcome:
@@ -61,18 +66,30 @@ class _Recording(Session):
         return super().step(event)
 
 
+def _unwatched(_world: World, _output: ManeuverOutput) -> None:
+    """Nobody watches."""
+
+
 def fly(
-    motions: Sequence[str], seed: int, world: str = IDEAL, *, vehicle: Vehicle, excitation: str = PLATEAUS
+    motions: Sequence[str],
+    seed: int,
+    world: str = IDEAL,
+    *,
+    vehicle: Vehicle,
+    excitation: str = PLATEAUS,
+    watch: Watch = _unwatched,
 ) -> PoolFlight:
     """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed."""
     vehicle = calibrated(vehicle)
     pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed))
     session = _Recording(vehicle)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
-    for _ in step.run(LONGEST_S):
-        pass
-    aborted = pilot.output.aborted if pilot.output is not None else "the maneuver did not begin"
-    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted)
+    for event in step.run(LONGEST_S):
+        if isinstance(event.reading, Navigation) and pilot.output is not None:
+            watch(step.world, pilot.output)
+    aborted = pilot.output.aborted if pilot.output is not None else "start: the maneuver did not begin"
+    plans = pilot.maneuver.plans if pilot.maneuver is not None else ()
+    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted, plans)
 
 
 def identified(events: Sequence[Stamped[IdentEvent]], vehicle: Vehicle) -> Outcome:

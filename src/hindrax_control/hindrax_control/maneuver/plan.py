@@ -37,10 +37,10 @@ TILT_RESERVE = 0.85
 class PlanKnobs:
     """How far, how fast and how often."""
 
-    levels: int = knob(6, 1, 20, "force levels per direction in surge, sway and heave [-]")
-    turning_levels: int = knob(4, 1, 20, "force levels per direction in roll, pitch and yaw [-]")
+    levels: int = knob(3, 1, 20, "force levels per direction in surge, sway and heave [-]")
+    turning_levels: int = knob(2, 1, 20, "force levels per direction in roll, pitch and yaw [-]")
     repeats: tuple[int, int, int, int, int, int] = knob(
-        (1, 1, 2, 3, 3, 1), 1, 20, "how often the set of each motion is flown, surge to yaw [-]"
+        (1, 1, 1, 2, 2, 1), 1, 20, "how often the set of each motion is flown, surge to yaw [-]"
     )
     surge_mps: tuple[float, float] = knob((0.1, 0.45), 0.02, 3.0, "slowest and fastest surge plateau [m/s]")
     sway_mps: tuple[float, float] = knob((0.1, 0.4), 0.02, 3.0, "slowest and fastest sway plateau [m/s]")
@@ -48,9 +48,9 @@ class PlanKnobs:
     roll_radps: tuple[float, float] = knob((0.3, 0.8), 0.02, 3.0, "slowest and fastest roll plateau [rad/s]")
     pitch_radps: tuple[float, float] = knob((0.35, 0.9), 0.02, 3.0, "slowest and fastest pitch plateau [rad/s]")
     yaw_radps: tuple[float, float] = knob((0.4, 1.2), 0.02, 3.0, "slowest and fastest yaw plateau [rad/s]")
-    hover_s: float = knob(15.0, 0.0, 120.0, "time at rest before heave, in which net buoyancy shows [s]")
-    plateau_s: float = knob(16.0, 1.0, 120.0, "longest plateau of surge and sway [s]")
-    turns: float = knob(1.0, 0.1, 10.0, "length of a yaw leg [turns]")
+    hover_s: float = knob(8.0, 0.0, 120.0, "time at rest before heave, in which net buoyancy shows [s]")
+    plateau_s: float = knob(10.0, 1.0, 120.0, "longest plateau of surge and sway [s]")
+    turns: float = knob(0.5, 0.1, 10.0, "length of a yaw leg [turns]")
     roll_deg: float = knob(30.0, 2.0, 80.0, "largest roll angle [deg]")
     pitch_deg: float = knob(40.0, 2.0, 80.0, "largest pitch angle [deg]")
     altitude_m: float = knob(0.9, 0.1, 1000.0, "altitude of every motion but heave [m]")
@@ -134,6 +134,18 @@ class Plan:
         """Expected duration of hovering and all legs [s]."""
         return self.hover_s + sum(leg.seconds for leg in self.legs)
 
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Plateau rates in the order in which they are flown, each out and back [m/s, rad/s]."""
+        return tuple(leg.rate for leg in self.legs[::2])
+
+    def __str__(self) -> str:
+        """One line: rates in their order, and how long they should take."""
+        rates = ", ".join(f"{rate:.2f}" for rate in self.rates)
+        unit = "rad/s" if self.motion in TURNING else "m/s"
+        hover = f"hover {self.hover_s:.0f} s, then " if self.hover_s else ""
+        return f"{self.motion}: {hover}{rates} {unit}, each out and back; {self.seconds:.0f} s"
+
 
 class Planner:
     """Plans motions for one vehicle in one pool with the thrusters that work."""
@@ -199,7 +211,10 @@ class Planner:
         return tuple(legs) * self.knobs.repeats[AXES.index(motion)]
 
     def _rates(self, motion: str) -> list[float]:
-        """Plateau rates from slow to fast, no faster than limits and thrusters allow in either direction."""
+        """Plateau rates, no faster than limits and thrusters allow in either direction.
+
+        The fastest and the slowest come first: they tell most of the drag, so an early end already knows it.
+        """
         turning = motion in TURNING
         levels = self.knobs.turning_levels if turning else self.knobs.levels
         low, high = getattr(self.knobs, f"{motion}_{'radps' if turning else 'mps'}")
@@ -209,7 +224,8 @@ class Planner:
             fastest = min(fastest, SPEED_RESERVE * self.vehicle.limits.speed_mps)
         high = min(high, fastest)
         low = min(low, high)
-        return [high - (high - low) * index / max(1, levels - 1) for index in reversed(range(levels))]
+        falling = [high - (high - low) * index / max(1, levels - 1) for index in range(levels)]
+        return [*falling[:1], *falling[:0:-1]]
 
     def _stretch(self, motion: str, rate: float, low: float, high: float) -> tuple[float, float]:
         """Where a leg of this rate begins and ends: about the middle, as long as its plateau needs."""

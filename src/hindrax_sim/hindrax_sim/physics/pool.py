@@ -38,14 +38,19 @@ class PoolWalls:
         if any(outside):
             _push_back(plant, outside)
 
-    def _beyond(self, plant: Plant) -> Vec3:
-        """Signed distance of the hull beyond the box, along x, y, z [m]."""
+    def clearance_m(self, plant: Plant) -> Vec3:
+        """Distance of the hull from the walls along x and along y, and from the floor; negative beyond them."""
         (x, y, z), (ex, ey, ez) = self._center(plant), self._extent(plant)
         length, width, depth = self._limits
+        return (length - abs(x) - ex, width - abs(y) - ey, depth - z - ez)
+
+    def _beyond(self, plant: Plant) -> Vec3:
+        """Signed distance of the hull beyond the box, along x, y, z [m]."""
+        (x, y, _), (along, across, below) = self._center(plant), self.clearance_m(plant)
         return (
-            math.copysign(max(0.0, abs(x) + ex - length), x),
-            math.copysign(max(0.0, abs(y) + ey - width), y),
-            max(0.0, z + ez - depth),
+            math.copysign(max(0.0, -along), x),
+            math.copysign(max(0.0, -across), y),
+            max(0.0, -below),
         )
 
     def _center(self, plant: Plant) -> Vec3:

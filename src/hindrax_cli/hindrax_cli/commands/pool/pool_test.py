@@ -18,12 +18,14 @@ from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_tes
 
 NAME = "pool-test"
 HELP = "fly the maneuvers and identify the vehicle: the main job"
-EXAMPLE = "./hindrax pool-test --mock --dof surge --seed 7"
+EXAMPLE = "./hindrax pool-test --plan --dof all\n  ./hindrax pool-test --mock --dof surge --seed 7"
+PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and bands, without ROS and devices"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Vehicle or mock, motions, where to put the results."""
     parser.add_argument("--mock", action="store_true", help="fly the mock vehicle instead of the one on this machine")
+    parser.add_argument("--plan", action="store_true", help=PLAN_HELP)
     parser.add_argument(
         "--dof",
         nargs="+",
@@ -59,6 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the arguments, then fly."""
+    if arguments.plan:
+        from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
+
+        return rehearse_and_show(arguments)
     if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
         raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:

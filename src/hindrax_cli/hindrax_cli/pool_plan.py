@@ -1,0 +1,61 @@
+"""`hindrax pool-test --plan`: what to expect of a pool test, from a rehearsal in lock-step."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+
+from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.conditions.world_table import IDEAL, sizes_of
+from hindrax_sim.rehearsal import Rehearsal, rehearse
+
+OF_THE_STACK = ("mock", "fault", "rate", "out", "params", "set")
+"""Options of a stack, which a rehearsal does not start: to ignore one would show another plan than is flown."""
+
+
+def rehearse_and_show(arguments: argparse.Namespace) -> int:
+    """Rehearse and print; 1 when a guard ended the rehearsal."""
+    unfit = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name)]
+    if unfit:
+        raise UsageError(f"--plan: found {', '.join(unfit)}, wanted no options of the stack, which it does not start")
+    vehicle, world = load_vehicle(Path(arguments.vehicle)), arguments.world or IDEAL
+    sizes_of(world, arguments.seed)
+    servable = motions_to_fly(arguments.dof, vehicle)
+    print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
+    found = rehearse(servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation)
+    if arguments.json:
+        print_json(found.document())
+    else:
+        show(found)
+    if found.aborted:
+        print(f"aborted by {found.aborted}", file=sys.stderr)
+    return 1 if found.aborted else 0
+
+
+def show(found: Rehearsal) -> None:
+    """Print plan, timetable and bands."""
+    for plan in found.plans:
+        print(plan)
+    numbers = ("from [s]", "to [s]", "wall [m]", "floor [m]", "charge [Ah]")
+    table = make_table(f"Timetable of {found.vehicle} in the world {found.world}", ("motion",), numbers)
+    for one in found.flown:
+        cells = (one.wall_m, one.floor_m, one.charge_Ah)
+        table.add_row(one.motion, f"{one.begin_s:.0f}", f"{one.end_s:.0f}", *(f"{cell:.2f}" for cell in cells))
+    print_table(table)
+    print(f"{found.seconds:.0f} s in the water; the thrusters draw {found.charge_Ah:.2f} Ah (by momentum theory)")
+    bands = make_table(
+        "Standard deviations to be expected: drag at the highest speed, added mass; percent",
+        ("motion",),
+        ("speed", "noise", "calibrated", "added mass"),
+        ("remarks",),
+    )
+    for motion, band in found.bands.items():
+        shares = (band.noise, band.calibrated, band.added_mass)
+        percents = ("" if math.isnan(share) else f"{100 * share:.2f}" for share in shares)
+        bands.add_row(motion, f"{band.speed:.2f}", *percents, "; ".join(band.reasons))
+    print_table(bands)

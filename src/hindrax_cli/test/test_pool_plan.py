@@ -1,0 +1,74 @@
+"""The dress rehearsal: a timetable that adds up, clearances that fit the pool, bands that hold the truth."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.command_line import main
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.physics.plant import Plant
+from hindrax_sim.physics.pool import PoolWalls
+
+
+def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["pool-test", "--plan", "--dof", "roll", "yaw", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    rows = found["timetable"]
+    assert [row["motion"] for row in rows] == [plan["motion"] for plan in found["plan"]] == ["roll", "yaw"]
+    assert rows[0]["begin_s"] == 0.0
+    assert rows[-1]["end_s"] == found["seconds"]
+    assert all(row["end_s"] - row["begin_s"] > plan["seconds"] for row, plan in zip(rows, found["plan"], strict=True))
+    assert all(one["end_s"] <= later["begin_s"] for one, later in itertools.pairwise(rows))
+    pool = load_vehicle(default_vehicle()).pool
+    assert all(0.0 < row["wall_m"] < 0.5 * pool.width_m and 0.0 < row["floor_m"] < pool.depth_m for row in rows)
+    assert found["charge_Ah"] == pytest.approx(sum(row["charge_Ah"] for row in rows))
+    assert all(row["charge_Ah"] > 0.0 for row in rows)
+    assert all(0.0 < band["noise"] < band["calibrated"] < 0.1 for band in found["bands"].values())
+    assert found["bands"].keys() == {"roll", "yaw"}
+    assert found["aborted"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --mock, --set, wanted no options of the stack"),
+        (["--world", "sea"], "sea"),
+    ],
+)
+def test_what_a_rehearsal_cannot_do_is_one_sentence(
+    words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["pool-test", "--plan", *words]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_pool_without_room_is_told_before_anything_is_flown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = default_vehicle().read_text(encoding="utf-8")
+    (short,) = [line for line in text.splitlines() if line.startswith("pool:")]
+    file = tmp_path / "short.yaml"
+    file.write_text(text.replace(short, "pool: {length_m: 2.0, width_m: 6.0, depth_m: 1.8}"), encoding="utf-8")
+    assert main(["pool-test", "--plan", "--vehicle", str(file)]) == 2
+    assert "surge: the pool leaves -0.19 m of room" in capsys.readouterr().err
+
+
+def test_the_clearance_is_that_of_the_hull() -> None:
+    hindrax = load_vehicle(default_vehicle())
+    upright = replace(hindrax, center_of_mass_m=(0.0, 0.0, 0.0))
+    plant, (length_m, width_m, height_m) = Plant(upright), hindrax.envelope_m
+    plant.place((1.0, -2.0, 0.5), (0.0, 0.0, 0.0))
+    pool = hindrax.pool
+    assert PoolWalls(upright).clearance_m(plant) == pytest.approx(
+        (
+            0.5 * (pool.length_m - length_m) - 1.0,
+            0.5 * (pool.width_m - width_m) - 2.0,
+            pool.depth_m - 0.5 - 0.5 * height_m,
+        )
+    )

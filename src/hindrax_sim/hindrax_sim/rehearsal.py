@@ -1,0 +1,132 @@
+"""A dress rehearsal: a pool test flown in lock-step, told as a timetable with clearances, charge and bands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from hindrax_control.maneuver.maneuver import PLATEAUS, ManeuverOutput
+from hindrax_control.maneuver.plan import Plan
+from hindrax_control.prior_dynamics import guessed
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import MotionResult
+from hindrax_sim.conditions.world_table import IDEAL
+from hindrax_sim.pool_flight import fly
+from hindrax_sim.world import World
+
+S_PER_H = 3600.0
+
+
+@dataclass(slots=True)
+class Flown:
+    """One motion of a rehearsal: when it is flown, how near the hull comes to walls and floor, and what it draws."""
+
+    motion: str
+    begin_s: float
+    end_s: float
+    wall_m: float = math.inf
+    floor_m: float = math.inf
+    charge_Ah: float = 0.0
+    """Of the thrusters alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Standard deviations to be expected, as shares of the drag at the highest speed, and of the added mass [-].
+
+    `noise`: of this record alone. NaN where the coefficient will not be found; `reasons` say why.
+    """
+
+    speed: float
+    noise: float
+    calibrated: float
+    added_mass: float
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """What to expect of a pool test. `aborted`: "guard: sentence" of the rehearsal, empty when all was flown."""
+
+    vehicle: str
+    world: str
+    plans: tuple[Plan, ...]
+    flown: tuple[Flown, ...]
+    bands: Mapping[str, Band]
+    aborted: str
+
+    @property
+    def seconds(self) -> float:
+        """Time in the water, from the start of the maneuver to its end [s]."""
+        return self.flown[-1].end_s if self.flown else 0.0
+
+    @property
+    def charge_Ah(self) -> float:
+        """Charge that the thrusters draw."""
+        return sum(one.charge_Ah for one in self.flown)
+
+    def document(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "vehicle": self.vehicle,
+            "world": self.world,
+            "plan": [
+                {"motion": plan.motion, "rates": list(plan.rates), "seconds": plan.seconds} for plan in self.plans
+            ],
+            "timetable": [asdict(one) for one in self.flown],
+            "seconds": self.seconds,
+            "charge_Ah": self.charge_Ah,
+            "bands": {motion: asdict(band) for motion, band in self.bands.items()},
+            "aborted": self.aborted or None,
+        }
+
+
+class _Timetable:
+    """Keeps a row for every motion, in the order in which they are flown."""
+
+    def __init__(self) -> None:
+        self.rows: list[Flown] = []
+        self._begun: Stamp | None = None
+
+    def watch(self, world: World, output: ManeuverOutput) -> None:
+        """Note one cycle."""
+        self._begun = world.stamp if self._begun is None else self._begun
+        now_s = seconds_between(self._begun, world.stamp)
+        motion = output.phase.motion.partition("_")[0]
+        if motion and (not self.rows or self.rows[-1].motion != motion):
+            self.rows.append(Flown(motion, now_s, now_s))
+        row = self.rows[-1]
+        along_m, across_m, below_m = world.box.clearance_m(world.plant)
+        row.wall_m, row.floor_m = min(row.wall_m, along_m, across_m), min(row.floor_m, below_m)
+        row.charge_Ah += world.supply_A * (now_s - row.end_s) / S_PER_H
+        row.end_s = now_s
+
+
+def rehearse(
+    motions: Sequence[str], seed: int, world: str = IDEAL, *, vehicle: Vehicle, excitation: str = PLATEAUS
+) -> Rehearsal:
+    """Fly motions in lock-step with the truth that the vehicle file believes; UsageError when they cannot be flown.
+
+    A vehicle without hydrodynamics is given those that its plans suppose.
+    """
+    if vehicle.hydrodynamics is None:
+        vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
+    timetable = _Timetable()
+    flight = fly(motions, seed, world, vehicle=vehicle, excitation=excitation, watch=timetable.watch)
+    found = flight.outcome.results.motions
+    bands = {motion: _band(result) for motion, result in found.items()}
+    return Rehearsal(vehicle.name, world, flight.plans, tuple(timetable.rows), bands, flight.aborted)
+
+
+def _band(result: MotionResult) -> Band:
+    drag, mass = result.drag, result.coefficients.get("added_mass")
+    return Band(
+        speed=result.speeds[1],
+        noise=float(drag.std[-1] / drag.force[-1]) if drag else math.nan,
+        calibrated=float(drag.std_calibrated[-1] / drag.force[-1]) if drag else math.nan,
+        added_mass=abs(mass.std_calibrated / mass.value) if mass else math.nan,
+        reasons=result.reasons,
+    )
