@@ -100,3 +100,9 @@ ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, SAFETY_
 UNHEARD = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]
 """Remaps for a replay: the identifier receives the recorded maneuver, not the pilot's."""
 EVERY: tuple[Process, ...] = (*ONBOARD, RECORDER, MOCK, REPLAY)
+
+
+def modules(*, mock: bool) -> list[str]:
+    """Modules of the processes that do without a dead man, in the order of their starts."""
+    wanted = (*((MOCK,) if mock else ()), SENSORS, CONTROL, SAFETY_MONITOR, RECORDER, IDENTIFIER)
+    return [process.module for process in wanted]

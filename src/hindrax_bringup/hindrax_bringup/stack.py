@@ -105,8 +105,8 @@ class Stack:
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 
 
-def presence_of(stack: Stack, made: Mapping[str, str]) -> StackLock:
-    """Lock-file entry of a stack started with this environment."""
+def presence_of(stack: Stack) -> StackLock:
+    """Lock-file entry of a stack that was started."""
     ports = stack.mock_facts.get("ports", {})
     assert isinstance(ports, dict)
     folder = stack.folder
@@ -116,7 +116,7 @@ def presence_of(stack: Stack, made: Mapping[str, str]) -> StackLock:
         MOCK.name in started,
         str(folder.vehicle),
         str(folder.path),
-        graph_settings(made),
+        graph_settings(stack.supervisor.environment),
         ports,
         purpose=stack.notes.partition(" ")[0],
         namespace=stack.tuning.namespace,

@@ -19,7 +19,7 @@ from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, pulse
 from hindrax_bringup.node_options import Tuning
-from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS
+from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, last_words
@@ -77,12 +77,12 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
     mock = options.mock is not None
     made = stack_environment(mock=mock, domain=domain, tether=options.tether)
     complete_earlier(RUNS)
-    with Supervisor(folder.logs, made, show_reports=True) as supervisor:
+    with Supervisor(folder.logs, made, show_reports=True, preload=modules(mock=mock)) as supervisor:
         beating.beat("up", STARTING)
         stack = Stack(folder, supervisor, "up in mock" if mock else "up", options.tuning)
         without_operator = options.without_operator if options.tether else ""
         stack.start(options.mock, record=options.record, without_operator=without_operator)
-        presence = presence_of(stack, made)
+        presence = presence_of(stack)
         with announced(presence):
             print(startup_text(presence, folder, record=options.record), flush=True)
             clock = ClockStep(StackTime.of(made))

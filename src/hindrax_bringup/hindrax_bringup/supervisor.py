@@ -11,7 +11,6 @@ SIGINT to each child (PR_SET_PDEATHSIG), so that none is orphaned.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import shutil
 import signal
@@ -24,13 +23,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
+from hindrax_bringup.fork_server import ForkedProcess, ForkServer, NoAnswerError, in_a_group_of_its_own
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_ros.heartbeat import VARIABLE, beaten_s
 
-PR_SET_PDEATHSIG = 1
 PATIENCE_S = (5.0, 2.0, 2.0)
 RESTARTS_AT_MOST = 5
 WELL_AFTER_S = 60.0
@@ -43,7 +42,6 @@ GAP_S = 2.0
 LAST_WORDS_S = 0.3
 """For those below a process that was killed, to end by themselves: the node of the thrusters then leaves neutral."""
 LAST_RESORT_S = 10.0
-_libc = ctypes.CDLL(None)
 
 
 @dataclass(slots=True)
@@ -52,7 +50,7 @@ class SupervisedProcess:
 
     process: Process
     arguments: tuple[str, ...]
-    handle: subprocess.Popen[bytes]
+    handle: subprocess.Popen[bytes] | ForkedProcess
     heartbeat: Path
     started_s: float
     restarts: int = 0
@@ -71,7 +69,10 @@ class Supervisor:
     environment: Mapping[str, str]
     show_reports: bool = False
     """Whether what a process reports to the operator (`Process.reports`) goes to this terminal."""
+    preload: Sequence[str] = ()
+    """Modules that a fork server imports, from which the processes are forked; none: each is started by itself."""
     children: dict[str, SupervisedProcess] = field(default_factory=dict)
+    fork_server: ForkServer | None = None
     _heartbeats: Path = field(init=False)
     _looked_s: float = 0.0
     _awake_s: float = 0.0
@@ -80,6 +81,9 @@ class Supervisor:
         """Make the folders of logs and heartbeats."""
         self.logs.mkdir(parents=True, exist_ok=True)
         self._heartbeats = _heartbeat_folder()
+        if self.preload and self.fork_server is None:
+            with (self.logs / "fork_server.log").open("ab") as log:
+                self.fork_server = ForkServer(self.environment, self.preload, log)
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
@@ -101,17 +105,25 @@ class Supervisor:
 
     def _spawn(
         self, process: Process, arguments: Sequence[str], heartbeat: Path, *, pipe: bool = False
-    ) -> subprocess.Popen[bytes]:
+    ) -> subprocess.Popen[bytes] | ForkedProcess:
         with contextlib.suppress(OSError):  # the folder goes with the last session of its user
             heartbeat.write_bytes(b"")
+        variables, reports = {VARIABLE: str(heartbeat)}, process.reports and self.show_reports
         with (self.logs / f"{process.name}.log").open("ab") as log:
+            if self.fork_server is not None and not process.last_resort:  # the dead man depends on nobody
+                outputs = log.fileno(), 2 if reports else log.fileno()
+                try:
+                    return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
+                except NoAnswerError as error:
+                    self.fork_server = None
+                    print(f"fork server: {error}; processes start without it", file=sys.stderr, flush=True)
             return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules
                 [sys.executable, "-m", process.module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE if pipe else log,
-                stderr=None if process.reports and self.show_reports else log,
-                env={**self.environment, VARIABLE: str(heartbeat)},
-                preexec_fn=_in_a_group_of_its_own,  # noqa: PLW1509  # no threads here, and nothing else can set the death signal
+                stderr=None if reports else log,
+                env={**self.environment, **variables},
+                preexec_fn=in_a_group_of_its_own,  # noqa: PLW1509  # no threads here, and nothing else can set the death signal
             )
 
     def check(self) -> list[str]:
@@ -212,6 +224,9 @@ class Supervisor:
                     print(sentence, file=sys.stderr, flush=True)
         finally:
             _end(hardware)
+            if self.fork_server is not None:
+                self.fork_server.close()
+                self.fork_server = None
             shutil.rmtree(self._heartbeats, ignore_errors=True)
 
 
@@ -246,12 +261,6 @@ def last_words(log: Path) -> str:
     """Last line that a process wrote to its log."""
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if log.is_file() else []
     return f"its last words: {lines[-1]}" if lines else f"its log {log} is empty"
-
-
-def _in_a_group_of_its_own() -> None:
-    os.setpgid(0, 0)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    _libc.prctl(PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 def _end(children: Sequence[SupervisedProcess]) -> None:

@@ -29,18 +29,34 @@ import os, pathlib, subprocess, sys, time
 if sys.argv[1:2] == ["--dark"]:
     print("it is dark")
     sys.exit("the fuse has blown" if sys.argv[2:] == ["broken"] else 0)
-bulb = subprocess.Popen(["sleep", "600"], start_new_session=True)
-pathlib.Path(os.environ["HINDRAX_HEARTBEAT"]).write_text(str(time.monotonic()))
-time.sleep(600)
+def main():
+    bulb = subprocess.Popen(["sleep", "600"], start_new_session=True)
+    print("lit", *sys.argv[1:], flush=True)
+    pathlib.Path(os.environ["HINDRAX_HEARTBEAT"]).write_text(str(time.monotonic()))
+    time.sleep(600)
+if __name__ == "__main__":
+    main()
 """
 """A process that beats once, with one below it in a session of its own."""
 
 
-@pytest.fixture
-def supervisor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
+def supervisor_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *preload: str) -> Supervisor:
     monkeypatch.setenv(FOLDER, str(tmp_path / "runtime"))
     (tmp_path / "lamps.py").write_text(BEATS)
-    with Supervisor(tmp_path / "logs", {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}) as made:
+    path = f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}"
+    return Supervisor(tmp_path / "logs", {"PYTHONPATH": path, "PATH": os.environ["PATH"]}, preload=preload)
+
+
+@pytest.fixture(params=[(), ("lamps",)], ids=["started", "forked"])
+def supervisor(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
+    """One that starts each process by itself, and one that has them forked."""
+    with supervisor_of(tmp_path, monkeypatch, *request.param) as made:
+        yield made
+
+
+@pytest.fixture
+def forking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Supervisor]:
+    with supervisor_of(tmp_path, monkeypatch, "lamps") as made:
         yield made
 
 
@@ -64,14 +80,65 @@ def told(supervisor: Supervisor) -> list[str]:
     return found
 
 
-def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(tmp_path: Path) -> None:
-    with Supervisor(tmp_path, {}) as supervisor:
-        child = supervisor.start(Process("lamps", "p", "no_such_module", "lamps", (), "none", restart=False))
-        child.handle.wait(30.0)
-        assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", *supervisor.check())
-        wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?; look into .*, start again"
-        with pytest.raises(HindraxError, match=wanted):
-            supervisor.require()
+def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor: Supervisor) -> None:
+    child = supervisor.start(Process("lamps", "p", "no_such_module", "lamps", (), "none", restart=False))
+    child.handle.wait(30.0)
+    assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", *supervisor.check())
+    wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?; look into .*, start again"
+    with pytest.raises(HindraxError, match=wanted):
+        supervisor.require()
+
+
+def test_a_process_is_a_child_of_its_supervisor_under_its_own_name_and_ends_with_it(supervisor: Supervisor) -> None:
+    child = supervisor.start(LAMPS, ["--bright"], pipe=True)
+    assert child.handle.stdout is not None
+    assert child.handle.stdout.readline() == b"lit --bright\n"
+    pid = child.handle.pid
+    assert os.getpgid(pid) == pid
+    assert int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]) == os.getpid()
+    words = Path(f"/proc/{pid}/cmdline").read_text().rstrip("\0").split("\0")
+    assert words[1:] == ["-m", "lamps", "--bright"]
+    if supervisor.fork_server is not None:
+        assert b"lamps" not in Path(f"/proc/{supervisor.fork_server.pid}/cmdline").read_bytes()
+    (below,) = descendants(pid)
+    held = HeldProcesses([below])
+    supervisor.close()
+    assert child.handle.returncode in {-signal.SIGINT, 1}
+    until(lambda: not held._at_work())
+    held.kill(0.0)
+    child.handle.stdout.close()
+
+
+def test_what_was_forked_ends_when_its_supervisor_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = supervisor_of(tmp_path, monkeypatch, "lamps")
+    pids = tmp_path / "pids"
+    if os.fork() == 0:
+        try:
+            child = start(made.__enter__())
+            assert made.fork_server is not None
+            pids.write_text(f"{child.handle.pid} {made.fork_server.pid}")
+        finally:
+            os.kill(os.getpid(), signal.SIGKILL)
+    os.wait()
+    held = HeldProcesses(map(int, pids.read_text().split()))
+    until(lambda: not held._at_work())
+    held.kill(0.0)
+
+
+@pytest.mark.parametrize(("number", "why"), [(signal.SIGKILL, "it has died"), (signal.SIGSTOP, "it is frozen")])
+def test_without_its_fork_server_a_process_lives_on_and_starts_again(
+    forking: Supervisor, capsys: pytest.CaptureFixture[str], number: int, why: str
+) -> None:
+    child = start(forking)
+    server = forking.fork_server
+    assert server is not None
+    os.kill(server.pid, number)
+    until(lambda: is_stopped(server.pid) if number == signal.SIGSTOP else server._handle.poll() is not None)
+    assert forking.check() == []
+    child.handle.kill()
+    assert told(forking)[0].startswith("lamps was killed by signal 9; started again (see ")
+    assert capsys.readouterr().err == f"fork server: {why}; processes start without it\n"
+    until(lambda: beaten_s(child.heartbeat) is not None)
 
 
 def test_a_stopped_process_and_what_is_below_it_are_killed_and_it_starts_again(supervisor: Supervisor) -> None:

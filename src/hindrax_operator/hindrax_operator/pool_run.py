@@ -16,7 +16,7 @@ from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, pulse
 from hindrax_bringup.node_options import Tuning
-from hindrax_bringup.processes import RECORDER
+from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
@@ -128,13 +128,12 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
     notes = f"pool-test {' '.join(options.motions)}{' in mock' if mock else ''}"
     tether = None if mock else available_tether(progress.report)
     made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
-    with pulse() as beating, Supervisor(folder.logs, made) as supervisor:
+    supervised = Supervisor(folder.logs, made, preload=modules(mock=mock is not None))
+    with pulse() as beating, supervised as supervisor, adopted(made):
         beating.beat(notes, STARTING)
         stack = Stack(folder, supervisor, notes, options.tuning)
         progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
-        stack.start(mock, record=True)
-        with announced(presence_of(stack, made)), adopted(made):
-            _operate(options, flight, supervisor, progress, Beating(beating, notes))
+        _operate(options, flight, stack, progress, Beating(beating, notes))
         supervisor.stop("recorder")
         flight.facts = stack.last_facts()
     return flight
@@ -153,13 +152,13 @@ class Beating:
         self.pulse.beat(f"{self.notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator)))
 
 
-def _operate(
-    options: PoolOptions, flight: FlownManeuver, supervisor: Supervisor, progress: Progress, beating: Beating
-) -> None:
+def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, beating: Beating) -> None:
+    """Start the stack, with the operator's node first: its imports take as long as those of the fork server."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
 
     deaths: list[str] = []
     heard: dict[str, str] = {}
+    supervisor, mock = stack.supervisor, options.mock
 
     def tick() -> None:
         for sentence in supervisor.check():
@@ -173,8 +172,13 @@ def _operate(
             report_devices(operator, heard, progress)
         progress.show(operator.maneuver, operator.navigation, operator.estimates)
 
-    progress.report("waiting for the devices, the thrusters and a navigation solution")
-    with Operator(mock=options.mock is not None, namespace=options.tuning.namespace, tick=tick) as operator:
+    with (
+        Operator(mock=mock is not None, namespace=options.tuning.namespace, tick=tick) as operator,
+        contextlib.ExitStack() as until_the_end,
+    ):
+        stack.start(mock, record=True)
+        until_the_end.enter_context(announced(presence_of(stack)))
+        progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
         progress.report("sensors and thrusters are up; arming, which holds neutral for the time that the ESCs need")

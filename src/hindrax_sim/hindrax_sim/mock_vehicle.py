@@ -174,3 +174,8 @@ class MockVehicle(Ports):
         faults: Sequence[FaultSpec] = (),
     ) -> None:
         super().__init__(Hardware(vehicle, seed, conditions, faults), folder, rate=rate)
+        self.governor.turned = False
+        self.after_step.append(self._note_thrust)
+
+    def _note_thrust(self, _now: Stamp) -> None:
+        self.governor.turned = self.governor.turned or any(self.hardware.world.plant.targets_N)

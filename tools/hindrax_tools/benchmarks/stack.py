@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.processes import MOCK
+from hindrax_bringup.processes import MOCK, modules
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
@@ -29,7 +29,7 @@ def rows() -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as place, own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
         folder = make_run_folder(f"{place}/run", default_vehicle())
-        with Supervisor(folder.logs, made) as supervisor, adopted(made):
+        with Supervisor(folder.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(seed=1, rate=1.0), record=True)
             spans = _measure(supervisor, made)
@@ -59,6 +59,7 @@ def _measure(supervisor: Supervisor, made: dict[str, str]) -> dict[str, tuple[fl
         operator.arm(seconds=UP_S)
         hold(operator, ["depth"], DEPTH_m, engaged=True)
         nodes = {name: child.handle.pid for name, child in supervisor.children.items() if name != MOCK.name}
+        nodes |= {"fork server": supervisor.fork_server.pid} if supervisor.fork_server else {}
         found = _shares(nodes, operator)
         listener = subprocess.Popen(LISTENER, env=made)  # noqa: S603  # our own interpreter and module
         try:

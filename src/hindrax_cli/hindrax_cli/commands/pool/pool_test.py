@@ -8,7 +8,6 @@ from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
-from hindrax_cli.health_checks.wires import require_ports
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
@@ -68,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
         raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:
+        from hindrax_cli.health_checks.wires import require_ports  # noqa: PLC0415  # every driver: a mock starts without them
+
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "ideal")
