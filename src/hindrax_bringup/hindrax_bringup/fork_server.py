@@ -29,8 +29,8 @@ from typing import IO, Any
 from hindrax_bringup.process_state import is_stopped
 
 PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
-FIRST_S = 60.0
-"""For an answer that waits for imports; without any it takes at most `AGAIN_S`."""
+FIRST_S = 30.0
+"""For an answer that waits for an import; without any it takes at most `AGAIN_S`."""
 AGAIN_S = 2.0
 LONGEST = 1 << 16
 """Of a request, and room for a command line [bytes]."""
@@ -171,7 +171,10 @@ def in_a_group_of_its_own() -> None:
 
 
 def serve(channel: socket.socket) -> tuple[list[Any], list[int]] | None:
-    """Fork what is asked for; returns request and descriptors in each process that it forked, None at the end."""
+    """Fork what is asked for; returns request and descriptors in each process that it forked, None at the end.
+
+    What is asked for is not waited for: a process that was forked before its imports does them itself.
+    """
     supervisor, to_import = os.getppid(), json.loads(channel.recv(LONGEST) or "[]")
     while True:
         if to_import and not select.select([channel], (), (), 0.0)[0]:
@@ -181,7 +184,6 @@ def serve(channel: socket.socket) -> tuple[list[Any], list[int]] | None:
         if not request:
             return None
         wanted = json.loads(request)
-        _import(wanted[0])
         gc.freeze()
         between = os.fork()
         if between:

@@ -103,6 +103,5 @@ EVERY: tuple[Process, ...] = (*ONBOARD, RECORDER, MOCK, REPLAY)
 
 
 def modules(*, mock: bool) -> list[str]:
-    """Modules of the processes that do without a dead man, in the order of their starts."""
-    wanted = (*((MOCK,) if mock else ()), SENSORS, CONTROL, SAFETY_MONITOR, RECORDER, IDENTIFIER)
-    return [process.module for process in wanted]
+    """Modules that a fork server imports, in the order of starts; the identifier's SciPy would burden all others."""
+    return [process.module for process in (*((MOCK,) if mock else ()), RECORDER, SENSORS, CONTROL, SAFETY_MONITOR)]
