@@ -19,6 +19,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from hindrax_bag.run_folder import make_run_folder
 from hindrax_bringup.process_state import descendants, is_stopped
+from hindrax_bringup.processes import modules
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, environment, own_domain
 from hindrax_bringup.stack_lock import FOLDER
@@ -76,7 +77,7 @@ def flying(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Superviso
     folder = make_run_folder(str(tmp_path_factory.mktemp("deaths") / "run"), default_vehicle())
     with own_domain(mock=True) as domain:
         made = environment(mock=True, domain=domain)
-        with Supervisor(folder.logs, made) as supervisor, adopted(made):
+        with Supervisor(folder.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
             stack = Stack(folder, supervisor)
             stack.start(MockOptions(seed=2, rate=2.0), record=False)
             with Operator(mock=True, tick=supervisor.check) as operator:
