@@ -36,8 +36,8 @@ LED0_OFF, CHANNEL_BYTES, THRUSTERS = 0x06, 4, 8
 US_PER_COUNT = 1e6 * 31 / 25e6
 """PRE_SCALE 30 on the nominal oscillator (NXP PCA9685 rev. 4, section 7.3.5)."""
 WORST_TILT_deg = 30.0
-"""In none of these flights does the vehicle lean much, whatever its state says: 21 to 23 where the fastest surge, which a
-plan begins with, loses its thrust."""
+"""In none of these flights does the vehicle lean much, whatever its state says: by 21 to 23 where it loses its thrust
+in the fastest surge, with which a plan begins."""
 SERVICE = Path(__file__).parents[2] / "docker/pi/hindrax.service"
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 NEW_PROCESS_s = 60.0
