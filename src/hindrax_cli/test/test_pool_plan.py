@@ -11,6 +11,7 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
+from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.pool import PoolWalls
@@ -25,7 +26,9 @@ def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.Ca
     assert rows[-1]["end_s"] == found["seconds"]
     assert all(row["end_s"] - row["begin_s"] > plan["seconds"] for row, plan in zip(rows, found["plan"], strict=True))
     assert all(one["end_s"] <= later["begin_s"] for one, later in itertools.pairwise(rows))
-    pool = load_vehicle(default_vehicle()).pool
+    vehicle = load_vehicle(default_vehicle())
+    assert [tuple(plan["rates"]) for plan in found["plan"]] == [one.rates for one in plans_of(vehicle, ("roll", "yaw"))]
+    pool = vehicle.pool
     assert all(0.0 < row["wall_m"] < 0.5 * pool.width_m and 0.0 < row["floor_m"] < pool.depth_m for row in rows)
     assert found["charge_Ah"] == pytest.approx(sum(row["charge_Ah"] for row in rows))
     assert all(row["charge_Ah"] > 0.0 for row in rows)

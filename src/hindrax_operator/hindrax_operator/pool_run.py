@@ -21,9 +21,11 @@ from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, prese
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
+from hindrax_control.maneuver.maneuver import PLATEAUS
+from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.progress import Progress
 
 if TYPE_CHECKING:
@@ -80,12 +82,15 @@ def run_pool_test(options: PoolOptions) -> int:
     vehicle = load_vehicle(options.vehicle_file)
     servable = motions_to_fly(options.motions, vehicle)
     options = replace(options, motions=servable.flown)
+    plan = planned(vehicle, options)
     mock = options.mock is not None
     with own_domain(mock=mock, namespace=options.tuning.namespace) as domain:
         folder = make_run_folder(options.out, options.vehicle_file)
         BagLimits(planned_s=MOTION_S * len(options.motions)).check_space(folder.path)
         with Progress(headless=options.headless) as progress:
             progress.report(f"{vehicle.name} {servable}")
+            for line in plan:
+                progress.report(line)
             flight = fly(options, folder, domain, progress)
             progress.report("identifying over the bag")
             from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
@@ -102,6 +107,15 @@ def run_pool_test(options: PoolOptions) -> int:
     if flight.interrupted:
         return INTERRUPTED
     return 1 if flight.aborted or not identified.complete else 0
+
+
+def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
+    """What will be flown, a line for each motion; UsageError when the pool leaves no room for it."""
+    if options.excitation != PLATEAUS:
+        return []
+    if options.tuning != Tuning(options.tuning.namespace):
+        return ["plan: by the parameters given; the log of the control process tells its length"]
+    return [f"plan: {plan}" for plan in plans_of(vehicle, options.motions)]
 
 
 def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) -> None:

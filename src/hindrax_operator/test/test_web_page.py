@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,10 @@ import pytest
 from browser import browser, browser_at_hand
 from web_rig import ARMED, DISARMED, ESTIMATE, TOKEN, served
 
+from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.plan import plans_of
+from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.snapshot import ManeuverView
 
@@ -58,6 +62,10 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.wait("document.querySelector('#pool polyline') !== null")
         colored = "[...document.querySelector('canvas').getContext('2d').getImageData(0,0,200,130).data].some(v => v)"
         assert seen.run(colored)
+
+        # What is picked is told as the rehearsal and the flight tell it.
+        (plan,) = plans_of(load_vehicle(default_vehicle()), ("surge",))
+        seen.wait(f"{text('planned')} === {json.dumps(str(plan))}")
 
         # Orders: one maneuver at a time, its outcome, an end at any time.
         seen.run("document.querySelector('[value=yaw]').click()")

@@ -8,7 +8,7 @@ each backward leg ends where the next forward one begins.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hindrax_control.allocation.allocator import Allocator
@@ -263,6 +263,12 @@ class Planner:
         limit = min(self.force_limit(motion, 1.0), self.force_limit(motion, -1.0))
         boost = min(max(wanted, freedom.inertia * PACE_LEAST + drag), limit)
         return boost, max(boost - drag, 0.1 * boost) / freedom.inertia
+
+
+def plans_of(vehicle: Vehicle, motions: Sequence[str]) -> tuple[Plan, ...]:
+    """What the pilot will fly by its default parameters, in its pool; UsageError as `Planner.plan`."""
+    planner = Planner(vehicle, Allocator(vehicle), PlanKnobs())
+    return tuple(planner.plan(motion, PoolBounds(vehicle, 0.0)) for motion in motions)
 
 
 def motion_name(axis: str, rate: float) -> str:

@@ -232,6 +232,8 @@ function flight(update) {
         number(found.force, 1, force, true) + ", " + number(found.velocity, 3, rate, true) +
         (found.wall === null ? "" : ", wall " + found.wall.toFixed(1) + " m ahead"), "soft"));
   }
+  const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
+  at("planned").textContent = at("excitation").value === choices.excitations[0] ? picked.join("; ") : "";
   const busy = update.ordered || update.armed && !over;
   at("flying").disabled = !update.armed || busy;
   at("why").textContent = readOnly ? "" : busy ? "" : update.armed ? "" :

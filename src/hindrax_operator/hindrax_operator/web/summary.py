@@ -8,7 +8,9 @@ from typing import Any
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, walls_after_braking_m
+from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.pool_bounds import PoolBounds
+from hindrax_core.errors import UsageError
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.monitor.draw import ANGLES, BAND
@@ -24,6 +26,8 @@ class Chart:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
+        self.plans = {motion: _planned(vehicle, motion) for motion in MOTIONS}
+        """What each motion flies by the pilot's default parameters, or why it cannot be flown."""
         self._box: PoolBounds | None = None
         self._was_armed = self._guessed = False
 
@@ -48,6 +52,13 @@ class Chart:
             "guessed": self._guessed,
             "place": place and {"x": place.x_m, "y": place.y_m, "heading": math.degrees(place.heading_rad)},
         }
+
+
+def _planned(vehicle: Vehicle, motion: str) -> str:
+    try:
+        return str(plans_of(vehicle, (motion,))[0])
+    except UsageError as error:
+        return str(error)
 
 
 def summary(view: Snapshot) -> Json:
