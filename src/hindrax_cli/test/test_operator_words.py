@@ -82,11 +82,12 @@ def test_without_a_value_the_vehicle_holds_where_it_is() -> None:
 
 def test_off_lets_go_of_one_or_all() -> None:
     assert hold.parse("roll", "off")[::2] == (("roll",), False)
-    assert hold.parse("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude"), False)
+    assert hold.parse("all", "off")[::2] == (("heading", "roll", "pitch", "depth", "altitude", "station"), False)
 
 
 @pytest.mark.parametrize(
-    ("axis", "text"), [("all", "3"), ("all", None), ("depth", "deep"), ("depth", "nan"), ("roll", "inf")]
+    ("axis", "text"),
+    [("all", "3"), ("all", None), ("depth", "deep"), ("depth", "nan"), ("roll", "inf"), ("station", "3")],
 )
 def test_what_cannot_be_held_is_refused_with_what_was_wanted(
     axis: str, text: str | None, capsys: pytest.CaptureFixture[str]
@@ -99,6 +100,7 @@ def test_headings_are_shown_from_0_to_360() -> None:
     assert hold.shown("heading", math.radians(-90.0)) == "270.0 deg"
     assert hold.shown("pitch", math.radians(-10.0)) == "-10.0 deg"
     assert hold.shown("depth", 0.8) == "0.80 m"
+    assert hold.shown("station", 0.0) == "this place"
 
 
 # ---- joystick

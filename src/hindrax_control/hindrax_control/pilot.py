@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnobs, SuspectedFault, ThrusterFaultDetector
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
-from hindrax_control.hold.holds import HoldKnobs, Holds, HoldState, Setpoint
-from hindrax_control.hold.station_keeping import StationKeepingKnobs
+from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
+from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverKnobs, ManeuverOutput, check_goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import PlanKnobs
@@ -81,6 +81,8 @@ class Pilot:
         self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
         self._maneuver: Maneuver | None = None
         self._keeping_station = False
+        self._station: StationKeeping | None = None
+        self._station_s = 0.0
         self._operator_wrench: tuple[Stamp, Vec6] | None = None
         self._armed = self._was_armed = False
         self._guards: tuple[str, ...] = ()
@@ -106,7 +108,11 @@ class Pilot:
 
     def set(self, setpoint: Setpoint) -> str:
         """Engage, move or release a hold; returns the reason of a refusal, which the hold's state reports too."""
-        reason = self._reason_to_refuse(setpoint) or self._holds.set(setpoint)
+        reason = self._reason_to_refuse(setpoint)
+        if not reason and setpoint.axis == STATION:
+            self._station = StationKeeping(self._vehicle, self._knobs.station) if setpoint.engaged else None
+        elif not reason:
+            reason = self._holds.set(setpoint)
         self._refused.pop(setpoint.axis, None)
         if reason:
             self.refuse(setpoint.axis, reason)
@@ -167,7 +173,7 @@ class Pilot:
             safety_knobs=knobs.guards,
             disabled=self._disabled,
         )
-        self._keeping_station = True
+        self._keeping_station, self._station = True, None
         return self._maneuver
 
     def cancel(self, ending: str = "") -> None:
@@ -177,7 +183,7 @@ class Pilot:
 
     def abandon(self) -> None:
         """Drop maneuver, holds and operator wrench: without a vehicle state they cannot be ended in order."""
-        self._maneuver, self._keeping_station, self._operator_wrench = None, False, None
+        self._maneuver, self._keeping_station, self._operator_wrench, self._station = None, False, None, None
         self._holds.release()
 
     @property
@@ -207,10 +213,12 @@ class Pilot:
         lost = allocation.lost_axes if allocation else ()
         flown, wrench = self._step_maneuver(navigation, stamp, shortfall, lost, battery_V)
         held = self._holds.step(navigation, stamp, shortfall, armed=armed)
-        states = tuple(map(self._with_refusal, held.states)) if self._refused else held.states
+        station, keeping = self._keep_station(navigation, stamp, shortfall)
+        states = (*held.states, station)
+        states = tuple(map(self._with_refusal, states)) if self._refused else states
         if not armed:
             return PilotOutput(ZERO6, states, flown, self._guards, refused=self._refusal(OPERATOR))
-        total = _sum(_sum(held.wrench, wrench), self._current_operator_wrench(stamp))
+        total = _sum(_sum(_sum(held.wrench, wrench), keeping), self._current_operator_wrench(stamp))
         suspected_fault = self._suspected_fault(navigation, stamp, allocation)
         return PilotOutput(total, states, flown, self._guards, suspected_fault, self._refusal(OPERATOR))
 
@@ -236,7 +244,7 @@ class Pilot:
             Situation(navigation, place, walls_m, to_s(stamp), battery_V, self.water_in_hull)
         )
         if self._armed and not armed:
-            self._keeping_station = False
+            self._keeping_station, self._station = False, None
             self._operator_wrench = None
             if self._maneuver is not None:
                 why = f" ({unarmed})" if unarmed else ""
@@ -259,6 +267,19 @@ class Pilot:
             self._keeping_station = not output.neutral
             return output, output.wrench
         return maneuver.last, maneuver.keep(navigation, stamp) if self._keeping_station else ZERO6
+
+    def _keep_station(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> tuple[HoldState, Vec6]:
+        """State and wrench of the hold that keeps the vehicle where it was when it was engaged."""
+        dt, self._station_s = to_s(stamp) - self._station_s, to_s(stamp)
+        if self._station is None or self._pool is None:
+            return HoldState(STATION, engaged=False), ZERO6
+        place = self._pool.place(navigation)
+        held_back = max(map(abs, shortfall[:2])) > self._knobs.maneuver.shortfall_N
+        X, Y = self._station.step(place, dt, held_back=held_back)
+        if self._station.goal_m is None:
+            return HoldState(STATION, True, note="position not measured: no effort"), ZERO6
+        x, y = self._station.goal_m
+        return HoldState(STATION, True, 0.0, math.hypot(x - place.x_m, y - place.y_m)), (X, Y, 0.0, 0.0, 0.0, 0.0)
 
     def _suspected_fault(
         self, navigation: Navigation, stamp: Stamp, allocation: Allocation | None

@@ -97,3 +97,44 @@ def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds
     with pytest.raises(HindraxError, match=r"leak: .*surface, disarm and open the hull"):
         hovering.pilot.fly(Goal(("surge",)))
     assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""
+
+
+# ---- station
+
+
+def keeping(hovering: Hovering) -> tuple[bool, float]:
+    """Whether the station is held, and the force ahead."""
+    flight = hovering.fly()
+    (state,) = (one for one in flight.holds if one.axis == "station")
+    return state.engaged, flight.wrench[0]
+
+
+def test_the_station_is_kept_where_the_vehicle_was(hovering: Hovering) -> None:
+    hovering.step()
+    assert keeping(hovering) == (False, 0.0)
+    assert hovering.pilot.set(Setpoint("station")) == ""
+    assert keeping(hovering) == (True, pytest.approx(0.0, abs=1e-6))
+    hovering.ideal.north += 0.5
+    engaged, force = keeping(hovering)
+    assert engaged
+    assert force < -1.0
+    hovering.pilot.set(Setpoint("station", engaged=False))
+    assert keeping(hovering) == (False, 0.0)
+
+
+def test_a_disarmed_vehicle_lets_go_of_its_station(hovering: Hovering) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("station"))
+    hovering.step(armed=False)
+    hovering.ideal.north += 0.5
+    assert keeping(hovering) == (False, 0.0)
+    hovering.step(armed=False)
+    assert hovering.pilot.set(Setpoint("station"))  # refused: not armed
+
+
+def test_the_station_makes_no_force_while_the_place_is_unknown(hovering: Hovering) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("station"))
+    hovering.ideal.north = math.nan
+    assert keeping(hovering) == (True, 0.0)
+    assert "position" in hovering.step()["station"]

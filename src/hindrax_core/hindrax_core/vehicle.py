@@ -159,6 +159,22 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisGain:
+    """Thrust that acts on an axis over that of the curves, all losses at bollard included: by `hindrax weigh`."""
+
+    load: float = fact(1e-3, 1e6, "thrust at which it was weighed [N, Nm]")
+    sigma: float = fact(0.0, 1.0, "standard deviation of the gain, the same both ways [-]")
+    sigma_difference: float = knob(0.0, 0.0, 1.0, "standard deviation of half the difference of both ways [-]")
+    positive: float | None = knob(None, 0.2, 5.0, "gain ahead, to starboard, down, clockwise; none: not weighed [-]")
+    negative: float | None = knob(None, 0.2, 5.0, "gain the other way; none: not weighed [-]")
+
+    def of(self, force: float) -> float:
+        """Gain of a thrust of this sign [-]."""
+        gain = self.positive if force > 0.0 else self.negative
+        return 1.0 if gain is None else gain
+
+
+@dataclass(frozen=True, slots=True)
 class Vehicle:
     """The whole file. Derived quantities (weight, buoyancy, inertia where none is given) are properties."""
 
@@ -168,6 +184,7 @@ class Vehicle:
     envelope_m: Vec3 = fact(0.01, 50.0, "length, width, height [m]")
     thrusters: tuple[Thruster, ...] = knob((), meaning="poses, curves and channels, see below")
     curves: Mapping[str, Curve] = block(dict, "thrust curves by name, see below")
+    thrust_gain: Mapping[str, AxisGain] = block(dict, "gain of the thrust by axis, as `hindrax weigh` writes it")
     hydrodynamics: Hydrodynamics | None = knob(None, meaning="what is believed: prior for plans, truth for the mock")
     inertia_kgm2: Vec3 | None = knob(None, meaning="moments of inertia; none: of a homogeneous prism [kg m^2]")
     center_of_mass_m: Vec3 = knob((0.0, 0.0, 0.0), -10.0, 10.0, "center of mass from the body origin [m]")
@@ -189,6 +206,9 @@ class Vehicle:
                 raise ValueError(f"curves.{name}: {'; '.join(problems)}")
         for name, mount in self.sensors.items():
             _check_sensor(name, mount.device)
+        for axis in self.thrust_gain:
+            if axis not in AXES:
+                raise ValueError(f"thrust_gain: found {axis!r}, wanted one of {', '.join(AXES)}")
         for quantity in SHARED:
             sources = self.sources_of(quantity)
             if len(sources) > 1:

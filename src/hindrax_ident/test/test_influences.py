@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly
 
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, Case, Influence
 from hindrax_ident.assess.uncertainty_budget import budget_of
@@ -20,7 +20,7 @@ from hindrax_ident.tuning import Tuning
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
 TUNING = Tuning(velocity_gain_sigma=0.005, thrust_doubt=0.02, wrench_gain_sigma=0.02, stamp_doubt_s=0.002)
 GREAT, PLAIN = 3.0, 6.0
-ACTING = [row for row in INFLUENCES if row.name != "masses of other axes"]
+ACTING = [row for row in INFLUENCES if row.name not in ("masses of other axes", "gain by a known weight")]
 TOLD = ("tether", "fluid memory", "own wake")
 """Rows that no other row can explain."""
 
@@ -72,6 +72,31 @@ def test_what_a_row_does_is_within_the_band(flown: Case, row: Influence) -> None
         assert any(row.name in warning for warning in budget.warnings())
         # Such water is not that of the model: it may have what no record shows.
         assert budget.found("inflow loss")[1] > 3.0 * budget_of(flown).found("inflow loss")[1]
+
+
+def test_a_known_weight_takes_what_it_measured_off_the_budget(flown: Case) -> None:
+    gain = AxisGain(load=13.5, sigma=0.004, positive=1.0, negative=1.0)
+    weighed = budget_of(replace(flown, vehicle=replace(flown.vehicle, thrust_gain={"surge": gain})))
+    before = budget_of(flown)
+    assert weighed.prior("losses between thrusters and hull") == 0.0
+    # A gain that is wrong by a standard deviation scales every coefficient by it.
+    band = np.sqrt(np.diag(weighed.prior_band("gain by a known weight")))
+    assert band[[0, 3]] == pytest.approx(0.004 * SURGE[[0, 3]], rel=0.1)
+    of_drag = np.array([flown.speed**2, flown.speed, 0.0, 0.0])
+    for name in ("thrust calibration", "sag under load", "dead bands that differ"):
+        drags = [of_drag @ budget.prior_band(name) @ of_drag for budget in (weighed, before)]
+        assert drags[0] < 0.1 * drags[1]
+    assert of_drag @ weighed.band() @ of_drag < 0.5 * of_drag @ before.band() @ of_drag
+
+
+def test_a_weight_on_one_side_leaves_the_losses_of_the_other(flown: Case) -> None:
+    half = AxisGain(load=13.5, sigma=0.004, positive=1.0)
+    both = replace(half, negative=1.0)
+    bands = [
+        budget_of(replace(flown, vehicle=replace(flown.vehicle, thrust_gain=gain))).band()[3, 3]
+        for gain in ({}, {"surge": half}, {"surge": both}, {"sway": both})
+    ]
+    assert bands[0] == bands[3] > bands[1] > bands[2]
 
 
 def test_a_tether_turns_a_vehicle_that_turns(vehicle: Vehicle) -> None:

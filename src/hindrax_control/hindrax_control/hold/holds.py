@@ -19,7 +19,9 @@ from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import NAN, ZERO6, Navigation
 from hindrax_core.vehicle import Vehicle
 
-HOLDS = ("heading", "roll", "pitch", "depth", "altitude")
+STATION = "station"
+HOLDS = ("heading", "roll", "pitch", "depth", "altitude", STATION)
+"""What can be held. The station belongs to the pilot, which knows the pool."""
 SNAME_OF = {"heading": "yaw", "roll": "roll", "pitch": "pitch", "depth": "heave", "altitude": "heave"}
 ALTIMETERS = ("ping1d", "ping2")
 
@@ -148,7 +150,7 @@ class Holds:
 
     def _unfit(self, setpoint: Setpoint) -> str:
         axis, value = setpoint.axis, setpoint.value
-        if axis not in HOLDS:
+        if axis not in SNAME_OF:
             return f"hold {axis!r}: unknown, wanted one of {', '.join(HOLDS)}"
         if not setpoint.engaged or math.isnan(value):
             return ""

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+from hindrax_core.vehicle import AXES, AxisGain, GRAVITY_mps2, Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.thrust_calibration import ThrustErrorMode, modes, thrust_shares
 from hindrax_ident.fit.delay import lag_impulse, latency_impulse, per_step
@@ -62,6 +62,18 @@ class Case:
     def axis(self) -> int:
         """Axis of the fit: 0 to 5."""
         return self.fit.model.axis
+
+    @property
+    def weighing(self) -> AxisGain | None:
+        """What a known weight measured on this axis."""
+        return self.vehicle.thrust_gain.get(AXES[self.axis])
+
+    @property
+    def weighed(self) -> tuple[float, ...]:
+        """Directions in which a known weight measured the thrust: signs."""
+        gain = self.weighing
+        ways = () if gain is None else ((1.0, gain.positive), (-1.0, gain.negative))
+        return tuple(sign for sign, one in ways if one is not None)
 
     @cached_property
     def steps_s(self) -> Array:
@@ -180,13 +192,36 @@ def _gains(case: Case) -> list[ThrustErrorMode]:
 
 def _calibration(case: Case) -> Array:
     """One column per unknown of the thrust curves, each of one standard deviation."""
-    parts = [mode.error(case.record.thrust.y) @ _root(mode.covariance) for mode in _gains(case)]
-    return case.of_commands(array(np.hstack(parts)))
+    kinds = [(mode.error, _root(mode.covariance)) for mode in _gains(case)]
+    return case.of_commands(
+        _unweighed(case, case.record.thrust.y, lambda y: np.hstack([error(y) @ root for error, root in kinds]))
+    )
 
 
 def _gain(case: Case) -> Array:
     """All of the commanded thrust larger by its share."""
     return case.of_commands(case.record.thrust.y[:, None])
+
+
+def _losses(case: Case) -> Array:
+    return case.of_commands(_unweighed(case, case.record.thrust.y, lambda y: -y[:, None]))
+
+
+def _unweighed(case: Case, thrust: Array, error: Callable[[Array], Array]) -> Array:
+    """What an error of the thrust, (n,) to (n, k), is beside the gain that a known weight showed with it."""
+    out, gain = error(thrust), case.weighing
+    for sign in case.weighed:
+        assert gain is not None
+        out = out - np.maximum(0.0, sign * thrust)[:, None] * error(array([sign * gain.load])) / gain.load
+    return array(out)
+
+
+def _weighed_gain(case: Case) -> Array:
+    """Standard deviations of the gain, the same both ways and different each way: two columns."""
+    y, gain = case.record.thrust.y, case.weighing
+    assert gain is not None
+    known = np.isin(np.sign(y), case.weighed)
+    return case.of_commands(np.stack([gain.sigma * y * known, gain.sigma_difference * np.abs(y) * known], axis=1))
 
 
 def _root(covariance: Array) -> Array:
@@ -221,7 +256,7 @@ def _drift(case: Case) -> Array:
 
 
 def _load(case: Case) -> Array:
-    return case.of_force(array(-case.thrust * np.abs(case.thrust) / max(1e-9, case.pull)))
+    return case.of_force(_unweighed(case, case.thrust, lambda T: -(T * np.abs(T))[:, None] / max(1e-9, case.pull)))
 
 
 def _lag(case: Case) -> Array:
@@ -238,7 +273,9 @@ def _dead_band(case: Case) -> Array:
 
 def _edges(case: Case) -> Array:
     edge = max(1e-9, EDGE * case.pull)
-    return case.of_commands(-case.pull * np.clip(case.record.thrust.y / edge, -1.0, 1.0)[:, None])
+    return case.of_commands(
+        _unweighed(case, case.record.thrust.y, lambda y: -case.pull * np.clip(y / edge, -1.0, 1.0)[:, None])
+    )
 
 
 # ---- water
@@ -338,7 +375,12 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "thrust calibration", "sigma", GAIN,
         lambda case: 1.0 if _gains(case) else 0.0, _calibration,
-        "a known-weight or bollard-pull test measures the gain of the thrust", considered=True,
+        "`hindrax weigh` or a bollard-pull test measures the gain of the thrust", considered=True,
+    ),
+    Influence(
+        "gain by a known weight", "sigma", GAIN,
+        lambda case: 1.0 if case.weighed else 0.0, _weighed_gain,
+        "weigh with a larger load, for longer, with the battery of the flight", considered=True,
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
@@ -347,8 +389,8 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "losses between thrusters and hull", "-", GAIN,
-        _always(0.08), lambda case: -_gain(case),
-        "a known-weight test on this axis measures the thrust with all losses",
+        lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
+        "`hindrax weigh` on this axis measures the thrust with all losses",
         considered=True, near=0.38, loss=True,
     ),
     Influence(

@@ -11,13 +11,13 @@ It is deterministic. Its events are in the order of their stamps; the feed sorts
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import Attitude, Estimate, IdentEvent, Phase, Thrust, Velocity
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import (
     MASS_SHARE,
     Assessment,
@@ -131,10 +131,21 @@ class Session:
     def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
         if not all(np.isfinite(thrust.wrench)):
             return
-        self._thrust = thrust
+        self._thrust = thrust = self._weighed(thrust)
         axis_session = self._active()
         if axis_session:
             axis_session.thrust(t_s, thrust)
+
+    def _weighed(self, thrust: Thrust) -> Thrust:
+        """What a known weight says that a thrust of the curves is."""
+        gains = self.vehicle.thrust_gain
+        if not gains:
+            return thrust
+        X, Y, Z, K, M, N = (
+            force * gains[axis].of(force) if axis in gains else force
+            for axis, force in zip(AXES, thrust.wrench, strict=True)
+        )
+        return replace(thrust, wrench=(X, Y, Z, K, M, N))
 
     def _refusal(self) -> str:
         phases = ("plateau",) if self.tuning.plateaus_only else self.tuning.phases

@@ -130,13 +130,15 @@ def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:
         end = after(operator.now(), seconds)
         try:
             with operator.repeating(WRENCH_PERIOD_S, lambda: send(wrench_to_msg(operator.now(), wrench))):
-                _until(operator, lambda: operator.now() >= end, seconds, "the wrench")
+                until(operator, lambda: operator.now() >= end, seconds, "the wrench")
             return operator.allocation
         finally:
             send(wrench_to_msg(operator.now(), ZERO6))
 
 
-def _until(operator: Operator, over: Callable[[], bool], seconds: float, what: str) -> None:
+def until(operator: Operator, over: Callable[[], bool], seconds: float, what: str) -> None:
+    """Spin until it is over, about `seconds` of vehicle time; HindraxError when the thrusters are disarmed before."""
+
     def done() -> bool:
         if not operator.thrusters.armed:
             raise HindraxError(f"{what} ended early: the thrusters are {operator.thrusters.state}")
@@ -204,7 +206,7 @@ def run_alone(operator: Operator, pulses_us: Sequence[float], seconds: float) ->
 
         end = after(operator.now(), seconds)
         with operator.repeating(COMMAND_PERIOD_S, lambda: command(pulses_us)):
-            _until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
+            until(operator, lambda: operator.now() >= end, seconds, "the thruster's run")
         return operator.thrusters
 
 

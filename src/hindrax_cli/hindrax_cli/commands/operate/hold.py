@@ -1,4 +1,4 @@
-"""`hindrax hold`: keep heading, roll, pitch, depth or altitude."""
+"""`hindrax hold`: keep heading, roll, pitch, depth, altitude or the place in the pool."""
 
 from __future__ import annotations
 
@@ -13,13 +13,18 @@ HELP = "hold an axis where it is or at a value, or let go of it"
 EXAMPLE = "./hindrax hold heading 90     (also: hold depth, hold altitude 0.8, hold pitch -10, hold all off)"
 
 ANGLES = ("heading", "roll", "pitch")
-AXES = (*ANGLES, "depth", "altitude")
+STATION = "station"
+AXES = (*ANGLES, "depth", "altitude", STATION)
 OFF = "off"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Axis and value."""
-    parser.add_argument("axis", choices=(*AXES, "all"), help="depth and altitude replace each other")
+    parser.add_argument(
+        "axis",
+        choices=(*AXES, "all"),
+        help="depth and altitude replace each other; station: the place in the pool, by the DVL",
+    )
     parser.add_argument(
         "value", nargs="?", metavar="VALUE", help="degrees or meters; `off` lets go; default: where the vehicle is"
     )
@@ -46,6 +51,8 @@ def parse(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
         raise UsageError("hold all: only `off` goes for all; name one axis to hold it")
     if text is None:
         return (axis,), math.nan, True
+    if axis == STATION:
+        raise UsageError(f"hold station: found {text!r}, wanted `off` or nothing: it is kept where the vehicle is")
     unit = "a number of degrees" if axis in ANGLES else "a number of meters"
     try:
         value = float(text)
@@ -58,6 +65,8 @@ def parse(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
 
 def shown(axis: str, value: float) -> str:
     """Setpoint for a person; headings from 0 to 360."""
+    if axis == STATION:
+        return "this place"
     if axis not in ANGLES:
         return f"{value:.2f} m"
     degrees = math.degrees(value)

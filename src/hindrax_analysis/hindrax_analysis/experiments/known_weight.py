@@ -1,0 +1,167 @@
+"""Gain of the thrust from a known weight: the vehicle keeps its place with it and without it. No load cell.
+
+At rest, gain x thrust of the curves + known load + what else pulls = 0. What else pulls (net buoyancy, tether, current)
+is the same with and without. Pure, over the events of any record; uncertainty by GUM (JCGM 100), clause 5.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_analysis.experiments.least_squares import Array
+from hindrax_control.prior_dynamics import PriorDynamics
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.signals import IdentEvent, Thrust, Velocity
+from hindrax_core.vehicle import AXES, AxisGain
+
+BLOCKS = 8
+"""Parts of a hold whose means tell how well the mean of all is known."""
+LEAST_SAMPLES = 5 * BLOCKS
+LARGEST_DRIFT = 0.03
+"""Mean velocity of a hold above which the vehicle does not keep its place [m/s, rad/s]."""
+LEAST_SHARE = 0.3
+"""Thrust in a direction, of the largest load, from which its gain is reported."""
+DVL_mps = 0.002
+"""Standard deviation of a bias of the velocity, at which a vehicle that holds its place by it drifts."""
+DEAD_BAND = 0.015
+"""Standard deviation of a thrust near the dead bands, of the largest [-]."""
+DIFFERENCE = 0.02
+"""Prior standard deviation of half the difference of the gain between both ways [-]."""
+SAG_per_s = 0.1 / 900.0
+"""Prior standard deviation of the thrust's drift: that of the budget's row."""
+SUPPLY = 0.003
+"""Thrust between two charged batteries, or two settings of a supply [-]."""
+ALIGNMENT = 0.0006
+"""Load that does not act along the axis: two degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """When which load [N, Nm, with the axis] hung on the vehicle, from one stamp to another."""
+
+    begin: Stamp
+    end: Stamp
+    load: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """One span at rest: thrust of the curves (n,), velocity along the axis (m,), from `begin_s` on for `long_s`."""
+
+    load: float
+    begin_s: float
+    long_s: float
+    thrust: Array
+    velocity: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Weighing:
+    """Gain of one axis, each way, with what its standard deviation is made of [-], and the drift of the thrust [1/s].
+
+    `misfit`: root mean square of what the holds contradict each other by, in standard deviations.
+    """
+
+    axis: str
+    gain: AxisGain
+    contributions: Mapping[str, float]
+    drift_per_s: float
+    misfit: float
+
+
+def holds_of(events: Iterable[Stamped[IdentEvent]], axis: int, spans: Sequence[Span]) -> list[Hold]:
+    """Cut the spans out of a record. HindraxError names a span in which too little was recorded."""
+    if not spans:
+        return []
+    thrusts: list[list[float]] = [[] for _ in spans]
+    velocities: list[list[float]] = [[] for _ in spans]
+    for event in events:
+        for index, span in enumerate(spans):
+            if not span.begin <= event.stamp < span.end:
+                continue
+            if isinstance(event.reading, Thrust):
+                thrusts[index].append(event.reading.wrench[axis])
+            elif isinstance(event.reading, Velocity) and math.isfinite(event.reading.nu[axis]):
+                velocities[index].append(event.reading.nu[axis])
+    first = min(span.begin for span in spans)
+    out = []
+    for span, thrust, velocity in zip(spans, thrusts, velocities, strict=True):
+        if len(thrust) < LEAST_SAMPLES or len(velocity) < 2:
+            raise HindraxError(
+                f"hold with {span.load:+.3g}: found {len(thrust)} wrenches and {len(velocity)} velocities in "
+                f"{seconds_between(span.begin, span.end):.0f} s, wanted {LEAST_SAMPLES} and 2"
+            )
+        long_s = seconds_between(span.begin, span.end)
+        out.append(Hold(span.load, seconds_between(first, span.begin), long_s, np.array(thrust), np.array(velocity)))
+    return out
+
+
+def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sigma: float = 0.002) -> Weighing:
+    """Gain of an axis from holds with and without load; `load_sigma`: of weight and lever together [-].
+
+    HindraxError where the loads do not differ, or the vehicle did not keep its place.
+    """
+    name, unit = AXES[axis], "m/s" if axis < 3 else "rad/s"
+    for hold in holds:
+        if abs(hold.velocity.mean()) > LARGEST_DRIFT:
+            raise HindraxError(
+                f"{name}: moved at {hold.velocity.mean():+.3f} {unit} under {hold.load:+.3g}, "
+                f"wanted at most {LARGEST_DRIFT:g}; hold the axis, or take a smaller load"
+            )
+    loads = np.array([hold.load for hold in holds])
+    if len(holds) < 2 or np.ptp(loads) == 0.0:
+        raise HindraxError(f"{name}: found no two loads that differ, wanted holds with the weight and without it")
+    ways, sigmas = np.array([_ways(hold) for hold in holds]), _deviations(holds, axis, dynamics)
+    reached = ways[:, 0].max(), -ways[:, 1].min()
+    weighed = [reach >= LEAST_SHARE * float(np.abs(loads).max()) for reach in reached]
+    both = np.array([ways.sum(axis=1), ways[:, 0] - ways[:, 1]]).T
+    middle_s = np.array([hold.begin_s + 0.5 * hold.long_s for hold in holds])
+    # Unknown: the gain, half its difference between both ways, what else pulls, and the drift of the thrust.
+    A = np.column_stack([both, np.ones(len(holds)), middle_s * both[:, 0]])
+    prior = np.diag([0.0, DIFFERENCE**-2 if all(weighed) else 1e12, 0.0, SAG_per_s**-2])
+    weight = 1.0 / np.sum(sigmas**2, axis=1)
+    solve = np.linalg.inv(A.T * weight @ A + prior)
+    gains = solve @ (A.T * weight)
+    theta = gains @ -loads
+    residual = (-loads - A @ theta) * np.sqrt(weight)
+    misfit = math.sqrt(float(residual @ residual) / max(1, len(holds) - 3))
+    parts = {name: max(1.0, misfit) * float(np.linalg.norm(gains[0] * sigmas[:, k])) for k, name in enumerate(SOURCES)}
+    parts |= {"drift of the battery": float(abs(solve[0, 3])) / SAG_per_s}
+    parts |= {"weight and lever": load_sigma, "another battery": SUPPLY, "alignment": ALIGNMENT}
+    gain = AxisGain(
+        load=float(np.abs(loads).max()),
+        sigma=math.hypot(*parts.values()),
+        sigma_difference=max(1.0, misfit) * math.sqrt(solve[1, 1]) if all(weighed) else 0.0,
+        positive=float(theta[0] + theta[1]) if weighed[0] else None,
+        negative=float(theta[0] - theta[1]) if weighed[1] else None,
+    )
+    return Weighing(name, gain, parts, float(theta[3] / theta[0]), misfit)
+
+
+SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")
+
+
+def _ways(hold: Hold) -> tuple[float, float]:
+    """Mean of the thrust ahead, and of that astern [N, Nm]."""
+    return float(np.maximum(hold.thrust, 0.0).mean()), float(np.minimum(hold.thrust, 0.0).mean())
+
+
+def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:
+    """Standard deviation of each hold's balance by source: (n, 4) [N, Nm]."""
+    largest = max(abs(float(hold.thrust.mean())) for hold in holds)
+    out = []
+    for hold in holds:
+        blocks = np.array([part.mean() for part in np.array_split(hold.thrust, BLOCKS)])
+        half = len(hold.velocity) // 2
+        change = 2.0 * (hold.velocity[half:].mean() - hold.velocity[:half].mean())
+        moving = dynamics.inertia * abs(change) / hold.long_s + abs(dynamics.drag_force(float(hold.velocity.mean())))
+        drifting = dynamics.drag_force(DVL_mps) if axis < 3 else 0.0
+        own = abs(float(hold.thrust.mean()))
+        near_zero = DEAD_BAND * largest if own < 10.0 * DEAD_BAND * largest else 0.0
+        out.append((float(blocks.std(ddof=1)) / math.sqrt(BLOCKS), moving, drifting, near_zero))
+    return np.array(out)

@@ -1,0 +1,96 @@
+"""Gain of the thrust from holds with and without a known load: recovered within its own deviation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of, weigh
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamped, after, stamp_from_s
+from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
+from hindrax_core.vehicle import load_vehicle
+
+SURGE = prior_dynamics(load_vehicle(default_vehicle()))["surge"]
+LOADS = (0.0, 15.0, -15.0, 15.0, -15.0)
+
+
+def holds(
+    ahead: float, astern: float, *, else_N: float = 0.5, sag_per_s: float = 0.0, loads: tuple[float, ...] = LOADS
+) -> list[Hold]:
+    """Gain x thrust + load + what else pulls = 0, with the noise of thrusters that are steady to a percent."""
+    rng = np.random.default_rng(4)
+    out = []
+    for index, load in enumerate(loads):
+        wanted = -load - else_N
+        thrust = wanted / (ahead if wanted > 0.0 else astern) * (1.0 + sag_per_s * 50.0 * (index + 0.5))
+        steady = thrust + 0.15 * rng.standard_normal(1000)
+        out.append(Hold(load, 50.0 * index, 50.0, steady, 0.01 * rng.standard_normal(400)))
+    return out
+
+
+@pytest.mark.parametrize("ahead", [0.93, 1.0, 1.06])
+def test_the_gain_is_known_to_a_few_tenths_of_a_percent_whatever_else_pulls(ahead: float) -> None:
+    found = weigh(holds(ahead, ahead, else_N=-2.0), 0, SURGE)
+    mean = 0.5 * (found.gain.positive + found.gain.negative)  # type: ignore[operator]
+    assert abs(mean - ahead) < 2.5 * found.gain.sigma
+    assert 0.003 < found.gain.sigma < 0.006
+    assert found.misfit < 2.0
+
+
+def test_both_directions_have_their_own_gain() -> None:
+    found = weigh(holds(0.97, 0.94), 0, SURGE)
+    off = 0.5 * ((found.gain.positive or 0.0) - (found.gain.negative or 0.0)) - 0.015
+    assert abs(off) < 2.5 * found.gain.sigma_difference
+
+
+def test_a_battery_that_sags_is_told_and_its_gain_is_that_of_the_beginning() -> None:
+    found = weigh(holds(0.95, 0.95, else_N=0.0, sag_per_s=1e-4), 0, SURGE)
+    assert found.drift_per_s == pytest.approx(-1e-4, rel=0.3)
+    assert abs((found.gain.positive or 0.0) - 0.95) < 2.5 * (found.gain.sigma + found.gain.sigma_difference)
+
+
+def test_a_direction_without_a_load_has_no_gain() -> None:
+    gain = weigh(holds(0.95, 0.95, loads=(0.0, 15.0, 0.0, 15.0)), 0, SURGE).gain
+    assert gain.positive is None
+    assert gain.negative is not None
+    assert abs(gain.negative - 0.95) < 2.5 * gain.sigma
+
+
+def test_a_wrong_weight_scales_the_gain_and_its_doubt_is_in_the_deviation() -> None:
+    right = weigh(holds(1.0, 1.0), 0, SURGE, load_sigma=0.02)
+    wrong = weigh([replace(one, load=1.02 * one.load) for one in holds(1.0, 1.0)], 0, SURGE, load_sigma=0.02)
+    assert wrong.gain.positive == pytest.approx(1.02 * (right.gain.positive or 0.0), rel=1e-3)
+    assert right.gain.sigma > 0.02
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        (holds(1.0, 1.0, loads=(15.0, 15.0)), "no two loads that differ"),
+        (holds(1.0, 1.0)[:1], "no two loads that differ"),
+        ([], "no two loads that differ"),
+        ([replace(one, velocity=one.velocity + 0.1) for one in holds(1.0, 1.0)], r"moved at \+0.1"),
+    ],
+)
+def test_what_is_no_weighing_is_refused(changed: list[Hold], why: str) -> None:
+    with pytest.raises(HindraxError, match=why):
+        weigh(changed, 0, SURGE)
+
+
+def test_holds_are_cut_out_of_a_record_of_events() -> None:
+    begin = stamp_from_s(100.0)
+    events: list[Stamped[IdentEvent]] = []
+    for index in range(400):
+        stamp = after(begin, 0.1 * index)
+        events.append(Stamped(stamp, Thrust((float(index), 0.0, 0.0, 0.0, 0.0, 0.0))))
+        events.append(Stamped(stamp, Velocity((0.001, *UNKNOWN6[1:]), UNKNOWN6, "dvl")))
+        events.append(Stamped(stamp, Velocity(UNKNOWN6, UNKNOWN6, "gyro")))
+    (found,) = holds_of(events, 0, [Span(after(begin, 10.0), after(begin, 20.0), 3.0)])
+    assert (found.load, found.begin_s, found.long_s) == (3.0, 0.0, 10.0)
+    assert found.thrust.tolist() == [float(index) for index in range(100, 200)]
+    assert found.velocity.tolist() == [0.001] * 100
+    with pytest.raises(HindraxError, match="found 0 wrenches"):
+        holds_of(events, 0, [Span(after(begin, 50.0), after(begin, 60.0), 3.0)])

@@ -1,0 +1,185 @@
+"""`hindrax weigh`: gain of the thrust from a known weight, guided step by step, in mock, or from a bag."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import select
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of, weigh
+from hindrax_analysis.records.bag_events import bag_events
+from hindrax_analysis.terminal import make_table, print_json, print_table, print_values
+from hindrax_bringup.stack import WORLD_HELP
+from hindrax_cli.argument_types import add_vehicle, positive, seed
+from hindrax_cli.vehicle_edit import set_key
+from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_core.errors import UsageError
+from hindrax_core.events import after
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_operator.connection import add_stack, operator_of
+
+NAME = "weigh"
+HELP = "gain of the thrust on an axis from a known weight or a line over a pulley, without a load cell"
+EXAMPLE = (
+    "./hindrax weigh surge --load 15 --write                     (beside an armed stack; it says what to do)\n"
+    "  ./hindrax weigh heave --load 18 --mock --world pool --seed 3\n"
+    "  ./hindrax weigh surge --bag runs/1/bag --hold 0:20:50 --hold 15:80:110 --hold=-15:140:170"
+)
+ACTS = {
+    "surge": ("a line over a pulley pulls it ahead", "a line over a pulley pulls it astern"),
+    "sway": ("a line over a pulley pulls it to starboard", "a line over a pulley pulls it to port"),
+    "heave": ("the weight hangs under its middle", "a float of this lift is tied to its middle"),
+    "yaw": ("a line over a pulley pulls the bow to starboard", "a line over a pulley pulls the bow to port"),
+}
+MOCK_LOADS = {"surge": "line", "sway": "line_aside", "heave": "weight", "yaw": "line_bow"}
+SHARES = (0.0, 1.0, -1.0, 1.0, -1.0)
+LEVER_SIGMA_m = 0.002
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Axis, load, and where the record comes from."""
+    parser.add_argument("axis", choices=tuple(ACTS), help="roll and pitch: their righting moment carries the load")
+    parser.add_argument(
+        "--load", type=positive, metavar="N", help="force of the weight, in water where it hangs in it [N]"
+    )
+    parser.add_argument(
+        "--load-std", type=positive, default=0.002, metavar="PART", help="its deviation; default 0.002 [-]"
+    )
+    parser.add_argument("--lever", type=positive, metavar="M", help="yaw: of the line from the center of mass [m]")
+    parser.add_argument("--one-way", action="store_true", help="only the first direction: no float, no second pulley")
+    add_vehicle(parser)
+    parser.add_argument("--write", action="store_true", help="put the gain into the vehicle file")
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_stack(parser)
+    mock = parser.add_argument_group("in mock, in lock-step")
+    mock.add_argument("--mock", action="store_true", help="the mock vehicle, and a mock operator")
+    mock.add_argument("--world", default="ideal", help=f"{WORLD_HELP}. Default: ideal")
+    mock.add_argument("--seed", type=seed, default=1, help="of the mock's noise; default 1")
+    bag = parser.add_argument_group("after the fact")
+    bag.add_argument("--bag", type=Path, metavar="BAG", help="a record of this stack")
+    bag.add_argument(
+        "--hold",
+        action="append",
+        default=[],
+        metavar="LOAD:FROM:TO",
+        help="load with the axis [N, Nm] and when it hung, in seconds from the start of the bag; repeatable",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure, print, and write where asked to."""
+    vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
+    found = weigh(
+        _holds(arguments, vehicle, axis), axis, prior_dynamics(vehicle)[arguments.axis], load_sigma=_sigma(arguments)
+    )
+    if arguments.write:
+        write(Path(arguments.vehicle), vehicle, found)
+    if arguments.json:
+        print_json({"weighing": found, "written": arguments.write})
+    else:
+        show(found)
+        where = f"thrust_gain.{arguments.axis} of {arguments.vehicle}"
+        print(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
+    return 0
+
+
+def _sigma(arguments: argparse.Namespace) -> float:
+    """Standard deviation of the load on the axis [-]."""
+    lever = LEVER_SIGMA_m / arguments.lever if arguments.lever else 0.0
+    return math.hypot(arguments.load_std, lever)
+
+
+def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:
+    shares = tuple(max(0.0, share) for share in SHARES) if arguments.one_way else SHARES
+    if arguments.bag:
+        return _from_bag(arguments, vehicle, axis)
+    if arguments.mock:
+        from hindrax_sim.weighing_flight import fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
+
+        load = f"={arguments.load}" if arguments.load else ""
+        world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
+        flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
+        return holds_of(flight.events, axis, [Span(*one) for one in flight.spans])
+    if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
+        raise UsageError(
+            f"weigh {arguments.axis}: wanted --load N{' and --lever M' if arguments.axis == 'yaw' else ''}"
+        )
+    lever = arguments.lever if arguments.axis == "yaw" else 1.0
+    return _guided(arguments, vehicle, axis, [share * arguments.load * lever for share in shares])
+
+
+def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: Sequence[float]) -> list[Hold]:
+    from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # invalid arguments are refused before rclpy loads
+    from hindrax_operator.weighing import weigh_on  # noqa: PLC0415
+
+    def ask(load: float) -> None:
+        what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
+        say(f"on the vehicle: {what}. Let it go gently, then press Enter")
+
+    with operator_of(arguments) as operator:
+        require_armed(operator)
+        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, say=say)
+
+
+def _entered() -> bool:
+    """Whether a line was entered; it does not wait, because the heartbeat of the operator must go on."""
+    return bool(select.select([sys.stdin], [], [], 0.0)[0]) and bool(sys.stdin.readline() or True)
+
+
+def say(sentence: str) -> None:
+    """Tell the operator."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:
+    events = list(bag_events(arguments.bag, vehicle))
+    if not events:
+        raise UsageError(f"{arguments.bag}: holds no navigation and no allocation of this stack")
+    start = events[0].stamp
+    spans = []
+    for text in arguments.hold:
+        try:
+            load, begin_s, end_s = map(float, text.split(":"))
+        except ValueError:
+            raise UsageError(f"--hold {text}: wanted LOAD:FROM:TO, such as 15:80:110") from None
+        if not (math.isfinite(load) and 0.0 <= begin_s < end_s < math.inf):
+            raise UsageError(f"--hold {text}: wanted a load, and seconds from 0 on, the first before the last")
+        spans.append(Span(after(start, begin_s), after(start, end_s), load))
+    return holds_of(events, axis, spans)
+
+
+def write(file: Path, vehicle: Vehicle, found: Weighing) -> None:
+    """Put the gain into the vehicle file."""
+    gains = {key: float(f"{value:.5g}") for key, value in asdict(found.gain).items() if value is not None}
+    if vehicle.thrust_gain:
+        set_key(file, ("thrust_gain", found.axis), gains)
+    else:
+        set_key(file, ("thrust_gain",), {found.axis: gains})
+
+
+def show(found: Weighing) -> None:
+    """Print the gain each way, and what its deviation is made of."""
+    gain = found.gain
+    rows: list[tuple[str, object, str]] = [
+        (way, value, "") for way, value in (("positive", gain.positive), ("negative", gain.negative)) if value
+    ]
+    rows += [
+        ("standard deviation, both ways alike", gain.sigma, ""),
+        ("half the difference of both ways, +-", gain.sigma_difference, ""),
+    ]
+    print_values(
+        f"Thrust of {found.axis} over that of its curves, losses included", [*rows, ("weighed to", gain.load, "N, Nm")]
+    )
+    budget = make_table("Its uncertainty", ["influence"], ["percent"])
+    for name, part in sorted(found.contributions.items(), key=lambda one: -one[1]):
+        budget.add_row(name, f"{100.0 * part:.2f}")
+    print_table(budget)
+    if found.misfit > 3.0:
+        print(
+            f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",
+            file=sys.stderr,
+        )

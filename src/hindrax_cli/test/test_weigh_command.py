@@ -1,0 +1,74 @@
+"""`hindrax weigh` as an operator uses it: in mock, from a record, into the vehicle file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hindrax_analysis.experiments.known_weight import Weighing
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.experiment import weigh
+from hindrax_core.vehicle import AxisGain, load_vehicle
+from hindrax_sim import weighing_flight
+
+COMMENT = "# Poses are not published"
+
+
+@pytest.fixture
+def vehicle_file(tmp_path: Path) -> Path:
+    file = tmp_path / "mine.yaml"
+    file.write_text(Path(default_vehicle()).read_text(encoding="utf-8"), encoding="utf-8")
+    return file
+
+
+def test_in_mock_it_finds_what_the_thrusters_lack_and_keeps_it(
+    vehicle_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(weigh, "SHARES", (0.0, 1.0))
+    monkeypatch.setattr(weighing_flight, "SETTLE_S", 20.0)
+    monkeypatch.setattr(weighing_flight, "RAMP_per_s", 0.5)
+    monkeypatch.setattr(weighing_flight, "HOLD_S", 5.0)
+    words = ["weigh", "surge", "--mock", "--world", "thrust_gain=-0.05", "--load", "4", "--one-way"]
+    assert main([*words, "--vehicle", str(vehicle_file), "--write", "--json"]) == 0
+    gain = json.loads(capsys.readouterr().out)["weighing"]["gain"]
+    assert abs(gain["negative"] - 0.95) < 3.0 * gain["sigma"]
+    assert gain["sigma"] < 0.05
+    assert gain["positive"] is None
+    kept = load_vehicle(vehicle_file).thrust_gain["surge"]
+    assert kept.of(-10.0) == pytest.approx(gain["negative"], rel=1e-4)
+    assert kept.of(10.0) == 1.0
+    assert COMMENT in vehicle_file.read_text(encoding="utf-8")
+
+
+def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_place_of_the_first(
+    vehicle_file: Path,
+) -> None:
+    before = vehicle_file.read_text(encoding="utf-8")
+    for axis, value in (("surge", 0.93), ("heave", 0.97), ("surge", 0.94)):
+        gain = AxisGain(load=15.0, sigma=0.004, sigma_difference=0.01, positive=value, negative=value)
+        weigh.write(vehicle_file, load_vehicle(vehicle_file), Weighing(axis, gain, {}, 0.0, 1.0))
+    found = load_vehicle(vehicle_file).thrust_gain
+    assert {axis: gain.positive for axis, gain in found.items()} == {"surge": 0.94, "heave": 0.97}
+    after = vehicle_file.read_text(encoding="utf-8").splitlines()
+    assert [line for line in after if "thrust_gain" not in line] == before.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["surge"], "wanted --load N"),
+        (["yaw", "--load", "10"], "--lever M"),
+        (["surge", "--bag", "there-is-none", "--hold", "1:2"], "there-is-none"),
+        (["roll", "--load", "10"], "invalid choice"),
+    ],
+)
+def test_what_cannot_be_weighed_is_refused(words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        code = main(["weigh", *words])
+    except SystemExit as error:
+        code = int(str(error.code))
+    assert code in (1, 2)
+    assert why in capsys.readouterr().err

@@ -1,0 +1,76 @@
+"""A known-weight test on a running, armed stack: it holds every axis while the operator hangs the load on and off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of
+from hindrax_control.maneuver.servable import servable_motions
+from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
+from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_ros.convert import stamp_from_msg
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+SETTLE_S, HOLD_S = 30.0, 30.0
+PATIENCE_S = 3600.0
+
+
+def weigh_on(
+    operator: Operator,
+    vehicle: Vehicle,
+    axis: int,
+    loads: Sequence[float],
+    *,
+    ready: Callable[[], bool],
+    ask: Callable[[float], None],
+    say: Callable[[str], None],
+) -> list[Hold]:
+    """Holds with loads on an axis [N, Nm]; `ask` the operator for each load, who is `ready` when it hangs."""
+    from hindrax_operator.nodes.orders import hold, until  # noqa: PLC0415  # rclpy reads the environment first
+
+    served = servable_motions(AXES, vehicle).flown
+    hold(operator, ("heading", "depth", "station"), math.nan, engaged=True)
+    hold(operator, [name for name in ("roll", "pitch") if name in served], 0.0, engaged=True)
+    events: list[Stamped[IdentEvent]] = []
+    spans = []
+    for load in loads:
+        ask(load)
+        operator.wait(ready, PATIENCE_S, lambda: "the load to hang")
+        say(f"settling for {SETTLE_S:.0f} s")
+        begin = after(operator.now(), SETTLE_S)
+        until(operator, partial(_reached, operator, begin), SETTLE_S, "the weighing")
+        say(f"measuring for {HOLD_S:.0f} s: keep away from line and tether")
+        span = Span(begin, after(begin, HOLD_S), load)
+
+        until(operator, partial(_measured, operator, span.end, events), HOLD_S, "the weighing")
+        spans.append(span)
+    return holds_of(events, axis, spans)
+
+
+def _reached(operator: Operator, stamp: Stamp) -> bool:
+    return operator.now() >= stamp
+
+
+def _measured(operator: Operator, end: Stamp, events: list[Stamped[IdentEvent]]) -> bool:
+    """Keep what is new; whether the end is reached."""
+    events.extend(_now(operator, events))
+    return _reached(operator, end)
+
+
+def _now(operator: Operator, events: Sequence[Stamped[IdentEvent]]) -> list[Stamped[IdentEvent]]:
+    """The latest wrench and velocity, where they are new."""
+    found: list[Stamped[IdentEvent]] = []
+    if operator.allocation is not None:
+        X, Y, Z, K, M, N = (float(one) for one in operator.allocation.achieved)
+        found.append(Stamped(stamp_from_msg(operator.allocation.header.stamp), Thrust((X, Y, Z, K, M, N))))
+    if operator.navigation is not None:
+        state = operator.navigation.reading
+        nu = (*state.velocity_mps, *state.rate_radps)
+        found.append(Stamped(operator.navigation.stamp, Velocity(nu, UNKNOWN6, "navigation")))
+    return [one for one in found if one not in events[-4:]]

@@ -1,0 +1,85 @@
+"""A known-weight test in lock-step: the vehicle keeps its place while the load of a world comes and goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_control.hold.holds import HOLDS, Setpoint
+from hindrax_control.pilot import Pilot
+from hindrax_core.events import Stamp, Stamped, after, seconds_between
+from hindrax_core.signals import UNKNOWN6, Allocation, IdentEvent, Navigation, Phase, Thrust, Velocity
+from hindrax_core.vehicle import Vehicle
+from hindrax_sim.conditions.known_loads import KnownLoad
+from hindrax_sim.conditions.world_table import sizes_of
+from hindrax_sim.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.pool_flight import calibrated
+from hindrax_sim.world import Conditions
+
+SETTLE_S, HOLD_S = 30.0, 20.0
+RAMP_per_s = 0.1
+"""How gently the load is put on."""
+READY_S, LONGEST_START_S, DEPTH_m = 3.0, 30.0, 0.9
+
+
+class WeighingPilot:
+    """Arms, holds every axis, and hangs the load on the vehicle as the operator would."""
+
+    def __init__(self, vehicle: Vehicle, shares: Sequence[float]) -> None:
+        self.pilot = Pilot(vehicle)
+        self.load: KnownLoad | None = None
+        self._shares, self._begun, self._first = shares, Stamp(0), Stamp(0)
+        self._last = Stamp(0)
+        self.spans: list[tuple[Stamp, Stamp, float]] = []
+        """When a measurement begins and ends, and the share of the load that hangs."""
+
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
+        """Decide on the next order."""
+        stamp = navigation.stamp
+        self._first = self._first or stamp
+        flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
+        if armed and not self._begun:
+            self._begun = stamp
+            for axis in HOLDS:
+                if axis != "altitude":
+                    level = {"roll": 0.0, "pitch": 0.0, "depth": DEPTH_m}
+                    self.pilot.set(Setpoint(axis, value=level.get(axis, math.nan)))
+        elapsed_s = seconds_between(self._begun, stamp) if self._begun else 0.0
+        at, within_s = divmod(elapsed_s, SETTLE_S + HOLD_S)
+        finished = at >= len(self._shares)
+        if self.load is not None and not finished:
+            share = self._shares[int(at)]
+            most = RAMP_per_s * seconds_between(self._last, stamp) if self._last else 1.0
+            self.load.share += max(-most, min(most, share - self.load.share))
+            self._last = stamp
+            if within_s >= SETTLE_S and len(self.spans) == int(at):
+                self.spans.append((stamp, after(stamp, HOLD_S), share))
+        ready = seconds_between(self._first, stamp) > READY_S
+        return LockstepCommand(flight.wrench, Phase("", "hover"), ready, finished=finished)
+
+
+@dataclass(frozen=True, slots=True)
+class WeighingFlight:
+    """What was recorded; when a measurement began and ended, and the load on the axis then [N, Nm]."""
+
+    events: list[Stamped[IdentEvent]]
+    spans: list[tuple[Stamp, Stamp, float]]
+
+
+def fly_weighing(vehicle: Vehicle, axis: int, world: str, seed: int, shares: Sequence[float]) -> WeighingFlight:
+    """Fly a known-weight test in a world with one known load, of which these shares hang one after the other."""
+    vehicle = calibrated(vehicle)
+    pilot = WeighingPilot(vehicle, shares)
+    step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)))
+    (load,) = (one for one in step.world.truth.influences if isinstance(one, KnownLoad))
+    pilot.load, load.share = load, 0.0
+    events: list[Stamped[IdentEvent]] = []
+    for event in step.run(len(shares) * (SETTLE_S + HOLD_S) + LONGEST_START_S):
+        reading = event.reading
+        if isinstance(reading, Allocation):
+            events.append(Stamped(event.stamp, Thrust(reading.achieved)))
+        elif isinstance(reading, Navigation):
+            nu = (*reading.velocity_mps, *reading.rate_radps)
+            events.append(Stamped(event.stamp, Velocity(nu, UNKNOWN6, "navigation")))
+    return WeighingFlight(events, [(begin, end, share * load.level[axis]) for begin, end, share in pilot.spans])
