@@ -33,6 +33,7 @@ ELSEWHERE = {
     "free_decay",
     "bollard",
     "pendulum",
+    "weigh",
 }
 """They print with the same two functions, but need minutes, a stack or a record that their own tests make."""
 HEADINGS = ("\u250f", "\u2503", "\u2521")
