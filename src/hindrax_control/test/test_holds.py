@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.hold.holds import HoldKnobs, Holds, HoldsOutput, HoldState, Setpoint, wrapped
+from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
@@ -117,6 +118,16 @@ def test_setpoint_is_reached_without_overshoot_and_held(
     assert vehicle.value[coordinate] == pytest.approx(expected, abs=0.01)
     assert max(furthest) < 1.08
     assert state(output, axis).error == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_dive_and_a_transit_at_once_stay_below_the_speed_limit_of_a_slow_vehicle() -> None:
+    slow = replace(HINDRAX, limits=replace(HINDRAX.limits, speed_mps=0.2))
+    holds, vehicle = Holds(slow), IdealVehicle(slow, depth_m=0.2)
+    holds.set(Setpoint("depth", value=1.4))
+    speeds = []
+    fly(holds, vehicle, 15.0, lambda one, _: speeds.append(one.rate["heave"]))
+    assert vehicle.value["heave"] == pytest.approx(1.4, abs=0.02)
+    assert math.hypot(max(speeds), StationKeeping(slow).speed_mps) < 0.2
 
 
 def test_heading_takes_the_short_way_round() -> None:

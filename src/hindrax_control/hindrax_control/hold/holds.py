@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hindrax_control.hold.regulator import LoopTuning, Regulator
+from hindrax_control.hold.regulator import LoopTuning, Regulator, reference_speed
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
@@ -85,12 +85,13 @@ class _Loop:
     note: str = field(default="")
 
 
-def _tunings(knobs: HoldKnobs) -> Iterator[tuple[str, LoopTuning, float]]:
+def _tunings(knobs: HoldKnobs, vehicle: Vehicle) -> Iterator[tuple[str, LoopTuning, float]]:
     """Axis of each loop, its tuning, and the shortfall [N, Nm] below which its integral goes on."""
     tilt, heading = knobs.tilt_bandwidth_radps, knobs.heading_bandwidth_radps
     for axis, bandwidth in (("yaw", heading), ("roll", tilt), ("pitch", tilt)):
         yield axis, _tuning(knobs, bandwidth, knobs.turn_radps, knobs.integral_Nm), knobs.shortfall_Nm
-    vertical = _tuning(knobs, knobs.vertical_bandwidth_radps, knobs.climb_mps, knobs.integral_N)
+    climb_mps = reference_speed(knobs.climb_mps, vehicle)
+    vertical = _tuning(knobs, knobs.vertical_bandwidth_radps, climb_mps, knobs.integral_N)
     yield "heave", vertical, knobs.shortfall_N
 
 
@@ -102,13 +103,14 @@ class Holds:
     """All holds of one vehicle. Setpoints are events; `step` is called for every new Navigation."""
 
     def __init__(self, vehicle: Vehicle, knobs: HoldKnobs | None = None) -> None:
-        self._knobs = knobs or HoldKnobs()
+        self._knobs, self._vehicle = knobs or HoldKnobs(), vehicle
         self._tilt_rad = math.radians(vehicle.limits.tilt_deg)
         self._depth_m = vehicle.depth_rating_m
         self._altimeters = altimeters(vehicle)
         self._freedoms = prior_dynamics(vehicle)
         self._loops = {
-            axis: _Loop(Regulator(self._freedoms[axis], one), limit) for axis, one, limit in _tunings(self._knobs)
+            axis: _Loop(Regulator(self._freedoms[axis], one), limit)
+            for axis, one, limit in _tunings(self._knobs, vehicle)
         }
         self._vertical = self._loops["heave"]
         self._mode = "depth"
@@ -119,7 +121,7 @@ class Holds:
     def tune(self, knobs: HoldKnobs) -> None:
         """Use other knobs from now on; engaged holds keep their setpoints, references and integrals."""
         self._knobs = knobs
-        for axis, tuning, limit in _tunings(knobs):
+        for axis, tuning, limit in _tunings(knobs, self._vehicle):
             loop = self._loops[axis]
             loop.regulator.tune(tuning)
             loop.limit = limit
@@ -258,7 +260,7 @@ class Holds:
             loop.setpoint = -value if loop is self._vertical and self._measured == "altitude" else value
         return True
 
-    # ---- what is told
+    # ---- status
 
     def _state(self, axis: str, value: float) -> HoldState:
         loop = self._loops[SNAME_OF[axis]]

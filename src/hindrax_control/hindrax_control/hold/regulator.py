@@ -10,8 +10,11 @@ import math
 from dataclasses import dataclass
 
 from hindrax_control.prior_dynamics import PriorDynamics
+from hindrax_core.vehicle import Vehicle
 
 LONGEST_STEP_S = 0.2
+LIMIT_SHARE = 0.6
+"""Share of the vehicle's speed limit at which a reference may move: two at once stay below the limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,3 +113,8 @@ def gains(freedom: PriorDynamics, bandwidth_radps: float, damping: float) -> tup
     stiffness = freedom.inertia * bandwidth_radps * bandwidth_radps
     derivative = 2.0 * damping * bandwidth_radps * freedom.inertia - freedom.drag_slope(0.0)
     return max(stiffness - freedom.restoring, 0.2 * stiffness), max(derivative, 0.0)
+
+
+def reference_speed(wanted_mps: float, vehicle: Vehicle) -> float:
+    """Speed of a reference [m/s]: as wanted, but well below the speed at which the vehicle is stopped."""
+    return min(wanted_mps, LIMIT_SHARE * vehicle.limits.speed_mps)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hindrax_control.hold.regulator import LONGEST_STEP_S, Ramp, gains
+from hindrax_control.hold.regulator import LONGEST_STEP_S, Ramp, gains, reference_speed
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.knobs import knob
@@ -35,14 +35,11 @@ class StationKeeping:
         found = prior_dynamics(vehicle)
         self._surge, self._sway = found["surge"], found["sway"]
         self._gains = tuple(gains(one, knobs.bandwidth_radps, knobs.damping) for one in (self._surge, self._sway))
-        self._x, self._y = (Ramp(knobs.bandwidth_radps, knobs.speed_mps) for _ in range(2))
+        self.speed_mps = reference_speed(knobs.speed_mps, vehicle)
+        """Speed of a transit."""
+        self._x, self._y = (Ramp(knobs.bandwidth_radps, self.speed_mps) for _ in range(2))
         self._push = [0.0, 0.0]
         self.goal_m: tuple[float, float] | None = None
-
-    @property
-    def speed_mps(self) -> float:
-        """Speed of a transit."""
-        return self._knobs.speed_mps
 
     def start(self, place: PoolPosition) -> None:
         """Take the present place as goal, moving as the vehicle moves; what holds against a current is kept."""
