@@ -49,6 +49,31 @@ def test_nothing_is_wrong_when_all_is_well(look: Callable[..., tuple[str, ...]])
     assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
 
 
+BLOCKED = replace(WELL, velocity_mps=(0.01, 0.0, 0.0))
+
+
+def test_thrust_without_motion_is_blocked_after_a_while(look: Callable[..., tuple[str, ...]]) -> None:
+    assert look(BLOCKED, 0.0, thrust_N=(18.0, 0.0)) == ()
+    (found,) = look(BLOCKED, 5.0, thrust_N=(18.0, 0.0))
+    assert found.startswith("blocked: 18 N of surge move it at 0.01 m/s, wanted 0.")
+
+
+@pytest.mark.parametrize(
+    ("velocity", "thrust"),
+    [
+        ((0.3, 0.0, 0.0), (18.0, 0.0)),  # it moves
+        ((-0.3, 0.0, 0.0), (18.0, 0.0)),  # it brakes
+        ((0.0, 0.0, 0.0), (0.0, 2.0)),  # it stands against a current
+        ((math.nan, math.nan, 0.0), (18.0, 0.0)),  # nobody knows; the lock has a guard of its own
+    ],
+)
+def test_motion_braking_and_a_current_are_not_blocked(
+    look: Callable[..., tuple[str, ...]], velocity: Vec3, thrust: tuple[float, float]
+) -> None:
+    seen = [look(replace(WELL, velocity_mps=velocity), time_s, thrust_N=thrust) for time_s in (0.0, 6.0)]
+    assert seen == [(), ()]
+
+
 WALLS = {"north": (1.0, 0.0), "south": (-1.0, 0.0), "east": (0.0, 1.0), "west": (0.0, -1.0)}
 
 

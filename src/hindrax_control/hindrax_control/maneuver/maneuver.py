@@ -132,6 +132,7 @@ class Maneuver:
         self._aborted = ""
         self._stopping = self._neutral = False
         self._said: ManeuverOutput | None = None
+        self._thrust_N = (0.0, 0.0)
 
     @property
     def seconds(self) -> float:
@@ -176,6 +177,9 @@ class Maneuver:
         if self._said is not None and self._said.done:
             return self._said
         moment = self._moment(navigation, stamp, shortfall)
+        if self._said is not None:
+            X, Y, *_ = (wanted - missing for wanted, missing in zip(self._said.wrench, shortfall, strict=True))
+            self._thrust_N = (X, Y)
         if not self._stopping:
             wrong = self._safety.step(self._situation(moment, tuple(lost_axes), battery_V))
             if wrong:
@@ -244,6 +248,7 @@ class Maneuver:
             deadline_s=self.seconds * self._knobs.overtime + self._knobs.overtime_s,
             lost_axes=lost_axes,
             needed_axes=("heave" if motion.startswith("heave") else motion, "heave"),
+            thrust_N=self._thrust_N,
         )
 
     def _progress(self, time_s: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import PoolPosition
+from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -19,6 +20,10 @@ from hindrax_core.vehicle import Vehicle
 INERTIAL = ("icm20948",)
 VELOCITY = ("dvl75",)
 DEPTH = ("ms5837",)
+MOVES_mps = 0.2
+"""Thrust that the prior expects to move the vehicle this fast must move it: no current in a pool is faster."""
+BLOCKED_SHARE = 0.25
+"""Share of the expected speed below which it does not move."""
 
 REMEDIES: Mapping[str, str] = {
     "pool_box": "bring it to the middle of the pool, or correct `pool` in the vehicle file",
@@ -31,6 +36,7 @@ REMEDIES: Mapping[str, str] = {
     "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
     "speed": "let it come to rest, and see whether the DVL tells the truth (`./hindrax monitor`)",
     "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
+    "blocked": "look for a wall, a cable or a rope; start where the pilot's parameters say: dead reckoning drifts",
     "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",
 }
 """What the operator can do about each guard."""
@@ -47,6 +53,7 @@ class ManeuverGuardKnobs:
     inertial_age_s: float = knob(0.2, 0.01, 10.0, "oldest inertial sample [s]")
     depth_age_s: float = knob(1.0, 0.05, 10.0, "oldest depth [s]")
     braking_mps2: float = knob(0.35, 0.01, 10.0, "deceleration that can be counted on [m/s^2]")
+    blocked_s: float = knob(5.0, 0.5, 60.0, "longest time of thrust without motion [s]")
     patience_s: float = knob(0.3, 0.0, 10.0, "time for which tilt, speed and age must be wrong [s]")
 
 
@@ -67,6 +74,8 @@ class Situation:
     """Time at which the maneuver should long be over."""
     lost_axes: tuple[str, ...] = ()
     needed_axes: tuple[str, ...] = ()
+    thrust_N: tuple[float, float] = (0.0, 0.0)
+    """Surge and sway force of the last cycle."""
 
 
 class ManeuverGuards:
@@ -78,6 +87,8 @@ class ManeuverGuards:
         self._inertial = _sensors(vehicle, INERTIAL)
         self._depth = _sensors(vehicle, DEPTH)
         self._velocity = _sensors(vehicle, VELOCITY)
+        self._freedoms = prior_dynamics(vehicle)
+        self._patience_s = {"dvl_lock": self._knobs.unlocked_s, "blocked": self._knobs.blocked_s}
         self._wrong_since_s: dict[str, float] = {}
 
     def step(self, situation: Situation) -> tuple[str, ...]:
@@ -95,6 +106,7 @@ class ManeuverGuards:
             "attitude": self._attitude(situation.navigation),
             "speed": self._speed(situation.navigation),
             "sensor_age": self._sensor_age(situation.navigation),
+            "blocked": self._blocked(situation),
             "dvl_lock": self._dvl_lock(situation),
         }
         found = {name: text for name, text in at_once.items() if text}
@@ -105,7 +117,7 @@ class ManeuverGuards:
         if not text:
             self._wrong_since_s.pop(name, None)
             return False
-        patience_s = self._knobs.unlocked_s if name == "dvl_lock" else self._knobs.patience_s
+        patience_s = self._patience_s.get(name, self._knobs.patience_s)
         return time_s - self._wrong_since_s.setdefault(name, time_s) >= patience_s
 
     def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
@@ -151,6 +163,15 @@ class ManeuverGuards:
                 said = f"{age_s:.2f} s" if math.isfinite(age_s) else "never"
                 return f"{name} heard {said} ago, wanted at most {limit_s:.2f} s".replace("never ago", "never")
         return "" if math.isfinite(navigation.depth_m) else "depth unknown"
+
+    def _blocked(self, situation: Situation) -> str:
+        """Thrust without motion, as against a wall that dead reckoning knows elsewhere."""
+        u, v, _ = situation.navigation.velocity_mps
+        for axis, force_N, speed in zip(("surge", "sway"), situation.thrust_N, (u, v), strict=True):
+            expected = abs(self._freedoms[axis].rate_at(force_N))
+            if expected > MOVES_mps and abs(speed) < BLOCKED_SHARE * expected:
+                return f"{abs(force_N):.0f} N of {axis} move it at {abs(speed):.2f} m/s, wanted {expected:.2f} m/s"
+        return ""
 
     def _dvl_lock(self, situation: Situation) -> str:
         if situation.navigation.dvl_locked or not self._velocity:
