@@ -110,7 +110,8 @@ def test_a_name_is_looked_for_here_then_among_ones_own_then_in_the_clone(
     assert vehicle_file("hindrax").resolve() == tmp_path / "hindrax.yaml"
     assert vehicle_file("elsewhere/my.yaml") == Path("elsewhere/my.yaml")
     with pytest.raises(
-        UsageError, match=r"vehicle nobody: found no nobody.yaml here, .* wanted one of bluerov2-heavy, hindrax"
+        UsageError,
+        match=r"vehicle nobody: found no nobody.yaml here, .* wanted one of bluerov2, bluerov2-heavy, hindrax, lbv",
     ):
         vehicle_file("nobody")
     monkeypatch.setenv(VEHICLE, "nobody")

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 from hindrax_control.maneuver.maneuver import PLATEAUS, Goal, ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
+from hindrax_control.pilot import PilotKnobs
 from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate, IdentEvent, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -54,7 +55,7 @@ class PoolFlight:
 
 
 class _Recording(Session):
-    """A session that keeps what it is told."""
+    """A session that keeps its events."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         super().__init__(vehicle, silent=True)
@@ -77,11 +78,12 @@ def fly(
     *,
     vehicle: Vehicle,
     excitation: str = PLATEAUS,
+    knobs: PilotKnobs | None = None,
     watch: Watch = _unwatched,
 ) -> PoolFlight:
     """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed."""
     vehicle = calibrated(vehicle)
-    pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed))
+    pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
     session = _Recording(vehicle)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
     for event in step.run(LONGEST_S):

@@ -297,6 +297,16 @@ def test_the_dvl_is_late_by_its_latency_and_long_by_its_scale() -> None:
     )
 
 
+def test_a_biased_dvl_covers_ground_at_rest() -> None:
+    world = made(dvl_bias=0.01)
+    plant, (error,) = plant_of(world), world.travel_errors
+    for _ in range(1000):  # 5 s
+        wrench(world, plant)
+    _, (x, y, z) = error(((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert math.hypot(x, y) == pytest.approx(0.05)
+    assert z == 0.0
+
+
 def test_a_turned_dvl_sees_a_part_of_surge_as_sway() -> None:
     x, y, _ = covered(moving(dvl_yaw=2.0))
     assert math.degrees(math.atan2(-y, x)) == pytest.approx(2.0, abs=0.05)

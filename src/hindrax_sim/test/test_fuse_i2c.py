@@ -1,4 +1,4 @@
-"""Programs of others against the virtual bus: smbus2 unmodified, plain ioctl, read and write, through the kernel."""
+"""Third-party programs on the virtual bus: smbus2 unmodified, plain ioctl, read and write, through the kernel."""
 
 import errno
 import fcntl

@@ -2,7 +2,7 @@
 
 The file is the root of a FUSE file system without any other file, mounted over an existing path. The kernel hands
 every open, ioctl, read and write on it to this server through /dev/fuse; what ioctl arguments point at is fetched from
-and stored into the memory of the caller. Linux, 64 bit, root only (mount, and access to the memory of others).
+and stored into the memory of the caller. Linux, 64 bit, root only (mount, and access to the memory of other processes).
 
 Source: Linux uapi header fuse.h (protocol 7), i2c-dev.h; no FUSE library is used.
 """

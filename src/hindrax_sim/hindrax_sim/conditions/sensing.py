@@ -30,6 +30,38 @@ def dvl_scale(world: Realization, size: float, _draws: NormalDraws) -> None:
     world.travel_errors.append(scaled)
 
 
+def dvl_bias(world: Realization, size: float, draws: NormalDraws) -> None:
+    """The DVL adds a constant velocity in a horizontal direction drawn at random.
+
+    Size: 1 mm/s is its resolution; crosstalk between beams over a hard floor brings more, our estimate.
+    """
+    x, y, _ = unit(draws.three(1.0))
+    level = math.hypot(x, y)
+    bias = Bias((size * x / level, size * y / level, 0.0))
+    world.influences.append(bias)
+    world.travel_errors.append(bias.added)
+
+
+class Bias:
+    """Adds ground covered at a constant velocity."""
+
+    def __init__(self, velocity_mps: Vec3) -> None:
+        self._velocity_mps = velocity_mps
+        self._time_s = 0.0
+
+    def wrench(self, plant: Plant, dt: float) -> Vec6:
+        """Let time pass; no force."""
+        del plant
+        self._time_s += dt
+        return ZERO6
+
+    def added(self, travel: Travel) -> Travel:
+        """The ground covered with what the bias has added so far."""
+        turned, (x, y, z) = travel
+        a, b, c = (each * self._time_s for each in self._velocity_mps)
+        return turned, (x + a, y + b, z + c)
+
+
 def dvl_yaw(world: Realization, size: float, _draws: NormalDraws) -> None:
     """The DVL is mounted with a turn about the vertical axis that the vehicle file does not know.
 

@@ -88,6 +88,7 @@ _ROWS = (
     Condition("center_of_mass", "m", 0.005, hull.center_of_mass, ONE_SIDED, 0.005, most=0.2),
     Condition("dvl_latency", "s", 0.15, sensing.dvl_latency, ONE_SIDED, 0.05, most=2.0),
     Condition("dvl_scale", "-", 0.01, sensing.dvl_scale, SIGNED, 0.003, least=-0.5, most=0.5),
+    Condition("dvl_bias", "m/s", 0.003, sensing.dvl_bias, ONE_SIDED, 0.002, most=1.0),
     Condition("dvl_yaw", "deg", 2.0, sensing.dvl_yaw, SIGNED, 1.0, least=-180.0, most=180.0),
     Condition("imu_misalignment", "deg", 2.0, sensing.imu_misalignment, ONE_SIDED, 1.0, most=30.0),
     Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, most=20.0),
