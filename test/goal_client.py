@@ -1,4 +1,4 @@
-"""Somebody else's action client, as a process of its own: sends goals one after the other and writes down what it gets.
+"""A third-party action client, as a process of its own: sends goals one after the other and records the answers.
 
     python goal_client.py '[["surge", "cancel"], ["yaw", ""]]'
 

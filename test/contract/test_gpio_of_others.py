@@ -1,4 +1,4 @@
-"""A GPIO library of others reads the emulated leak probe, by the binary interface of <linux/gpio.h>, version 2.
+"""A third-party GPIO library reads the emulated leak probe, by the binary interface of <linux/gpio.h>, version 2.
 
 python-periphery makes the requests; what answers them is the kernel's part, played here: a test machine has no GPIO
 chip, and a file cannot play one, because a request returns a new file descriptor.

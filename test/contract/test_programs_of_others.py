@@ -1,4 +1,4 @@
-"""What programs of others do on an I2C adapter, through the kernel: by smbus2, by plain calls, sleeping by the wall.
+"""Third-party programs on an I2C adapter, through the kernel: smbus2, plain calls, sleeps by the wall clock.
 
 Steps and waiting times are those of the data sheets: TE MS5837-30BA rev. C2 (conversions), TDK DS-000189 r1.3
 (bypass), NXP PCA9685 rev. 4 section 7.3, Bosch BST-BME280-DS002 section 5.3, TI SBOS547 tables 1 and 2,

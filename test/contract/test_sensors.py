@@ -26,7 +26,7 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 BEGIN_S, LASTS_S, BACK_WITHIN_S, AFTER_S = 4.0, 3.0, 2.0, 1.0
 OVER_S = BEGIN_S + LASTS_S
 MID_CYCLE_S = BEGIN_S + 0.005
-"""In a conversion: between two of them a part that loses its power for a moment harms nothing, and nothing is told."""
+"""In a conversion: between two of them a part that loses its power for a moment does no harm and is not reported."""
 WITHOUT_POWER = {"reset", "wrong_identity"}
 NAMES = [sensor.name for sensor in SENSORS]
 SWEEP = [

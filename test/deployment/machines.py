@@ -73,7 +73,7 @@ class Machines:
         return child
 
     def start_stranger(self, machine: str, asked: Sequence[str], seconds: float) -> subprocess.Popen[str]:
-        """Start somebody whose middleware is told nothing of interfaces, only whom to ask."""
+        """Start a process whose middleware knows no interfaces, only a discovery server."""
         peers = "".join(
             f"<locator><udpv4><address>{one}</address></udpv4></locator>" for one in ("239.255.0.1", *asked)
         )

@@ -1,4 +1,4 @@
-"""Somebody who wants to see and command a vehicle: says after some seconds, as JSON, how far that went."""
+"""A foreign process that tries to see and command a vehicle: prints after some seconds, as JSON, how far it got."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""A deployment against a stand-in for ssh that writes down what it is told and does it here, below a folder."""
+"""A deployment against a stand-in for ssh that records its commands and runs them here, below a folder."""
 
 from __future__ import annotations
 

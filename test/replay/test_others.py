@@ -1,4 +1,4 @@
-"""Bags of others, with messages only: replayed from the topics that their types or the user name."""
+"""Third-party bags, with messages only: replayed from the topics that their types or the user name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pilot node and an operator, by messages: what is told of a maneuver while it is flown, and of one that is not."""
+"""The pilot node and an operator, by messages: reports of a maneuver in flight, and of one that is refused."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Bench:
         self.operator.wait(done, PATIENT_S, lambda: "the bench")
 
     def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> str:
-        """What the operator is told in the end."""
+        """The operator's last message."""
         return self.operator.fly(list(motions), excitation=excitation, seed=1, on_cancel="neutral", seconds=PATIENT_S)
 
     def say_armed(self, *, armed: bool, reason: str = "") -> None:

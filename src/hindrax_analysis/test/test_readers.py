@@ -1,4 +1,4 @@
-"""Records of others: columns, gaps in them, and the events that they make."""
+"""Third-party records: columns, gaps, and the events made of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bags of others, damaged bags, and what is no bag."""
+"""Third-party bags, damaged bags, and files that are no bag."""
 
 from __future__ import annotations
 

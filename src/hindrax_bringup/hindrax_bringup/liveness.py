@@ -1,6 +1,6 @@
 """The pulse of the tool that looks after a stack, and the heartbeats of its processes: what `hindrax health` reads.
 
-The pulse stops when the tool hangs, whatever its processes still do; the service manager is told of it too and starts
+The pulse stops when the tool hangs, whatever its processes still do; the service manager learns of it too and starts
 the tool again (sd_notify(3)). The file is locked for as long as the tool lives, as that of `stack_lock` is.
 """
 
@@ -22,7 +22,7 @@ from hindrax_ros.heartbeat import beaten_s
 PERIOD_S = 1.0
 DEAD_S = 5.0
 LATE_S = 3.0
-"""Without a heartbeat for this long a process is told of."""
+"""A process without a heartbeat for this long is reported."""
 NOBODY = "no stack is up here; start one with `./hindrax up`"
 STARTING = {"stack": "starting"}
 """Trouble of a stack whose processes are not up yet."""

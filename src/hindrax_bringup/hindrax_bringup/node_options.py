@@ -1,4 +1,4 @@
-"""What the processes of a stack are told: one description for `hindrax up`, `pool-test` and `ros2 launch`."""
+"""Options of the processes of a stack: one description for `hindrax up`, `pool-test` and `ros2 launch`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Tuning:
 
 @dataclass(frozen=True, slots=True)
 class NodeOptions:
-    """Everything that the nodes of one stack are told."""
+    """All options of the nodes of one stack."""
 
     vehicle: str
     tuning: Tuning = field(default_factory=Tuning)

@@ -1,4 +1,4 @@
-"""What the kernel says of processes on this machine: who stands still, and who descends from whom."""
+"""What the kernel says of processes on this machine: which ones are stopped, and which one is a child of which."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STOPPED = "T"
 
 
 def is_stopped(pid: int) -> bool:
-    """Whether a signal has stopped it: it does nothing, and will not until somebody lets it go on or kills it."""
+    """Whether a signal has stopped it: it does nothing until it is continued or killed."""
     try:
         stat = (PROC / str(pid) / "stat").read_text(encoding="utf-8", errors="replace")
     except OSError:

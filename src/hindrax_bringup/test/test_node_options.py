@@ -1,4 +1,4 @@
-"""What the nodes are told: parameters of three sources in their order, and where nobody would listen."""
+"""Parameters of the nodes: three sources in their order, and names that no node has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processes that end for good, freeze, or leave their output unsafe: who is told, and of what."""
+"""Processes that end for good, freeze, or leave their output unsafe: who gets a report, and of what."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tether: how it is named, when it is there, what the middleware is told of it, and who is at its other end."""
+"""The tether: how it is named, when it is there, how the middleware uses it, and who is at its other end."""
 
 from __future__ import annotations
 

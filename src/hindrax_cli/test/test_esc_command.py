@@ -93,7 +93,7 @@ def test_an_input_that_ends_leaves_neutral(chip: Pca9685, say: Say, answers: str
 
 @pytest.fixture
 def supplied(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """A vehicle with a battery sensor that reads what it is told."""
+    """A vehicle with a battery sensor that reads a given voltage."""
 
     def reads(volts: float) -> None:
         heard = CapturedReadings("INA226", (Stamped(Stamp(0), Battery(volts)),))

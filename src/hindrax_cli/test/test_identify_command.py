@@ -1,4 +1,4 @@
-"""`identify` over records of others: CSV, MCAP and sqlite3, topics and frames of any kind; never sure without cause."""
+"""`identify` over third-party records: CSV, MCAP, sqlite3, any topics and frames; no confidence without cause."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state from somebody else's odometry: what is believed of it, and what ends thrust."""
+"""The state from third-party odometry: which values are used, and which end thrust."""
 
 import math
 from dataclasses import replace

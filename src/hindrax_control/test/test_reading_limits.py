@@ -1,4 +1,4 @@
-"""Readings that no sensor says are told from those that are merely odd."""
+"""Readings that no sensor produces are told apart from merely odd ones."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 @dataclass(slots=True)
 class SoleSource:
-    """Who is obeyed; `name` is empty until somebody is. It changes only while the thrusters are disarmed."""
+    """Who is obeyed; `name` is empty until there is one. It changes only while the thrusters are disarmed."""
 
     name: str = ""
 

@@ -33,7 +33,7 @@ def profile(number: int, mm: int = 2000, percent: int = 100, strength: bytes = b
 
 
 def obedient(sent: bytes) -> bytes:
-    """Answers of a device that does as it is told: an ack for an order, the value ordered for a question."""
+    """Answers of an obedient device: an ack for a command, the value set for a query."""
     answers, ordered = b"", b""
     while sent:
         length, message = struct.unpack_from("<HH", sent, 2)

@@ -1,4 +1,4 @@
-"""What the identification is told is told of the center of mass, wherever the sensors sit."""
+"""The identification gets the motion of the center of mass, wherever the sensors sit."""
 
 from __future__ import annotations
 

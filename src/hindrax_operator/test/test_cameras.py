@@ -1,4 +1,4 @@
-"""Cameras on the graph: found by their type, subscribed while somebody looks, left when nobody does."""
+"""Cameras on the graph: found by type, subscribed only while a viewer looks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""References of replays: what our own code made of a bag the last time that somebody looked and agreed.
+"""References of replays: what our own code made of a bag the last time they were reviewed.
 
 A reference is no golden number. It is written only when asked for (`--update-refs`), beside a report of what changed.
 """

@@ -23,7 +23,7 @@ CLOCK = "use_sim_time"
 SETTABLE = {kind.value for kind in Parameter.Type} - {Parameter.Type.NOT_SET.value}
 """Types of a value; without one a parameter would be deleted."""
 SHOWN = 40
-"""Letters of an unknown name that are told."""
+"""Letters of an unknown name that a report shows."""
 
 
 class CheckedNode(Node):
@@ -36,7 +36,7 @@ class CheckedNode(Node):
         self.stack_time = StackTime.of(os.environ)
 
     def now(self) -> Stamp:
-        """Time of the stack: on a real one no step of the wall clock moves it; of others, and in mock, ROS time."""
+        """Time of the stack, which no step of the wall clock moves; in mock, and outside of a stack, ROS time."""
         if self.stack_time.epoch_ns is None:
             return Stamp(self.get_clock().now().nanoseconds)
         return self.stack_time.now()

@@ -18,7 +18,7 @@ STEP_ns = NS_PER_S // 100
 
 
 class Wire:
-    """Publisher with as many subscribers as it is told."""
+    """Publisher with a given number of subscribers."""
 
     def __init__(self) -> None:
         self.subscribers = 0

@@ -178,7 +178,7 @@ def identify_sources(
     task: IdentificationTask,
     progress: Callable[[str], None] = lambda _text: None,
 ) -> IdentifiedRecords:
-    """Identify over one record, or over several pooled; `progress` is told what begins."""
+    """Identify over one record, or over several pooled; `progress` receives what begins."""
     if len(sources) > 1:
         progress(f"identifying over {len(sources)} records together")
     whole = _identify(sources, vehicle, task)

@@ -55,7 +55,7 @@ def without_damage(recording: Recording) -> Recording:
     for axis, name in enumerate(AXES):
         known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
         t, v = spread.velocity_t[known], spread.velocity[known, axis]
-        if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is told where it is asked for
+        if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is reported where it is asked for
             continue
         for sentence, damaged in _damage(t, v, thrust[known, axis]):
             at = known[damaged]

@@ -23,7 +23,7 @@ FASTEST = (10.0, 12.0)
 """Speeds [m/s] and rates [rad/s] that no small vehicle reaches under water."""
 REMEDY = "check the units of force and velocity, and the vehicle file"
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
-"""Least difference of the net buoyancy that is told: in its deviations, and as a share of the weight."""
+"""Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
 USUAL_S = 0.7
 """Usual time constant of a small vehicle."""
 AGAINST = -0.6

@@ -116,8 +116,8 @@ def messages(
 
     Topics of a vehicle of ours are named as in the default namespace, whichever it had.
 
-    An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` is told. `lookup`
-    finds definitions of types for sqlite3 bags that do not bring them. UsageError when a file is no bag at all.
+    An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` receives a report.
+    `lookup` finds definitions of types for sqlite3 bags that lack them. UsageError when a file is no bag at all.
     """
     for file in bag_files(path):
         if file.suffix == ".db3":

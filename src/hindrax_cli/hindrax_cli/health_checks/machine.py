@@ -65,7 +65,7 @@ def disk(folder: Path) -> Check:
 
 @dataclass(frozen=True, slots=True)
 class KernelTime:
-    """What the kernel knows of its clock: whether somebody disciplines it, and the bound of its error [s]."""
+    """What the kernel knows of its clock: whether it is disciplined, and the bound of its error [s]."""
 
     synchronized: bool
     error_s: float
@@ -153,7 +153,7 @@ def running(proc: Path = Path("/proc")) -> Iterator[Running]:
 
 
 def _place(process: Path) -> str:
-    with contextlib.suppress(OSError):  # it is somebody else's, or has ended meanwhile
+    with contextlib.suppress(OSError):  # another user's, or it has ended meanwhile
         for setting in (process / "environ").read_bytes().split(b"\0"):
             name, _, value = setting.decode(errors="replace").partition("=")
             if name == FOLDER:

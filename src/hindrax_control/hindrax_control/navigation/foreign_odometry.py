@@ -1,4 +1,4 @@
-"""State of the vehicle from an odometry that somebody else makes, with what can be said of its health from outside.
+"""State of the vehicle from third-party odometry, with the checks of its health that are possible from outside.
 
 Its maker judges the sensors behind it. Here it must be of now, unbroken, and possible for this vehicle: a state that
 came from another source, went back in time or jumped began anew, which `EstimatorHealth` does not accept in flight.

@@ -40,7 +40,7 @@ class ThrustNode(BatchedNode):
         self.every(LOOK_S, self._look)
 
     def _look(self) -> None:
-        """Subscribe as soon as somebody publishes pulses of a known type, and report."""
+        """Subscribe as soon as pulses of a known type are published, and report."""
         for kind in sorted({one.topic_type for one in self.get_publishers_info_by_topic(PULSES.name)}):
             if self._type:
                 break

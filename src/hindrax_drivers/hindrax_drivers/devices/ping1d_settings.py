@@ -27,7 +27,7 @@ class Ping1dKnobs:
     answer_s: float = knob(0.3, 0.05, 5.0, "time given to an answer [s]")
     tries: int = knob(3, 1, 100, "how often an order is given [-]")
     latency_s: float = knob(0.0, 0.0, 0.5, "end of scan to first byte, beyond what is known [s]")
-    stall_s: float = knob(1.0, 0.3, 60.0, "silence that is told and answered by a new start [s]")
+    stall_s: float = knob(1.0, 0.3, 60.0, "silence that is reported and answered by a restart [s]")
 
 
 DEFAULT_KNOBS = Ping1dKnobs()

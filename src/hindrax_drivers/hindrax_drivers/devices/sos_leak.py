@@ -1,7 +1,7 @@
 """A leak probe on a GPIO line: Blue Robotics SOS, the leak input of a Navigator, or any switch.
 
 Source: ArduSub, parameters LEAK1_LOGIC (0, its default: "low if dry") and LEAK1_PIN (27 of a Navigator).
-With the line pulled towards wet a broken cable is told as a leak: of the two mistakes the harmless one.
+With the line pulled towards wet, a broken cable is reported as a leak: the harmless one of the two mistakes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class SosLeakKnobs:
 
     period_s: float = knob(0.1, 0.01, 1.0, "time between two looks [s]")
     wet_level: str = choice("high", ("high", "low"), "level of the line when the probe is wet")
-    bias: str = choice("pull-up", BIASES, "resistor of the GPIO; towards wet, a broken cable is told as a leak")
+    bias: str = choice("pull-up", BIASES, "resistor of the GPIO; towards wet, a broken cable is reported as a leak")
     looks: int = knob(5, 1, 100, "equal looks in a row before a level is believed [-]")
 
 

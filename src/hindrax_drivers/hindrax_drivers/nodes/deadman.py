@@ -136,7 +136,7 @@ class WatchedProcess:
         return bool(data)
 
     def reassure(self, now_s: float) -> None:
-        """Tell the child, every now and then, that somebody watches over it."""
+        """Tell the child periodically that it is supervised."""
         if now_s - self.told_s >= TOLD_S:
             self.told_s = now_s
             with contextlib.suppress(BlockingIOError, BrokenPipeError):  # it hangs or has died: `listen` tells

@@ -225,7 +225,7 @@ _OTHERS = """
 _LAYOUTS = {message.NUMBER: (message.CRC_EXTRA, message.FIELDS.size) for message in _MESSAGES} | {
     number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _OTHERS.split())
 }
-"""CRC_EXTRA and longest payload by number: of the messages above, and of others that ground stations and autopilots
+"""CRC_EXTRA and longest payload by number: of the messages above, and of messages that ground stations and autopilots
 send (message sets common and ardupilotmega), so that those verify and are no rejects."""
 
 

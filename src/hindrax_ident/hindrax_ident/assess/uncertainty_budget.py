@@ -35,7 +35,7 @@ SAME_EXPLANATION = 0.1
 MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
 """Limits in prior units: beyond them the inverse would lose its digits, and nothing would change."""
 SURPRISE = 3.0
-"""Standard deviations from zero beyond which what a record shows of an influence is told."""
+"""Standard deviations from zero beyond which an influence seen in a record is reported."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,7 +120,7 @@ def _note(status: Any, axis: str) -> str:
     if status is None or axis not in status.axes:
         return "; the pilot says nothing: it waits for a navigation solution (`./hindrax monitor`)"
     note = status.notes[list(status.axes).index(axis)]
-    return f"; it says: {note}" if note else "; the pilot gives no reason: does somebody else set this hold? Ask again"
+    return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Ask again"
 
 
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:

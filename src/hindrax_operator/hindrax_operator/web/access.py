@@ -31,7 +31,7 @@ class Access:
     token: str
 
     def check_place(self, hosts: Sequence[str], origins: Sequence[str]) -> None:
-        """Refuse a strange Host (a name of somebody else that leads here: DNS rebinding) and a strange Origin."""
+        """Refuse a strange Host (a foreign name that resolves to this host: DNS rebinding) and a strange Origin."""
         if len(hosts) != 1 or hostname(hosts[0]) not in self.hosts:
             found = ", ".join(hosts) or "none"
             raise RefusedRequest(

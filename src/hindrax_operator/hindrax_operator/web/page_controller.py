@@ -60,11 +60,11 @@ class ViewerHeartbeat:
         self._seen_s = float("-inf")
 
     def beat(self) -> None:
-        """Note that somebody is there."""
+        """Note that a viewer is present."""
         self._seen_s = time.monotonic()
 
     def present(self) -> bool:
-        """Whether somebody was there a moment ago."""
+        """Whether a viewer was present a moment ago."""
         return time.monotonic() - self._seen_s < VIEWER_LOST_S
 
 
