@@ -111,6 +111,7 @@ class Pilot:
         reason = self._reason_to_refuse(setpoint)
         if not reason and setpoint.axis == STATION:
             self._station = StationKeeping(self._vehicle, self._knobs.station) if setpoint.engaged else None
+            self._keeping_station = False  # that of a maneuver that has ended
         elif not reason:
             reason = self._holds.set(setpoint)
         self._refused.pop(setpoint.axis, None)

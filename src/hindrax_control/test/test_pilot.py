@@ -138,3 +138,18 @@ def test_the_station_makes_no_force_while_the_place_is_unknown(hovering: Hoverin
     hovering.ideal.north = math.nan
     assert keeping(hovering) == (True, 0.0)
     assert "position" in hovering.step()["station"]
+
+
+def test_after_a_maneuver_the_station_is_held_once_and_let_go_for_good(hovering: Hovering) -> None:
+    hovering.fly()
+    maneuver = hovering.pilot.fly(Goal(("surge",)))
+    hovering.fly()
+    hovering.pilot.cancel(ending="hold")
+    while not maneuver.done:
+        hovering.fly()
+    hovering.pilot.set(Setpoint("station"))
+    hovering.fly()
+    hovering.ideal.north += 0.5
+    assert keeping(hovering)[1] < -1.0
+    hovering.pilot.set(Setpoint("station", engaged=False))
+    assert keeping(hovering) == (False, 0.0)
