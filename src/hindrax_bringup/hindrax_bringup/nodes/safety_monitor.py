@@ -34,7 +34,7 @@ from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.process import spin
 from hindrax_ros.stack_time import STEP_S
 
-CHECK_S, REPORT_S = 0.1, 1.0
+CHECK_S, AGAIN_S, REPORT_S = 0.1, 0.5, 1.0
 LINK = "link"
 
 
@@ -58,8 +58,11 @@ class SafetyMonitor(BatchedNode):
         self._link = LinkMonitor()
         self._arm = self.create_client(Arm, "thrusters/arm")
         self._reporter = DiagnosticsPublisher(self)
+        self._disarming = ""
+        """Why the thrusters are to be disarmed, until they are."""
+        subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
+        self.every(AGAIN_S, self.repeat_disarm)
         if self.stack_time.epoch_ns is not None:
-            subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
             self.every(REPORT_S, self._check_clock)
         if self._without_operator != STAY:
             self._set_up_link()
@@ -122,8 +125,16 @@ class SafetyMonitor(BatchedNode):
         self.report(f"link: no operator for {silent_s:g} s; {what}")
 
     def _disarm(self, reason: str) -> None:
-        """Ask to disarm; a reason says that no operator asks."""
+        """Ask to disarm, until the thrusters say that they are; a reason says that no operator asks."""
+        self._disarming = reason
         self._arm.call_async(Arm.Request(arm=False, reason=reason, stamp=stamp_to_msg(self.now())))
+
+    def repeat_disarm(self) -> None:
+        """Ask again: a request may be lost."""
+        if not self.armed:
+            self._disarming = ""
+        elif self._disarming:
+            self._disarm(self._disarming)
 
     def _on_thrusters(self, data: bytes) -> None:
         try:
