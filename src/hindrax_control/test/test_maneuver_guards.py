@@ -154,3 +154,51 @@ def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -
 def test_vehicle_without_those_sensors_is_not_asked_for_them(hindrax: Vehicle) -> None:
     bare = ManeuverGuards(replace(hindrax, sensors={}))
     assert bare.step(Situation(replace(WELL, ages_s={}, dvl_locked=False), None, {}, 0.0)) == ()
+
+
+def test_a_limit_itself_is_still_well_and_a_bit_beyond_is_not(hindrax: Vehicle) -> None:
+    knobs, half_m = ManeuverGuardKnobs(), 0.5 * hindrax.envelope_m[2]
+    tiny = 1e-6
+
+    def found(navigation: Navigation = WELL, **situation: Any) -> tuple[str, ...]:
+        guards = ManeuverGuards(hindrax, replace(knobs, patience_s=0.0, unlocked_s=0.1))
+        walls_m: dict[str, float] = {"north": situation.pop("north_m", 5.0)}
+        place = PoolPosition(0.0, 0.0, 0.0, 0.0, 0.0)
+        return guards.step(Situation(navigation, place, walls_m, 10.0, **situation))
+
+    limits, tilt = hindrax.limits, math.radians(hindrax.limits.tilt_deg)
+    for well, wrong in (
+        ({"north_m": knobs.wall_m}, {"north_m": knobs.wall_m - tiny}),
+        ({"battery_V": limits.battery_V}, {"battery_V": limits.battery_V - tiny}),
+        ({"deadline_s": 10.0}, {"deadline_s": 10.0 - tiny}),
+    ):
+        assert found(**well) == ()
+        assert len(found(**wrong)) == 1
+    ages = {"icm20948": knobs.inertial_age_s, "ms5837": knobs.depth_age_s}
+    for change, beyond in (
+        ({"depth_m": hindrax.depth_rating_m}, {"depth_m": hindrax.depth_rating_m + tiny}),
+        ({"depth_m": knobs.surface_m + half_m + tiny}, {"depth_m": knobs.surface_m + half_m - tiny}),
+        ({"altitude_m": knobs.floor_m + half_m + tiny}, {"altitude_m": knobs.floor_m + half_m - tiny}),
+        ({"attitude_rad": (tilt - tiny, 0.0, 0.0)}, {"attitude_rad": (-tilt - tiny, 0.0, 0.0)}),
+        ({"attitude_rad": (0.0, -tilt + tiny, 0.0)}, {"attitude_rad": (0.0, tilt + tiny, 0.0)}),
+        ({"velocity_mps": (0.0, limits.speed_mps, math.nan)}, {"velocity_mps": (0.0, limits.speed_mps + tiny, 0.0)}),
+        ({"ages_s": ages}, {"ages_s": ages | {"icm20948": knobs.inertial_age_s + tiny}}),
+        ({"ages_s": ages}, {"ages_s": ages | {"ms5837": knobs.depth_age_s + tiny}}),
+    ):
+        assert found(replace(WELL, **change)) == ()
+        assert len(found(replace(WELL, **beyond))) == 1
+
+
+def test_a_place_that_nobody_knows_and_an_unknown_height_say_nothing(hindrax: Vehicle) -> None:
+    guards, walls_m = ManeuverGuards(hindrax), {"north": 0.0}
+    for place in (PoolPosition(math.nan, 0.0, 0.0, 0.0, 0.0), PoolPosition(0.0, 0.0, math.inf, 0.0, 0.0), None):
+        assert guards.step(Situation(WELL, place, walls_m, 0.0)) == ()
+    assert guards.step(Situation(replace(WELL, altitude_m=math.nan), None, {}, 0.0)) == ()
+
+
+def test_what_lasts_counts_from_its_own_beginning(look: Callable[..., tuple[str, ...]]) -> None:
+    tilted = replace(WELL, attitude_rad=(1.1, 0.0, 0.0))
+    both = replace(tilted, velocity_mps=(0.0, 0.0, 2.0))
+    assert look(tilted, 10.0) == ()
+    assert [one.partition(":")[0] for one in look(both, 10.3)] == ["attitude"]
+    assert [one.partition(":")[0] for one in look(both, 10.7)] == ["attitude", "speed"]

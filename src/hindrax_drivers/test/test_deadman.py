@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
 import signal
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from hindrax_bringup.supervisor import PATIENCE_S
+from hindrax_core.bus_operations import DeviceError, Write, WriteRead
 from hindrax_core.events import Stamp, stamp_from_s
+from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import deadman
-from hindrax_drivers.nodes.deadman import BACK_OFF_S, HUNG_S, SILENT_S, WELL_AFTER_S, DeadMan, WatchedProcess
+from hindrax_drivers.nodes.deadman import (
+    BACK_OFF_S,
+    FAREWELL_S,
+    HUNG_S,
+    REPEAT_S,
+    SILENT_S,
+    WELL_AFTER_S,
+    DeadMan,
+    NeutralWriter,
+    WatchedProcess,
+)
+from hindrax_drivers.nodes.thruster_settings import Settings
+from hindrax_drivers.nodes.thrusters import NODE_WORD
+from hindrax_drivers.output.parent_silence import TOLD_S
 
 NOW = stamp_from_s(100.0)
 
@@ -20,7 +42,7 @@ class Neutral:
     """Counts what would be put on the wire."""
 
     def __init__(self, _settings: object) -> None:
-        self.writes, self.trouble, self.waits = 0, "", 0
+        self.writes, self.trouble, self.waits, self.woken = 0, "", 0, 0
 
     def now(self) -> Stamp:
         return NOW
@@ -33,7 +55,7 @@ class Neutral:
         assert self.waits < 100, "nothing ends"
 
     def wake(self) -> None:
-        pass
+        self.woken += 1
 
     def close(self) -> None:
         pass
@@ -92,9 +114,11 @@ def run(man: DeadMan, monkeypatch: pytest.MonkeyPatch, *children: Child) -> tupl
 
 
 def test_however_often_the_node_crashes_it_is_started_again_ever_later(
-    man: DeadMan, monkeypatch: pytest.MonkeyPatch
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, waits = run(man, monkeypatch, *[Child(1) for _ in range(8)], Child(0))
+    first = "thrusters: the node ended with 1; neutral is on the wire, it is started again in 0.5 s"
+    assert capsys.readouterr().err.splitlines()[0] == first
     assert (code, waits) == (0, [*BACK_OFF_S[1:], *[BACK_OFF_S[-1]] * 4])
 
 
@@ -138,8 +162,282 @@ def test_an_order_to_end_goes_to_the_child_once_and_neutral_is_last(
     child = Child(-15, ends=False)
     man._ask(signal.SIGTERM, None)
     code, waits = run(man, monkeypatch, child)
-    assert (code, waits, child.asked) == (0, [], 1)
+    assert (code, waits, child.asked, child.killed) == (0, [], 1, 0)
     neutral: Any = man._neutral
     assert neutral.writes >= 3
     neutral.trouble = "no bus"
     assert run(man, monkeypatch, Child(-15, ends=False))[0] == 1, "neutral is not on the wire"
+
+
+class Chip:
+    """Registers of a PCA9685 on a bus of its own, whose time goes on when somebody sleeps."""
+
+    def __init__(self) -> None:
+        self.registers, self.trouble = bytearray(256), ""
+        self.time, self.woken, self.closed = NOW, 0, 0
+        self.sleeps: list[tuple[Stamp, int | None]] = []
+
+    def now(self) -> Stamp:
+        return self.time
+
+    def sleep_until(self, until: Stamp, readable: int | None = None) -> None:
+        self.sleeps.append((until, readable))
+        self.time = max(self.time, until)
+
+    def wake(self) -> None:
+        self.woken += 1
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def transfer(self, transaction: Write | WriteRead) -> bytes:
+        if self.trouble:
+            raise DeviceError(self.trouble)
+        at = transaction.data[0]
+        if isinstance(transaction, WriteRead):
+            return bytes(self.registers[at : at + transaction.count])
+        self.registers[at : at + len(transaction.data) - 1] = transaction.data[1:]
+        return b""
+
+
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+LED0_OFF, COUNTS_AT_REST = 8, round(1500.0 * 25.0 / 31.0)
+"""End of the first channel's pulse: register and value, for PRE_SCALE 30 of a 25 MHz clock (rev. 4, section 7.3.5)."""
+
+
+@pytest.fixture
+def chip(monkeypatch: pytest.MonkeyPatch) -> Chip:
+    made = Chip()
+
+    def opened(port: str, client: str) -> Chip:
+        assert (port, client) == ("/dev/i2c-1", "thrusters dead man")
+        if made.trouble:
+            raise DeviceError(made.trouble)
+        return made
+
+    monkeypatch.setattr(deadman, "open_bus", opened)
+    return made
+
+
+def rest(chip: Chip) -> int:
+    """End of the first channel's pulse [counts]."""
+    return int.from_bytes(chip.registers[LED0_OFF : LED0_OFF + 2], "little") - int.from_bytes(
+        chip.registers[LED0_OFF - 2 : LED0_OFF], "little"
+    )
+
+
+def test_neutral_is_written_and_a_chip_that_lost_its_supply_is_set_up(chip: Chip) -> None:
+    neutral = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1"))
+    neutral.write()
+    assert neutral.trouble == ""
+    assert abs(rest(chip) - COUNTS_AT_REST) <= 1
+    assert chip.registers[0xFE] == 30, "PRE_SCALE"
+    assert chip.time > NOW, "the oscillator was waited for"
+    slept = len(chip.sleeps)
+    chip.registers[LED0_OFF] ^= 0xFF
+    neutral.write()
+    assert abs(rest(chip) - COUNTS_AT_REST) <= 1
+    assert len(chip.sleeps) == slept, "a chip that is set up is not set up again"
+
+
+def test_what_cannot_be_written_is_told_once_and_tried_again(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
+    neutral = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1"))
+    for trouble in ("no acknowledge", "no acknowledge", "a line is low"):
+        chip.trouble = trouble
+        neutral.write()
+        assert neutral.trouble == trouble
+    told = [f"thrusters: cannot write neutral: {why}" for why in ("no acknowledge", "a line is low")]
+    assert capsys.readouterr().err.splitlines() == told
+    chip.trouble = ""
+    neutral.write()
+    assert neutral.trouble == ""
+    assert abs(rest(chip) - COUNTS_AT_REST) <= 1
+
+
+def test_it_sleeps_by_the_clock_of_the_bus_as_soon_as_there_is_one(chip: Chip) -> None:
+    neutral, (readable, other) = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1")), os.pipe()
+    os.write(other, b".")
+    neutral.wait(Stamp(neutral.now() + stamp_from_s(3600.0)), readable)  # returns at once: there is something to read
+    neutral.wake()
+    neutral.close()
+    assert (chip.woken, chip.closed) == (0, 0)
+    assert abs(neutral.now() - time.time_ns()) < stamp_from_s(60.0)
+    neutral.write()
+    assert neutral.now() == chip.time
+    neutral.wait(Stamp(chip.time + 5), readable)
+    assert chip.sleeps[-1] == (chip.time, readable)
+    neutral.wake()
+    neutral.close()
+    assert (chip.woken, chip.closed) == (1, 1)
+    os.close(readable)
+    os.close(other)
+
+
+def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixture[str]) -> None:
+    board = replace(VEHICLE, output=replace(VEHICLE.output, device="stm32"))
+    assert deadman.write_neutral(Settings(board, "/dev/ttyS0")) == 0
+    assert capsys.readouterr().out == "the STM32 goes neutral by itself without commands\n"
+    assert rest(chip) == 0
+
+
+def test_the_last_resort_writes_neutral_once_and_says_whether_it_is_there(
+    chip: Chip, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(deadman.ARGUMENTS, json.dumps([deadman.NEUTRAL_WORD, "--ros-args"]))
+    monkeypatch.setattr(deadman, "read_settings", lambda _words: Settings(VEHICLE, "/dev/i2c-1"))
+    assert deadman.main() == 0
+    assert (capsys.readouterr().out, chip.closed) == ("neutral is on the wire\n", 1)
+    chip.trouble = "a line is low"
+    assert deadman.main() == 1
+    assert capsys.readouterr().out == ""
+
+
+def test_without_a_vehicle_it_is_wrong_use_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(deadman.ARGUMENTS, "[]")
+    assert deadman.main() == 2
+    assert capsys.readouterr().err.startswith("thrusters: thrusters: no vehicle file")
+
+
+class Pipes:
+    """A watched process that is no process: the test holds the other ends of its pipes."""
+
+    def __init__(self) -> None:
+        (self.beats, self.beat), (self.life_end, self.life) = os.pipe(), os.pipe()
+        for end in (self.beats, self.life, self.life_end):
+            os.set_blocking(end, False)
+        self.child = WatchedProcess(self, self.beats, self.life)  # type: ignore[arg-type]  # its own process
+
+    def wait(self) -> int:
+        return 7
+
+
+def test_beats_are_heard_and_a_closed_pipe_is_a_dead_child() -> None:
+    pipes = Pipes()
+    child, before = pipes.child, pipes.child.heard_s
+    assert child.listen(NOW)
+    assert (child.beaten_at, child.heard_s) == (None, before)
+    os.write(pipes.beat, b"..")
+    assert child.listen(NOW)
+    assert child.beaten_at == NOW
+    assert child.heard_s > before
+    os.close(pipes.beat)
+    assert not child.listen(Stamp(NOW + 1))
+    assert child.beaten_at == NOW
+    assert child.reap() == 7
+    for end in (pipes.beats, pipes.life):
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(end)
+    os.close(pipes.life_end)
+
+
+def test_the_child_is_told_now_and_then_that_somebody_watches() -> None:
+    pipes = Pipes()
+    for now_s, told in ((100.0, b"!"), (100.0 + 0.9 * TOLD_S, b""), (100.0 + TOLD_S, b"!")):
+        pipes.child.reassure(now_s)
+        with contextlib.suppress(BlockingIOError):
+            found = b""
+            found = os.read(pipes.life_end, 10)
+        assert found == told
+    os.close(pipes.life_end)
+    pipes.child.reassure(200.0)  # it has died: `listen` tells
+    pipes.child.reap()
+    os.close(pipes.beat)
+
+
+def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_heartbeat(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    started: dict[str, Any] = {}
+
+    def popen(words: list[str], **options: Any) -> Any:
+        started.update(options, words=words)
+        beat, life_end = options["pass_fds"]
+        os.write(beat, b".")
+        started["life"] = os.dup(life_end)
+
+    monkeypatch.setattr(deadman.subprocess, "Popen", popen)
+    monkeypatch.setenv(deadman.VARIABLE, "/run/beat")
+    child = WatchedProcess.start(["--more"])
+    beat, life_end = started["pass_fds"]
+    assert started["words"][1:] == [
+        "-m",
+        "hindrax_drivers.nodes.thrusters",
+        NODE_WORD,
+        str(beat),
+        str(life_end),
+        "--more",
+    ]
+    assert started["start_new_session"]
+    assert started["env"][deadman.VARIABLE] == "/run/beat_node"
+    assert not os.get_blocking(child.beats)
+    assert not os.get_blocking(child.life)
+    assert child.listen(NOW)
+    assert child.beaten_at == NOW
+    assert not child.listen(NOW), "only the child holds the other end"
+    for end in (beat, life_end):
+        with pytest.raises(OSError, match="Bad file descriptor"):
+            os.fstat(end)
+    child.reassure(100.0)
+    assert os.read(started["life"], 10) == b"!"
+    for end in (child.beats, child.life, started["life"]):
+        os.close(end)
+    monkeypatch.delenv(deadman.VARIABLE)
+    assert deadman._of_the_node("") == ""
+
+
+def test_between_two_nodes_neutral_is_repeated_until_it_is_time_or_asked_to_end(
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = iter(range(1000, 2000))
+    monkeypatch.setattr(deadman.time, "monotonic", lambda: float(next(now_s)))
+    neutral: Any = man._neutral
+    beats: list[float] = []
+    monkeypatch.setattr(man, "_heartbeat", SimpleNamespace(beat=beats.append))
+    open_files = len(list(Path("/proc/self/fd").iterdir()))
+    assert man._wait(20.0)
+    assert len(list(Path("/proc/self/fd").iterdir())) == open_files
+    assert len(beats) == neutral.writes
+    assert 5 <= neutral.writes <= 20
+    assert neutral.waits == neutral.writes
+    man._ask(signal.SIGTERM, None)
+    first = man._asked_s
+    man._ask(signal.SIGTERM, None)
+    assert man._asked_s == first, "the time to end counts from the first order"
+    assert neutral.woken == 2
+    before = neutral.writes
+    assert not man._wait(20.0)
+    assert neutral.writes == before
+
+
+def test_a_child_that_does_not_end_when_it_is_asked_to_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
+    child = Child(-9, ends=False)
+    child.turns_left = 50
+    assert PATIENCE_S[0] > FAREWELL_S, "before the supervisor loses patience with us"
+    man._asked_s = time.monotonic() - FAREWELL_S - 1.0
+    run(man, monkeypatch, child)
+    assert child.killed == 1
+
+
+def test_a_silent_child_has_neutral_written_in_its_place_and_a_beating_one_has_not(
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+    neutral: Any = man._neutral
+    monkeypatch.setattr(neutral, "wait", lambda until, _readable: waited.append((until - NOW) / 1e9))
+    child = Child(0, ends=False)
+    child.asked, child.turns_left = 1, 4
+    child.beaten_at = NOW
+    man._watch(child)
+    assert neutral.writes == 1, "only at its end"
+    assert waited == [SILENT_S] * 3
+    silent = Child(0, ends=False)
+    silent.asked, silent.turns_left = 1, 4
+    man._watch(silent)
+    assert neutral.writes == 1 + 3 + 1
+    assert waited[3:] == [pytest.approx(REPEAT_S)] * 3
+
+
+def test_wrong_use_of_the_node_ends_the_dead_man_with_its_code(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(man, monkeypatch, Child(2)) == (2, [])

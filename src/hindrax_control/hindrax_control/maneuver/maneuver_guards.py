@@ -202,7 +202,7 @@ def walls_after_braking_m(
 ) -> Mapping[str, float]:
     """Distance from the hull to each wall [m], less the way that braking takes; an unknown speed counts as none."""
     towards = {"south": -place.vx_mps, "north": place.vx_mps, "west": -place.vy_mps, "east": place.vy_mps}
-    speeds = {wall: max(0.0, speed) if math.isfinite(speed) else 0.0 for wall, speed in towards.items()}
+    speeds = {wall: max(0.0, speed) for wall, speed in towards.items()}  # of 0 and NaN this is 0
     return {
         wall: distance_m - speeds[wall] * LAG_S - 0.5 * speeds[wall] ** 2 / knobs.braking_mps2
         for wall, distance_m in walls_m.items()
