@@ -50,6 +50,8 @@ WRONG = {
     "gravity": wrong(gravity_off_rad=math.radians(26.0)),
     "depth": wrong(refused_depths=20),
     "velocity": wrong(refused_velocities=20),
+    "sinking": wrong(sunk_off_m=-0.3),
+    "frozen": wrong(frozen_s=0.3),
     "rate": replace(WELL, rate_radps=(9.0, 0.0, 0.0)),
     "speed": replace(WELL, velocity_mps=(0.0, 0.0, 60.0)),
     "tilt": replace(WELL, attitude_rad=(math.radians(175.0), 0.0, 0.0)),
@@ -106,3 +108,27 @@ def test_a_state_that_began_anew_in_flight_is_not_trusted_and_one_that_began_on_
     assert not grounded.see(WELL, 1.0, armed=False)
     assert not grounded.see(anew, 1.0, armed=False)
     assert not grounded.see(anew, 1.0)
+
+
+def test_where_the_lines_are_drawn() -> None:
+    fast = replace(VEHICLE, limits=replace(VEHICLE.limits, speed_mps=2.0))
+    lines: dict[str, tuple[Navigation, Navigation]] = {
+        "gravity": (wrong(gravity_off_rad=math.radians(19.9)), wrong(gravity_off_rad=math.radians(20.1))),
+        "attitude": (wrong(tilt_sigma_rad=math.radians(2.9)), wrong(tilt_sigma_rad=math.radians(3.1))),
+        "depth": (wrong(refused_depths=19), wrong(refused_depths=20)),
+        "velocity": (wrong(refused_velocities=19), wrong(refused_velocities=20)),
+        "sinking": (wrong(sunk_off_m=0.2), wrong(sunk_off_m=0.201)),
+        "frozen": (wrong(frozen_s=0.2), wrong(frozen_s=0.201)),
+        "rate": (replace(WELL, rate_radps=(0.0, 7.8, 0.0)), replace(WELL, rate_radps=(0.0, 7.9, 0.0))),
+        "speed": (replace(WELL, velocity_mps=(0.0, 5.9, math.nan)), replace(WELL, velocity_mps=(0.0, 6.1, math.nan))),
+        "tilt": (
+            replace(WELL, attitude_rad=(math.radians(65.0), math.radians(-65.0), 0.0)),
+            replace(WELL, attitude_rad=(math.radians(68.0), math.radians(-68.0), 0.0)),
+        ),
+    }
+    for name, (inside, beyond) in lines.items():
+        watch = Watch()
+        watch.health = EstimatorHealth(fast)
+        assert watch.see(inside, 0.2) == ()
+        (said,) = watch.see(beyond, 0.2)
+        assert said.startswith(f"{name}: ")

@@ -255,6 +255,30 @@ def sinking(t: float) -> Vec3:
     return (0.0, 0.0, 0.3 * (0.5 * since**2 if since < 1.0 else since - 0.5))
 
 
+class Clogged(Ride):
+    """From the third second on the pressure stays as it is."""
+
+    def tell(self, t: float, reading: Reading, source: str) -> None:
+        if isinstance(reading, Pressure):
+            self.kept = getattr(self, "kept", reading) if t > 3.0 else reading
+            reading = self.kept
+        super().tell(t, reading, source)
+
+
+def test_a_pressure_that_sticks_is_contradicted_by_the_dvl() -> None:
+    honest, clogged = (
+        made(position=sinking, noise=1.0, sonar_until_s=0.0).run(6.0).out[-1] for made in (Ride, Clogged)
+    )
+    assert abs(honest.reading.consistency.sunk_off_m) < 0.03
+    assert 0.3 < clogged.reading.consistency.sunk_off_m < 0.9
+
+
+def test_an_inertial_sensor_that_says_the_very_same_is_told() -> None:
+    moving, still = (Ride(position=position).run(4.0).out[-1].reading.consistency for position in (surging, HOVER))
+    assert moving.frozen_s == 0.0
+    assert still.frozen_s == pytest.approx(3.99, abs=0.05)
+
+
 def pitching_up(t: float) -> Vec3:
     return (0.0, 0.4 * math.sin(0.25 * max(0.0, t - 3.0)), 0.0)
 

@@ -66,3 +66,12 @@ def test_it_agrees_with_filterpy_over_a_dive() -> None:
     assert ours.rate_mps == pytest.approx(x[1], abs=1e-9)
     assert ours.altitude_m == pytest.approx(x[3] - x[0], abs=1e-9)
     assert ours.rate_variance == pytest.approx(P[1, 1], rel=1e-9)
+
+
+@pytest.mark.parametrize(("jump_m", "counted"), [(0.1, 10), (0.2, 30)])
+def test_a_depth_that_jumps_is_not_believed_again_so_soon(jump_m: float, counted: int) -> None:
+    ours = VerticalFilter(VerticalKnobs())
+    for number in range(210):
+        ours.predict(0.0, 0.02)
+        ours.depth(0.5 + (jump_m if number >= 200 else 0.0), 0.003, 0.0)
+    assert ours.refused_depths == counted

@@ -24,7 +24,9 @@ class Consistency:
     """Evidence of the filters for and against a state.
 
     `began`: when this state began, from nothing; `gravity_off_rad`: angle between gravity as measured and as believed,
-    smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately.
+    smoothed; `refused_depths`, `refused_velocities`: how many more were refused than accepted lately; `sunk_off_m`: way
+    down by DVL less that by pressure and accelerometer, of the last seconds; `frozen_s`: time for which the inertial
+    sensor has said the very same.
     """
 
     began: Stamp = NEVER
@@ -32,6 +34,8 @@ class Consistency:
     gravity_off_rad: float = 0.0
     refused_depths: int = 0
     refused_velocities: int = 0
+    sunk_off_m: float = 0.0
+    frozen_s: float = 0.0
 
 
 CONSISTENT = Consistency()

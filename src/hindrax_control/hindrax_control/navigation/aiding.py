@@ -21,6 +21,10 @@ from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
 
 SHORTEST_SPAN_S = 0.02
 """A velocity without an interval is compared with the mean over this span."""
+LONGEST_SPAN_S = 0.5
+"""After a silence of the DVL its first velocity tells of this much at most."""
+REMEMBERED_S = 5.0
+"""Time over which the way down by DVL is compared with that by pressure; what is older fades."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,9 @@ class Aiding:
         self.forces_N: Sequence[float] = ()
         """Of each thruster: their currents disturb the compass."""
         self.yaw_rate_radps = 0.0
+        self.sunk_off_m = 0.0
+        """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
+        self._sunk_s = -math.inf
 
     def bottom_velocity(self, reading: BottomVelocity, seat: SensorMount, valid_s: float) -> bool:
         """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
@@ -74,12 +81,24 @@ class Aiding:
             return False
         half_s = 0.5 * max(reading.interval_s, SHORTEST_SPAN_S)
         way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
-        u, v, _ = seat.body(reading.velocity_mps)
+        u, v, w = seat.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
         if way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
         by_rotation = cross(way.rate_radps, seat.lever_m)
-        return self._horizontal.fuse(u - by_rotation[0], v - by_rotation[1], reading.sigma_mps, way)
+        u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
+        self._compare_sinking((u, v, w), valid_s)
+        return self._horizontal.fuse(u, v, reading.sigma_mps, way)
+
+    def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
+        """Compare what the DVL says of the way down with what pressure and accelerometer say."""
+        if self._vertical.knows_depth:
+            dx, dy, dz = self._attitude.rotation[2]
+            u, v, w = velocity_mps
+            span_s = min(valid_s - self._sunk_s, LONGEST_SPAN_S)
+            off_mps = dx * u + dy * v + dz * w - self._vertical.rate_mps
+            self.sunk_off_m += span_s * (off_mps - self.sunk_off_m / REMEMBERED_S)
+        self._sunk_s = valid_s
 
     def pressure(self, reading: Pressure, seat: SensorMount, delay_s: float) -> bool:
         """Fuse the depth that a pressure means."""

@@ -32,6 +32,8 @@ class EstimatorHealthKnobs:
     gravity_deg: float = knob(20.0, 1.0, 90.0, "largest angle between gravity as measured and as believed [deg]")
     refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
     rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest believable turn; the gyroscope ends at 500 [deg/s]")
+    sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the way down by DVL and by pressure, of 5 s [m]")
+    frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may say the very same [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
 
@@ -51,6 +53,8 @@ class EstimatorHealth:
             "gravity": (self._gravity, "let the vehicle rest; look at the mount of the inertial sensor"),
             "depth": (self._depth, "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)"),
             "velocity": (self._velocity, "let it rest; see whether the DVL tells the truth (`./hindrax monitor`)"),
+            "sinking": (self._sinking, "see whether pressure sensor and DVL tell the truth (`./hindrax monitor`)"),
+            "frozen": (self._frozen, "look at the inertial sensor (`./hindrax doctor`)"),
             "rate": (self._rate, "look at the inertial sensor (`./hindrax doctor`)"),
             "speed": (self._speed, "let it come to rest; see what the sensors say (`./hindrax monitor`)"),
             "tilt": (self._tilt, "bring it upright, and look at its trim"),
@@ -107,6 +111,14 @@ class EstimatorHealth:
 
     def _velocity(self, _: Navigation, consistency: Consistency) -> str:
         return self._refused(consistency.refused_velocities, "velocities of the DVL contradict the accelerometer")
+
+    def _sinking(self, _: Navigation, consistency: Consistency) -> str:
+        found, most = abs(consistency.sunk_off_m), self._knobs.sunk_m
+        return f"DVL and pressure differ by {found:.2f} m, wanted at most {most:.2f} m" if found > most else ""
+
+    def _frozen(self, _: Navigation, consistency: Consistency) -> str:
+        found, most = consistency.frozen_s, self._knobs.frozen_s
+        return f"the inertial sensor has said the very same for {found:.1f} s, wanted noise" if found > most else ""
 
     def _refused(self, count: int, text: str) -> str:
         return f"{count} {text}, wanted fewer than {self._knobs.refused}" if count >= self._knobs.refused else ""

@@ -67,7 +67,7 @@ class Navigator:
         self._offset = self._unknown = Offset((0.0, 0.0, 0.0), 0.5 * math.radians(knobs.offset_dps))
         self.refusals = Refusals()
         self._begin(Stamp(0))
-        self._imu = LONG_AGO
+        self._imu = self._changed = LONG_AGO
         self._sample = ZERO6
 
     @property
@@ -131,8 +131,10 @@ class Navigator:
         if not dt > 0.0:
             self.refused += 1
             return None
-        ex, ey, ez, o, n, m = self._sample
+        ex, ey, ez, o, n, m = before = self._sample
         self._sample = (fx, fy, fz, p, q, r)
+        if self._sample != before:
+            self._changed = stamp
         if dt > self._knobs.longest_gap_s:
             self._remember()
             self._begin(stamp)
@@ -302,6 +304,8 @@ class Navigator:
                 attitude.gravity_off_rad,
                 vertical.refused_depths,
                 horizontal.refused,
+                self._aiding.sunk_off_m,
+                (stamp - self._changed) / NS_PER_S,
             ),
         )
 

@@ -24,6 +24,8 @@ Model: TypeAlias = tuple[Matrix, Matrix, Matrix]
 
 IDENTITY = np.eye(4)
 MOST_MODELS = 1000
+JUMP_m, JUMP_COUNTS = 0.15, 2
+"""A depth that jumps by more counts as so many times the refusals that it took; at the surface a sensor comes out."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,9 @@ class VerticalFilter:
             self._refused[source] = 0
             state = 0 if source == "depth" else 3
             self._P[state, state] += off * off
+            # A depth that jumps is no depth: it takes long to be believed again, also when the sensor pauses meanwhile.
+            if source == "depth" and abs(off) > JUMP_m:
+                self.refused_depths += JUMP_COUNTS * self._knobs.patience
         return False
 
     @property

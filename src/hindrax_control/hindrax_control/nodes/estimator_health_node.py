@@ -81,6 +81,8 @@ class EstimatorHealthNode(BatchedNode):
             "gravity off [rad]": f"{found.gravity_off_rad:.4f}",
             "refused depths": str(found.refused_depths),
             "refused velocities": str(found.refused_velocities),
+            "sunk off [m]": f"{found.sunk_off_m:.3f}",
+            "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }
         level = DiagnosticStatus.ERROR if self._failed else DiagnosticStatus.OK
         text = "; ".join(self._failed) or "the state is believed"
