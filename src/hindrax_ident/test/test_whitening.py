@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -130,6 +131,14 @@ def test_noise_is_found_again(force: float, thrust: float) -> None:
     part = found.thrust * float(chain.thrust.mean()) / max(total, 1e-9)
     if force + thrust > 1e-3:
         assert part == pytest.approx(thrust * float(chain.thrust.mean()) / float(density.mean()), abs=0.3)
+
+
+def test_a_candidate_whose_filter_diverges_is_never_the_most_likely() -> None:
+    rng = np.random.default_rng(1)
+    chain = chain_of(400, rng, damping=-1000.0)
+    found = fit_noise(chain, rng.normal(size=400), Noise())
+    assert math.isfinite(found.velocity)
+    assert found.velocity > 0.1, "no confidence from a sum that is not a number"
 
 
 def test_gain_is_between_nothing_and_all() -> None:

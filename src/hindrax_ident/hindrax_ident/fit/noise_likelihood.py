@@ -151,7 +151,8 @@ class _Pieces:
     def filtered(self, force: Array, thrust: Array, other: Array) -> tuple[Array, Array, int]:
         """Sums of squared normalized innovations, (g,), and of log variances, (g,), and their number.
 
-        For densities `force` and `thrust` (see `Noise`), in units of the main channel's variance, (g,) each.
+        For densities `force` and `thrust` (see `Noise`), in units of the main channel's variance, (g,) each. Both are
+        infinite where the filter diverges: such a candidate is never the most likely one.
         """
         density = force + self._thrust[:, :, None] * thrust
         variances = np.ones((2, len(force)))
@@ -191,7 +192,10 @@ class _Pieces:
             v, s, a = v + kv * error, s + ks * error, a + ka * error
             vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
             ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
-        return squares.sum(axis=0), logs.sum(axis=0), int(self._counts.sum())
+        sums = squares.sum(axis=0), logs.sum(axis=0)
+        diverged = ~np.isfinite(sums[0] + sums[1])
+        squared, log = (np.where(diverged, np.inf, one) for one in sums)
+        return squared, log, int(self._counts.sum())
 
     def noise(self, ratio: float, part: float, other: float) -> Noise:
         """Noise of these unknowns, scaled to the residuals."""
