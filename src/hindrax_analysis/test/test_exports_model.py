@@ -82,11 +82,20 @@ def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> No
     assert said in model.notes
 
 
+def test_what_is_said_of_several_axes_is_said_once() -> None:
+    surge = {"motions": {"surge": results()["motions"]["surge"]}, "aborted": "pool_box"}
+    notes = export_model(surge, VEHICLE, "c.yaml", complete=True).notes
+    assert notes[0].startswith("aborted by pool_box")
+    absent = "not in the results; drag and added mass are from the vehicle file"
+    assert notes[1] == f"sway, heave, roll, pitch, yaw: {absent}"
+    assert sum(absent in note for note in notes) == 1
+
+
 def test_bands_and_assumptions_go_with_the_numbers() -> None:
     told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
     told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
     lines = header(export_model(told, VEHICLE, "c.yaml"), ())
-    assert any("surge: k_q 18 +- 1.9" in line for line in lines)
+    assert any("surge: k_q 18.0 +- 1.9" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
 
 

@@ -219,6 +219,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
             flight.node_problems = node_problems(operator) if flight.aborted else []
             flight.wall_s = time.monotonic() - wall
             flight.vehicle_s = (operator.now() - begin) / 1e9
+        progress.end_view()
         progress.report("disarmed")
 
 

@@ -23,7 +23,11 @@ class Progress:
 
     def __init__(self, *, headless: bool) -> None:
         self._console = Console(stderr=True)
-        self._live = None if headless or not sys.stderr.isatty() else Live(console=self._console, auto_refresh=False)
+        self._live = (
+            None
+            if headless or not sys.stderr.isatty()
+            else Live(console=self._console, auto_refresh=False, transient=True)
+        )
         self._begin = time.monotonic()
         self._shown = 0.0
         self._phase = ("", "")
@@ -36,6 +40,10 @@ class Progress:
 
     def __exit__(self, *_: object) -> None:
         """End the live view."""
+        self.end_view()
+
+    def end_view(self) -> None:
+        """Take the live view away: what it shows is over. Lines can still be reported."""
         if self._live is not None:
             self._live.stop()
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import sys
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,6 +55,22 @@ def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys: pyte
     line = headless(capsys, {"surge": Stamped(Stamp(0), SURGE)}, motion="yaw", wall_distance=math.nan)
     assert line == "yaw: plateau at +9.5 Nm, 42 %, 61 s to go"
     assert "+9.5 Nm, +0.310 rad/s, 61 s of vehicle time to go" in shown({}, motion="yaw", wall_distance=math.nan)
+
+
+def test_the_live_view_is_gone_when_the_flight_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", written)
+    monkeypatch.setattr(written, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress(headless=False) as progress:
+        progress.show(SimpleNamespace(**FLOWN), None, {})
+        progress.end_view()
+        progress.report("identifying")
+    view, erase_line, last = written.getvalue().rpartition("\x1b[2K")
+    assert "plateau" in view
+    assert erase_line, "the view is erased"
+    assert "identifying" in last
+    assert "plateau" not in last
 
 
 def test_the_live_view_shows_every_motion_known() -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array, Value
+from hindrax_analysis.terminal import measured
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 
@@ -96,10 +97,22 @@ def _abort_notes(document: object) -> list[str]:
     return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
 
 
+def _joined(notes: Sequence[str]) -> list[str]:
+    """What is said of several axes is said once: `sway, heave: not in the results`."""
+    axes: dict[str, list[str]] = {}
+    for note in notes:
+        axis, _, text = note.partition(": ")
+        if axis in AXES:
+            axes.setdefault(text, []).append(axis)
+        else:
+            axes[note] = []
+    return [": ".join(filter(None, (", ".join(names), text))) for text, names in axes.items()]
+
+
 def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> list[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
     texts = {
-        name: ", ".join(f"{key} {one.get(key):.4g} +- {std:.2g}" for key, std in one.calibrated.items() if key != "b")
+        name: ", ".join(f"{key} {measured(one.get(key), std)}" for key, std in one.calibrated.items() if key != "b")
         for name, one in motions.items()
     }
     return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]
@@ -166,7 +179,7 @@ def export_model(document: object, vehicle: Vehicle, source: str, *, complete: b
         added_mass=(masses[0], masses[1], masses[2], masses[3], masses[4], masses[5]), added_mass_cross=cross, **drags
     )
     speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
-    notes = [*notes, *_uncertainty_notes(motions), *_assumption_notes(document)]
+    notes = [*_joined(notes), *_uncertainty_notes(motions), *_assumption_notes(document)]
     return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes), motions)
 
 

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         motions = {AXES[one.axis]: one.to_json() for one in found}
         print_json({"window_s": arguments.window, "motions": motions, "left_out": reasons})
     else:
-        _show(found, reasons, arguments)
+        _show(found, reasons, arguments.window)
     return 0
 
 
@@ -88,8 +88,8 @@ def _predictions(
     return found, reasons
 
 
-def _show(found: list[Prediction], reasons: list[str], arguments: argparse.Namespace) -> None:
-    title = f"RMS error of the prediction over {arguments.window:g} s"
+def _show(found: list[Prediction], reasons: list[str], window_s: float) -> None:
+    title = f"RMS error of the prediction over {window_s:g} s"
     table = make_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"))
     for one in found:
         errors = (f"{one.rmse(predictor):.3g}" for predictor in (one.predicted, one.still, one.steady))
@@ -97,5 +97,3 @@ def _show(found: list[Prediction], reasons: list[str], arguments: argparse.Names
     print_table(table)
     for reason in reasons:
         print(f"left out: {reason}")
-    if arguments.plot:
-        print(f"  {arguments.plot}")

@@ -69,13 +69,13 @@ def explain(names: tuple[str, ...], allocation: Allocation) -> None:
         names, allocation.forces_N, allocation.pulses_us, allocation.saturated, strict=True
     ):
         note = "disabled" if name in allocation.disabled else "at its limit" if at_limit else ""
-        thrusters.add_row(name, f"{force:.2f}", str(pulse), note)
+        thrusters.add_row(name, f"{force:z.2f}", str(pulse), note)
     print_table(thrusters)
     axes = make_table("Wrench [N, Nm]", ("axis",), ("wanted", "achieved", "shortfall", ""))
     rows = zip(AXES, WRENCH_SYMBOLS, allocation.wanted, allocation.achieved, allocation.shortfall, strict=True)
     for axis, symbol, wanted, achieved, missing in rows:
         lost = "lost" if axis in allocation.lost_axes else ""
-        axes.add_row(f"{axis} {symbol}", f"{wanted:.3f}", f"{achieved:.3f}", f"{missing:.3f}", lost)
+        axes.add_row(f"{axis} {symbol}", *(f"{value:z.3f}" for value in (wanted, achieved, missing)), lost)
     print_table(axes)
     for refusal in allocation.refused:
         print(f"refused: {refusal}")
