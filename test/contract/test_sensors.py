@@ -30,7 +30,10 @@ MID_CYCLE_S = BEGIN_S + 0.005
 WITHOUT_POWER = {"reset", "wrong_identity"}
 NAMES = [sensor.name for sensor in SENSORS]
 SWEEP = [
-    (name, fault) for name in NAMES for fault, kind in FAULTS.items() if name in kind.devices and not kind.on_world
+    (name, fault)
+    for name in NAMES
+    for fault, kind in FAULTS.items()
+    if name in kind.devices and (kind.make or kind.on_bus)
 ]
 QUIET = {"bytewise", "merged", "unplug_replug"}
 """Faults the driver has nothing to say of: the time of arrival alone changes, or the owner of the port tells it."""

@@ -42,12 +42,16 @@ PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 @dataclass(frozen=True, slots=True)
 class MockOptions:
-    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world."""
+    """Options of the mock vehicle: seed, upper bound of its pace (0: as fast as the stack follows), faults, world.
+
+    `truth`: file for the log of true states and pulses.
+    """
 
     seed: int = 1
     rate: float = 0.0
     faults: tuple[str, ...] = ()
     world: str = "ideal"
+    truth: str = ""
 
 
 @dataclass(slots=True)
@@ -100,7 +104,7 @@ class Stack:
         words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
         for fault in options.faults:
             words += ["--fault", fault]
-        words += ["--world", options.world]
+        words += ["--world", options.world, *(["--truth", options.truth] if options.truth else [])]
         child = self.supervisor.start(MOCK, words, pipe=True)
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
 

@@ -36,7 +36,7 @@ GROUPS = {
         "bench experiments",
         ("bollard", "towing", "free-decay", "forced", "pendulum", "step", "estimate"),
     ),
-    "explain": ("explained and proven", ("allocate", "papers", "montecarlo", "bench")),
+    "explain": ("explained and proven", ("allocate", "papers", "montecarlo", "faults", "bench")),
     "develop": ("for the shell and the code", ("completion", "test", "reference")),
 }
 """Folder under `commands` -> title in the overview, and the order of its commands there; a new one comes last."""

@@ -24,6 +24,7 @@ COMMANDS = {
 """One that prints a table and needs neither a vehicle nor minutes, by its module."""
 ELSEWHERE = {
     "bench",
+    "faults",
     "montecarlo",
     "predict",
     "status",

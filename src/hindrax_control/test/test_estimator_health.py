@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_control.navigation.attitude_filter import AttitudeFilter
 from hindrax_control.navigation.estimator_health import EstimatorHealth, EstimatorHealthKnobs
+from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.signals import Consistency, Navigation
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import GRAVITY_mps2, load_vehicle
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 WELL = Navigation(
@@ -66,11 +68,15 @@ def test_what_is_wrong_is_named_with_limit_and_remedy(name: str) -> None:
     assert "; " in said
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", sorted(WRONG.keys() - {"gravity"}))
 def test_one_bad_state_alone_is_no_reason(name: str) -> None:
     watch = Watch()
     assert not watch.see(WRONG[name], 0.02)
     assert not watch.see(WELL, 1.0)
+
+
+def test_gravity_is_smoothed_by_the_filter_and_waits_no_longer() -> None:
+    assert Watch().see(WRONG["gravity"], 0.02)
 
 
 def test_all_is_well_in_any_state_of_a_flight_and_before_velocity_and_depth_are_known() -> None:
@@ -132,3 +138,23 @@ def test_where_the_lines_are_drawn() -> None:
         assert watch.see(inside, 0.2) == ()
         (said,) = watch.see(beyond, 0.2)
         assert said.startswith(f"{name}: ")
+
+
+def test_a_gyroscope_that_jumps_is_told_within_half_a_second_of_a_tilt_that_is_wrong() -> None:
+    attitude, watch, wrong_s = AttitudeFilter(NavigatorKnobs()), Watch(), 0.0
+    attitude.align((0.0, 0.0, -GRAVITY_mps2), 1.0)
+    while not watch.see(wrong(gravity_off_rad=attitude.gravity_off_rad), 0.02):
+        attitude.turn((math.radians(40.0) * 0.02, 0.0, 0.0), 0.02)
+        attitude.level((0.0, 0.0, -GRAVITY_mps2), 0.02)
+        wrong_s += 0.02 * (abs(attitude.euler_rad[0]) > math.radians(15.0))
+        assert wrong_s < 0.45
+
+
+def test_thrust_back_and_forth_is_no_gyroscope_that_jumps() -> None:
+    attitude, watch = AttitudeFilter(NavigatorKnobs()), Watch()
+    attitude.align((0.0, 0.0, -GRAVITY_mps2), 1.0)
+    for number in range(500):
+        push_mps2 = 3.0 if number // 40 % 2 else -3.0
+        attitude.turn((0.0, 0.0, 0.0), 0.02)
+        attitude.level((push_mps2, 0.0, -GRAVITY_mps2), 0.02)
+        assert not watch.see(wrong(gravity_off_rad=attitude.gravity_off_rad), 0.02)

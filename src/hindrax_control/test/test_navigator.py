@@ -444,6 +444,18 @@ def test_a_floor_that_really_changes_is_believed_in_the_end() -> None:
     assert ride.out[-1].reading.altitude_m == pytest.approx(2.4, abs=0.02)
 
 
+@pytest.mark.parametrize(("velocity", "locked"), [((0.2, 0.0, 0.0), False), ((0.0, 0.0, 0.0), True)])
+def test_a_velocity_that_repeats_itself_is_no_bottom_lock_but_for_rest(velocity: Vec3, locked: bool) -> None:
+    ride = Ride()
+    for number in range(1, 1600):
+        t = number * 0.005
+        ride.tell(t, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if number % 20 == 0 and t > 4.0:
+            ride.tell(t, BottomVelocity(velocity, 0.01, 1.0, 0.1, number), "dvl75")
+    assert ride.out[-1].reading.dvl_locked is locked
+    assert any(one.reading.dvl_locked for one in ride.out)
+
+
 def test_after_a_gap_in_the_imu_it_starts_anew() -> None:
     ride = Ride(position=surging).run(6.0)
     ride.tell(8.0, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")

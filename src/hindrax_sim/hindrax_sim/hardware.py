@@ -12,7 +12,7 @@ from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
 from hindrax_sim.emulator_registry import EMULATORS, SERIAL
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, with_bus_faults, with_faults
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
 from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import Conditions, World
 
@@ -91,13 +91,14 @@ class Hardware:
         row = EMULATORS[mount.device]
         device = row.make(seed)
         at = self.world.mounting(mount)
+        lies = liar(name, self._faults, to_s(START))
         if mount.device in SERIAL:
             self.serial[name] = with_faults(name, device, self._faults, seed, to_s(START))
-            self._tellers.append(lambda _now_s: device.set_truth(row.truth(self.world, at)))
+            self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s)))
             return
         self.registers[name] = device
         afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
         self.i2c.attach(mount.address or row.address, afflicted.at(device))
         for address, part in row.also_at(device, mount).items():
             self.i2c.attach(address, part if address >= EDGES else afflicted.at(part))
-        self._tellers.append(lambda now_s: device.set_truth(row.truth(self.world, at), now_s))
+        self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s), now_s))

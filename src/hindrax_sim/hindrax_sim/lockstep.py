@@ -84,6 +84,11 @@ class Onboard:
         """Whether the output guard passes pulses."""
         return self._state.armed
 
+    @property
+    def reason(self) -> str:
+        """Why the output is not armed."""
+        return self._state.reason
+
     def on_reading(self, source: str, reading: Stamped[Reading], now: Stamp) -> list[Event]:
         """Process one reading; return the resulting events."""
         events: list[Event] = []
@@ -103,6 +108,12 @@ class Onboard:
             self._learn(Stamped(navigation.stamp, order.phase), events)
         self._command(order, navigation.stamp, now, events)
         return events
+
+    def tick(self, now: Stamp) -> None:
+        """Advance the output's time: without commands it goes neutral, as on the vehicle."""
+        self._state, due = self._guard.tick(self._state, now)
+        if due is not None:
+            self._write(due.thrusters)
 
     def flush(self) -> list[Event]:
         """Pass the samples that still wait for late ones to the identification."""
@@ -182,7 +193,9 @@ class Lockstep:
         """Run until the pilot has finished or the time is over; yields the events."""
         end = after(self.world.stamp, seconds)
         while self.world.stamp < end and not self.onboard.order.finished:
-            for source, reading in self.rig.advance():
+            heard = self.rig.advance()
+            self.onboard.tick(self.world.stamp)
+            for source, reading in heard:
                 yield from self.onboard.on_reading(source, reading, self.world.stamp)
                 if self.onboard.order.finished:
                     break

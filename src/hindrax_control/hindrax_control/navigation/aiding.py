@@ -44,6 +44,7 @@ class AidingKnobs:
     dvl_altitude_after_s: float = knob(0.5, 0.0, 60.0, "silence of the sonar after which the DVL's altitude serves [s]")
     dvl_altitude_sigma_m: float = knob(0.05, 1e-4, 1.0, "standard deviation of the DVL's altitude [m]")
     fastest_mps: float = knob(3.0, 0.1, 20.0, "velocity above which a DVL sample is not believed [m/s]")
+    repeated_s: float = knob(1.0, 0.1, 60.0, "longest time for which a DVL may say the very same, but for rest [s]")
 
 
 class Aiding:
@@ -74,6 +75,8 @@ class Aiding:
         self.sunk_off_m = 0.0
         """Way down by DVL less that by pressure and accelerometer, of the last seconds."""
         self._sunk_s = -math.inf
+        self._said: Vec3 | None = None
+        self._said_s = 0.0
 
     def bottom_velocity(self, reading: BottomVelocity, seat: SensorMount, valid_s: float) -> bool:
         """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
@@ -83,12 +86,18 @@ class Aiding:
         way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
         u, v, w = seat.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
-        if way is None or not (abs(u) <= fastest and abs(v) <= fastest):
+        if self._repeats(reading.velocity_mps, valid_s) or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
         by_rotation = cross(way.rate_radps, seat.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
         return self._horizontal.fuse(u, v, reading.sigma_mps, way)
+
+    def _repeats(self, velocity_mps: Vec3, valid_s: float) -> bool:
+        """Whether a DVL measures no more: in motion its noise shows in the last digits, which at rest may hide it."""
+        if velocity_mps != self._said:
+            self._said, self._said_s = velocity_mps, valid_s
+        return any(velocity_mps) and valid_s - self._said_s > self._knobs.repeated_s
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare what the DVL says of the way down with what pressure and accelerometer say."""

@@ -23,6 +23,9 @@ FASTEST = 3.0
 BEYOND_deg = 25.0
 """Tilt beyond the vehicle's limit by this much: no mode of flying goes there."""
 
+AT_ONCE = ("gravity",)
+"""Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
+
 
 @dataclass(frozen=True, slots=True)
 class EstimatorHealthKnobs:
@@ -92,9 +95,10 @@ class EstimatorHealth:
         found = []
         for name, (check, remedy) in self._checks.items():
             text = check(navigation, navigation.consistency)
+            patience_s = 0.0 if name in AT_ONCE else self._knobs.patience_s
             if not text:
                 self._failing_since.pop(name, None)
-            elif seconds_between(self._failing_since.setdefault(name, stamp), stamp) >= self._knobs.patience_s:
+            elif seconds_between(self._failing_since.setdefault(name, stamp), stamp) >= patience_s:
                 found.append(f"{name}: {text}; {remedy}")
         return tuple(found)
 

@@ -124,6 +124,7 @@ class Dvl75:
         self._us_per_s = 1e6 * (1.0 + drift_ppm * 1e-6)
         self._wire = BaudRateLine(self.settings.baud)
         self._truth = DvlTruth()
+        self._measured_m: Vec3 = (0.0, 0.0, 0.0)
         self._disguised = self._saturated = False
         self._stepped = False
         self._boot(-booted_s, booted_s)
@@ -233,11 +234,14 @@ class Dvl75:
             return SATURATED_m, 100
         if not locked:
             return (0.0, -0.0, -0.0), 0
+        if self._truth.frozen:
+            return self._measured_m, 100
         scale = self.settings.speed_of_sound_mps / self._truth.speed_of_sound_mps * self.settings.velocity_adjustment
         noise = self._random.normal(0.0, self._noise_mps * self._span_us * 1e-6, 3).tolist()
         turned_m = rotate(matrix(_radians(self.settings.orientation_deg)), way_m)
         x, y, z = (scale * way + error for way, error in zip(turned_m, noise, strict=True))
-        return (x, y, z), 100
+        self._measured_m = x, y, z
+        return self._measured_m, 100
 
     def _next_span_us(self, locked: bool) -> int:
         altitude = self._truth.altitude_m

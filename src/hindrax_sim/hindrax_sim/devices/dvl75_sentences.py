@@ -20,7 +20,7 @@ class DvlTruth:
 
     `travel_m` and `turned_rad`, where given, are sums since some start; the deltas are then their differences.
     Otherwise the velocity is integrated from one `step` to the next. `altitude_m` is the distance along the sensor's
-    axis, None when there is nothing to hear.
+    axis, None when there is nothing to hear. `frozen`: the instrument measures no more and repeats its last delta.
     """
 
     velocity_mps: Vec3 = (0.0, 0.0, 0.0)
@@ -29,6 +29,7 @@ class DvlTruth:
     travel_m: Vec3 | None = None
     turned_rad: Vec3 = (0.0, 0.0, 0.0)
     speed_of_sound_mps: float = 1484.0
+    frozen: bool = False
 
 
 @dataclass(frozen=True, slots=True)

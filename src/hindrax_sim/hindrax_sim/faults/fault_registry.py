@@ -15,6 +15,17 @@ from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
 from hindrax_sim.faults import bus_faults, stream_faults
 from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
+from hindrax_sim.faults.device_lies import (
+    DepthStuck,
+    FalseLock,
+    ForceOffset,
+    GyroOffset,
+    Liar,
+    Lie,
+    RangeShort,
+    VelocityBias,
+    VelocityFrozen,
+)
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
 from hindrax_sim.faults.world_faults import Current, FaultInjector, Leak, LockLost, ThrusterFails, WorldFault
@@ -35,7 +46,7 @@ FORM = "NAME[:DEVICE][@START[+SECONDS]], such as garbage:dvl75@30+5"
 class FaultKind:
     """A row of the registry; `make` and `on_bus` take a seed.
 
-    Stream faults apply to a FaultyLine, bus faults to a FaultyBus.
+    Stream faults apply to a FaultyLine, bus faults to a FaultyBus, lies to what a device measures.
     """
 
     name: str
@@ -44,6 +55,7 @@ class FaultKind:
     meaning: str
     on_bus: Callable[[int], BusFault] | None = None
     on_world: Callable[[], WorldFault] | None = None
+    on_truth: Callable[[], Lie] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +109,13 @@ _KINDS = (
         "the device says its last words again and again",
         bus_faults.Repeated,
     ),
+    FaultKind("velocity_bias", ("dvl75",), None, "0.25 m/s forward too much", on_truth=VelocityBias),
+    FaultKind("velocity_frozen", ("dvl75",), None, "the velocity stays as it is", on_truth=VelocityFrozen),
+    FaultKind("false_lock", ("dvl75",), None, "locked on what moves along with the vehicle", on_truth=FalseLock),
+    FaultKind("gyro_offset", ("icm20948",), None, "40 deg/s of roll too much", on_truth=GyroOffset),
+    FaultKind("force_offset", ("icm20948",), None, "3 m/s^2 to starboard too much", on_truth=ForceOffset),
+    FaultKind("depth_stuck", ("ms5837",), None, "the pressure stays as it is", on_truth=DepthStuck),
+    FaultKind("range_short", ("ping1d",), None, "an echo half a meter too near, as of a fish", on_truth=RangeShort),
     FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=ThrusterFails),
     FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=LockLost),
     FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=Leak),
@@ -174,6 +193,17 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
         for target in spec.devices
     ]
     return FaultInjector(world, schedule)
+
+
+def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Liar:
+    """What the device `name` takes for the truth. Times of the specifications count from `start_s`."""
+    return Liar(
+        [
+            _scheduled(make(), spec, start_s)
+            for spec in specs
+            if name in spec.devices and (make := FAULTS[spec.name].on_truth) is not None
+        ]
+    )
 
 
 def _scheduled(fault: FaultT, spec: FaultSpec, start_s: float) -> Scheduled[FaultT]:

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import gc
 import json
-import math
 import os
 import sys
 import time
@@ -26,10 +25,11 @@ from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.process import StopSignal
 from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
+from hindrax_sim.faults.true_state import TruthLog
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.nodes.hardware_process import main_of
-from hindrax_sim.world import Conditions, World
+from hindrax_sim.world import Conditions
 
 CLOCK_EVERY = 8
 
@@ -44,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--world", default=IDEAL)
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
     made.add_argument("--namespace", default=NAMESPACE, help="of the vehicle; its clock is there, or at /clock")
+    made.add_argument("--truth", help="file for true states and pulses, a line per step")
     made.add_argument("--no-ros", action="store_true", help="devices only, no /clock")
     return made
 
@@ -75,8 +76,8 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)
     with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
-        worst = WorstTilt(mock.hardware.world)
-        mock.after_step.append(worst.update)
+        if words.truth:
+            mock.after_step.append(TruthLog(mock.hardware, Path(words.truth)).write)
         with contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace):
             facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
@@ -84,34 +85,16 @@ def run(words: argparse.Namespace, folder: Path) -> int:
             while not stop.asked:
                 mock.step()
                 heartbeat.beat(time.monotonic())
-        print(json.dumps(ground_truth(mock, worst)), flush=True)  # noqa: T201  # for the parent
+        print(json.dumps(ground_truth(mock)), flush=True)  # noqa: T201  # for the parent
     return 0
 
 
-class WorstTilt:
-    """The largest angle between the vehicle's true vertical and the world's, so far."""
-
-    def __init__(self, world: World) -> None:
-        self._world, self._cosine = world, 1.0
-
-    def update(self, _now: Stamp) -> None:
-        """Update with the current attitude."""
-        roll, pitch, _ = self._world.attitude_rad
-        self._cosine = min(self._cosine, math.cos(roll) * math.cos(pitch))
-
-    @property
-    def deg(self) -> float:
-        """The angle [deg]."""
-        return math.degrees(math.acos(max(-1.0, self._cosine)))
-
-
-def ground_truth(mock: MockVehicle, worst: WorstTilt) -> dict[str, object]:
+def ground_truth(mock: MockVehicle) -> dict[str, object]:
     """Ground truth of the run."""
     world = mock.hardware.world
     return {
         "world": dict(world.conditions.sizes),
         "wall_hits": world.box.wall_hits,
-        "worst_tilt_deg": worst.deg,
         "worst_control_gap_s": mock.governor.worst_lag_s,
         "vehicle_s": to_s(mock.hardware.stamp),
     }

@@ -1,0 +1,98 @@
+"""A cell of the table of faults: what went wrong in which mode of flying, what came of it, and what must never."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hindrax_core.signals import Navigation
+from hindrax_sim.faults.true_state import TrueState
+
+MANEUVER, HOLD, HAND, DISARMED = MODES = ("maneuver", "hold", "hand", "disarmed")
+WRENCH = (12.0, 0.0, 6.0, 0.0, 0.0, 1.0)
+"""What the operator's hand commands: forward, down, and round."""
+HELD = (("depth", 0.8), ("heading", math.nan), ("roll", 0.0), ("pitch", 0.0))
+"""What a hold holds: axes and setpoints."""
+WRONG_TILT_deg, WRONG_SPEED_mps, WRONG_DEPTH_m = 15.0, 0.5, 0.5
+"""Errors of the state from which on it is wrong: guards and holds reckon with less."""
+LONGEST_WRONG_S = 0.5
+"""Thrust on a state that is wrong: never for longer."""
+WORST_TILT_deg = 30.0
+"""True tilt that no cell may reach. It leans by 21 to 23 where it loses its thrust in the fastest surge."""
+AT_END_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One fault in one mode with one seed. Times are those of the mock."""
+
+    who: str
+    what: str
+    mode: str
+    seed: int
+    neutral_s: float | None
+    """From the fault to neutral for good; None when the flight went on."""
+    wrong_s: float
+    """The longest thrust on a state that is wrong."""
+    tilt_deg: float
+    """The largest true tilt after the fault."""
+    reason: str
+    """What the vehicle said."""
+    violated: tuple[str, ...] = ()
+
+
+class Judge:
+    """Sees every step of the hardware after a fault, with the state that was believed last, and makes the cell."""
+
+    def __init__(self, begin: TrueState) -> None:
+        """`begin`: the true state when the fault came."""
+        self._begin = self._last = begin
+        self._thrust_s = self._right_s = begin.now_s
+        self._wrong_s = self._tilt_deg = 0.0
+
+    def step(self, true: TrueState, believed: Navigation | None) -> None:
+        """Take notice of one step."""
+        self._last = true
+        self._tilt_deg = max(self._tilt_deg, true.tilt_deg)
+        if not true.neutral:
+            self._thrust_s = true.now_s
+        if true.neutral or believed is None or not is_wrong(believed, true):
+            self._right_s = true.now_s
+        self._wrong_s = max(self._wrong_s, true.now_s - self._right_s)
+
+    @property
+    def seen_s(self) -> float:
+        """Time since the fault."""
+        return self._last.now_s - self._begin.now_s
+
+    @property
+    def flies_on(self) -> bool:
+        """Whether there is thrust to the end."""
+        return self._thrust_s > max(self._begin.now_s, self._last.now_s - AT_END_S)
+
+    def cell(
+        self, who: str, what: str, mode: str, seed: int, reason: str, *, within_s: float = math.inf, lost: str = ""
+    ) -> Cell:
+        """The judgement. `within_s`: neutral is wanted by then; `lost`: what never came, if anything."""
+        took_s, guarded = self._thrust_s - self._begin.now_s, mode in (MANEUVER, HOLD)
+        found = {
+            lost: bool(lost),
+            "thrust while disarmed": mode == DISARMED and took_s > 0.0,
+            f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
+            f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > LONGEST_WRONG_S,
+            f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > WORST_TILT_deg,
+            "ran into a wall": guarded and self._last.wall_hits > self._begin.wall_hits,
+        }
+        violated = tuple(sentence for sentence, so in found.items() if so)
+        neutral_s = None if self.flies_on else took_s
+        return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated)
+
+
+def is_wrong(believed: Navigation, true: TrueState) -> bool:
+    """Whether a state is so far from the truth that thrust on it does harm."""
+    roll, pitch, _ = (found - wanted for found, wanted in zip(believed.attitude_rad, true.attitude_rad, strict=True))
+    speeds = zip(believed.velocity_mps, true.velocity_mps, strict=True)
+    # Without a lock the state says itself that it does not know the velocity; what is NaN is not claimed to be known.
+    too_fast = believed.dvl_locked and any(abs(found - wanted) > WRONG_SPEED_mps for found, wanted in speeds)
+    too_deep = abs(believed.depth_m - true.depth_m) > WRONG_DEPTH_m
+    return math.degrees(math.hypot(roll, pitch)) > WRONG_TILT_deg or too_fast or too_deep

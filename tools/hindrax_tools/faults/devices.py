@@ -1,0 +1,130 @@
+"""Faults of devices, in lock-step and by bytes: every emulator, every driver, the whole stack without its processes."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.hold.holds import Setpoint
+from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
+from hindrax_control.pilot import Pilot
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.signals import Allocation, Navigation
+from hindrax_core.vehicle import load_vehicle
+from hindrax_sim.faults.fault_registry import FaultSpec
+from hindrax_sim.faults.true_state import TrueState
+from hindrax_sim.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, WRENCH, Cell, Judge
+
+READY_S, AFTER_S = 4.0, 12.0
+FROM_S = {MANEUVER: 24.0, HOLD: 14.0, HAND: 14.0, DISARMED: 6.0}
+WITHIN_S = 6.0
+"""A fault comes when it flies: in a maneuver on the first plateau."""
+LASTS_S = 9999.0
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFault:
+    """A row of the table: the device, what is wrong with it, and the name of the fault."""
+
+    who: str
+    what: str
+    fault: str
+    lasts_s: float = LASTS_S
+
+
+ROWS = (
+    *(
+        DeviceFault(device, *how)
+        for device in ("icm20948", "dvl75", "ms5837", "ping1d")
+        for how in (("died", "absent"), ("frozen", "repeated"), ("restarted", "reset", 0.1))
+    ),
+    DeviceFault("icm20948", "lying: gyroscope offset", "gyro_offset"),
+    DeviceFault("icm20948", "lying: accelerometer offset", "force_offset"),
+    DeviceFault("dvl75", "lying: velocity bias", "velocity_bias"),
+    DeviceFault("dvl75", "lying: frozen velocity", "velocity_frozen"),
+    DeviceFault("dvl75", "lying: false lock", "false_lock"),
+    DeviceFault("ms5837", "lying: depth stuck", "depth_stuck"),
+    DeviceFault("ping1d", "lying: short range", "range_short"),
+    DeviceFault("T3", "lying: turns without thrust", "thruster_fails"),
+)
+
+
+class ModePilot:
+    """Flies one mode with the vehicle's own pilot. Once it was disarmed it does not arm again."""
+
+    def __init__(self, mode: str, seed: int) -> None:
+        self.vehicle = load_vehicle(default_vehicle())
+        self.pilot = Pilot(self.vehicle)
+        self.mode, self.goal = mode, Goal(("surge",), seed=seed)
+        self.maneuver: ManeuverOutput | None = None
+        self.believed: Navigation | None = None
+        self._was_armed = self._ended = False
+        self._begun: Stamp | None = None
+
+    def step(self, navigation: Stamped[Navigation], became: Allocation | None, *, armed: bool) -> LockstepCommand:
+        """Arm, begin, and go on."""
+        stamp, self.believed = navigation.stamp, navigation.reading
+        self._begun = self._begun or stamp
+        if armed and self.mode == HAND:
+            self.pilot.set_operator_wrench(WRENCH, "base_link_fsd", stamp, stamp)
+        flight = self.pilot.step(navigation.reading, stamp, became, armed=armed)
+        self.maneuver = flight.maneuver
+        if armed and not self._was_armed:
+            self._begin()
+        self._ended = self._ended or (self._was_armed and not armed)
+        self._was_armed = self._was_armed or armed
+        ready = seconds_between(self._begun, stamp) >= READY_S
+        return LockstepCommand(flight.wrench, armed=ready and self.mode != DISARMED and not self._ended)
+
+    def _begin(self) -> None:
+        if self.mode == MANEUVER:
+            self.pilot.fly(self.goal)
+        elif self.mode == HOLD:
+            for axis, value in HELD:
+                self.pilot.set(Setpoint(axis, value=value))
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFlight:
+    """One flight: what it depends on. `fly` makes its cell."""
+
+    row: DeviceFault
+    mode: str
+    seed: int
+
+    def fly(self) -> Cell:
+        """Fly, break, and judge every step of the hardware."""
+        row, mode = self.row, self.mode
+        at_s = random.Random(f"{row} {mode} {self.seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
+        pilot = ModePilot(mode, self.seed)
+        step = Lockstep(
+            pilot.vehicle,
+            pilot,
+            self.seed,
+            fidelity="bytes",
+            faults=[FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)],
+        )
+        assert isinstance(step.rig, BytesRig)
+        hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
+        judge, lost, unhealthy = Judge(TrueState.of(hardware)), "", ""
+
+        def watch(stamp: Stamp) -> dict[str, bytes]:
+            nonlocal judge, lost, unhealthy
+            data, true = advance(stamp), TrueState.of(hardware)
+            if step.elapsed_s < at_s:
+                judge = Judge(true)
+                lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
+            else:
+                judge.step(true, pilot.believed)
+                unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
+            return data
+
+        hardware.advance = watch  # type: ignore[method-assign]
+        for _ in step.run(at_s + AFTER_S):
+            pass
+        aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
+        reason = unhealthy or aborted or ("" if judge.flies_on else onboard.reason)
+        return judge.cell(row.who, row.what, mode, self.seed, reason, lost=lost)

@@ -1,0 +1,308 @@
+"""Faults of processes: a real stack on a mock vehicle, whose processes die, freeze and lie in every mode."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import random
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hindrax_bag.run_folder import make_run_folder
+from hindrax_bringup.node_options import Tuning
+from hindrax_bringup.process_state import descendants, is_stopped
+from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONITOR, SENSORS, THRUSTERS, modules
+from hindrax_bringup.share_files import default_vehicle
+from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
+from hindrax_bringup.supervisor import Supervisor
+from hindrax_core.errors import HindraxError
+from hindrax_core.events import Stamped, seconds_between, to_s
+from hindrax_core.signals import Navigation
+from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_sim.faults.true_state import TrueState
+from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
+
+if TYPE_CHECKING:
+    from hindrax_operator.nodes.operator_node import Operator
+
+DEAD_MAN, BOTH = "dead man", "thrusters and dead man"
+DIED, FROZEN, LYING = "died", "frozen", "lying"
+SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
+LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
+"""What another publisher says in a process's name: full thrust that nobody ordered, and thrusters that are at rest."""
+LIE_PERIOD_s = 0.02
+SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 60.0
+"""A fault comes within this time of the first thrust, is seen for so long, and a cell ends after so much wall time."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessFault:
+    """A row of the table: the process, what is wrong with it, and the time within which neutral is wanted."""
+
+    who: str
+    what: str
+    within_s: float = math.inf
+
+
+GOING_ON = (IDENTIFIER.name, SAFETY_MONITOR.name, RECORDER.name, SENSORS.name)
+"""Without these it may fly on, as long as its state is right."""
+ROWS = (
+    *(ProcessFault(who, what) for who in GOING_ON for what in SIGNALS),
+    *(ProcessFault(who, what, 0.5) for who in (CONTROL.name, THRUSTERS.name) for what in SIGNALS),
+    *(ProcessFault(DEAD_MAN, what, 1.5) for what in SIGNALS),
+    # Nobody is left who could write neutral: a new process must start.
+    *(ProcessFault(BOTH, what, PATIENT_S) for what in SIGNALS),
+    *(ProcessFault(who, LYING) for who in LIES),
+)
+
+
+class _SeenError(Exception):
+    """What was to be seen has been seen, or the time is over."""
+
+
+class FaultyStack:
+    """A stack in mock whose processes are harmed, with its operator; made by `faulty_stack`."""
+
+    def __init__(self, supervisor: Supervisor, stack: Stack) -> None:
+        self.supervisor, self.stack = supervisor, stack
+        self.operator: Operator
+        truth = stack.folder.path / TRUTH
+        self._log, self._cut = truth.open(encoding="ascii"), ""
+        self.last: TrueState | None = None
+        self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
+
+    def tick(self) -> None:
+        """Look after the processes, and see what the mock has written."""
+        self.supervisor.check()
+        self._tick(self._read())
+
+    def _read(self) -> list[TrueState]:
+        *lines, self._cut = (self._cut + self._log.read()).split("\n")
+        found = [TrueState.parse(line) for line in lines]
+        self.last = found[-1] if found else self.last
+        return found
+
+    @property
+    def neutral(self) -> bool:
+        """Whether neutral is on the wires now."""
+        self._read()
+        return self.last is not None and self.last.neutral
+
+    def pids(self, who: str) -> list[int]:
+        """Processes of a name; the thrusters node is the child of its dead man."""
+        if who == BOTH:
+            return self.pids(THRUSTERS.name) + self.pids(DEAD_MAN)
+        pid = self.supervisor.children[THRUSTERS.name if who == DEAD_MAN else who].handle.pid
+        return descendants(pid)[:1] if who == THRUSTERS.name else [pid]
+
+    @contextlib.contextmanager
+    def harmed(self, who: str, what: str) -> Iterator[Callable[[], bool]]:
+        """Kill, freeze or lie until the end of the context; yields whether all are at work that should be."""
+        operator = self.operator
+        if what == LYING:
+            with (
+                operator.sender(LIES[who], who) as send,
+                operator.repeating(LIE_PERIOD_s, lambda: send(self._lie(who))),
+            ):
+                yield lambda: True
+            with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
+                operator.arm(arm=False, seconds=PATIENT_S)
+            return
+        for child in self.supervisor.children.values():
+            child.restarts = 0  # many faults are no process that dies again and again
+        old = self.pids(who)
+        for pid in old:
+            os.kill(pid, SIGNALS[what])
+
+        def whole() -> bool:
+            new = self.pids(who)
+            back = bool(new) and not set(new) & set(old) and not any(map(is_stopped, new))
+            state = operator.navigation
+            return back and state is not None and seconds_between(state.stamp, operator.now()) < 1.0
+
+        yield whole
+
+    def _lie(self, who: str) -> Any:
+        from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
+        from hindrax_ros.convert import stamp_to_msg  # noqa: PLC0415
+
+        count, operator = len(self.operator.thrusters.pulses), self.operator
+        if who == CONTROL.name:
+            message = ThrusterCommand(pulses=[1900.0] * count, sequence=operator.next())
+        else:
+            message = ThrusterState(armed=True, state="armed", pulses=[1500.0] * count, output="pca9685")
+        message.header.stamp = stamp_to_msg(operator.now())
+        return message
+
+    def wait(self, done: Callable[[], bool], what: str) -> None:
+        """Spin until it is so."""
+        self.operator.wait(done, 3.0 * PATIENT_S, lambda: what)
+
+    def take_off(self, mode: str) -> None:
+        """Arm, or disarm, when the state is there again; HindraxError when it cannot be armed."""
+        operator, since = self.operator, self.operator.now()
+        self.wait(lambda: operator.navigation is not None and operator.navigation.stamp > since, "navigation")
+        if mode == DISARMED and operator.thrusters.armed:
+            operator.arm(arm=False, seconds=PATIENT_S)
+        deadline_s = time.monotonic() + PATIENT_S
+        while mode != DISARMED and not operator.thrusters.armed:
+            with contextlib.suppress(HindraxError):  # the state is not believed for a second after it began anew
+                operator.arm(seconds=5.0)
+            if time.monotonic() > deadline_s:
+                raise HindraxError(f"could not be armed: {operator.thrusters.reason}")
+
+    def fly(self, mode: str, seed: int, tick: Callable[[Sequence[TrueState]], None]) -> None:
+        """Fly in one mode until the tick ends it. What is refused is asked for again: a busy machine is late."""
+        self._tick = tick
+        try:
+            while True:
+                with contextlib.suppress(HindraxError):
+                    self._fly(mode, seed)
+                self.operator.pause(1.0)
+        except _SeenError:
+            pass
+        finally:
+            self._tick = lambda _: None
+
+    def _fly(self, mode: str, seed: int) -> None:
+        from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # rclpy reads the environment as it is imported
+        from hindrax_ros.convert import wrench_to_msg  # noqa: PLC0415
+
+        operator = self.operator
+        if mode == MANEUVER:
+            operator.fly(["surge"], excitation="plateaus", seed=seed, on_cancel="neutral", seconds=3.0 * PATIENT_S)
+        elif mode == HOLD:
+            for axis, value in HELD:
+                hold(operator, [axis], value, engaged=True)
+        elif mode == HAND:
+            with (
+                operator.sender(OPERATOR_WRENCH, "the pilot") as send,
+                operator.repeating(0.1, lambda: send(wrench_to_msg(operator.now(), WRENCH))),
+            ):
+                operator.pause(3.0 * PATIENT_S)
+
+    def until_thrust(self, mode: str) -> None:
+        """Arm and fly in one mode, until there is thrust."""
+
+        def enough(_: Sequence[TrueState]) -> None:
+            if not self.neutral:
+                raise _SeenError
+
+        self.take_off(mode)
+        self.fly(mode, 1, enough)
+
+    def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
+        """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
+        self.wait(lambda: bool(self._read()), "the mock")
+        assert self.last is not None
+        seen = _Seen(self, row, mode, random.Random(f"{row} {mode} {seed}").uniform(0.0, SOON_S))  # noqa: S311  # no secret
+        try:
+            self.take_off(mode)
+            with seen.harm:
+                self.fly(mode, seed, seen.tick)
+        except HindraxError as error:
+            seen.lost = seen.lost or str(error)
+        return seen.cell(seed, self.last)
+
+
+class _Seen:
+    """What is seen of one fault: harms when there is thrust, and ends when all is up again."""
+
+    def __init__(self, stack: FaultyStack, row: ProcessFault, mode: str, wait_s: float) -> None:
+        self._stack, self._row, self._mode, self._wait_s = stack, row, mode, wait_s
+        self._deadline_s = time.monotonic() + 2.0 * PATIENT_S
+        self._thrust_since_s: float | None = None
+        self._harmed_s = math.inf
+        self._whole: Callable[[], bool] = lambda: False
+        self._true: list[TrueState] = []
+        self._believed: dict[float, Navigation] = {}
+        self.harm = contextlib.ExitStack()
+        self.lost = self._said = ""
+
+    def tick(self, lines: Sequence[TrueState]) -> None:
+        """Take notice of the mock's new lines, and of the state that is believed."""
+        operator = self._stack.operator
+        if isinstance(state := operator.navigation, Stamped):
+            self._believed[to_s(state.stamp)] = state.reading
+        if self._harmed_s < math.inf:
+            self._true += lines
+            self._said = "" if operator.thrusters.armed else str(operator.thrusters.reason)
+            if self._true and self._true[-1].now_s - self._harmed_s > AFTER_S and self._ended():
+                raise _SeenError
+        elif any(map(self._flew_long_enough, lines)):
+            self._whole = self.harm.enter_context(self._stack.harmed(self._row.who, self._row.what))
+            assert self._stack.last is not None
+            self._stack.neutral  # noqa: B018  # reads up to now
+            self._harmed_s, self._true = self._stack.last.now_s, [self._stack.last]
+        if time.monotonic() > self._deadline_s:
+            harmed = self._harmed_s < math.inf
+            self.lost = "it did not come back" if harmed else "no thrust before the fault: nothing is shown"
+            raise _SeenError
+
+    def _flew_long_enough(self, one: TrueState) -> bool:
+        if one.neutral and self._mode != DISARMED:
+            self._thrust_since_s = None
+            return False
+        self._thrust_since_s = one.now_s if self._thrust_since_s is None else self._thrust_since_s
+        return one.now_s - self._thrust_since_s >= self._wait_s
+
+    def _ended(self) -> bool:
+        """Whether all is at work again, and disarmed where that is wanted."""
+        return self._whole() and (self._row.within_s == math.inf or not self._stack.operator.thrusters.armed)
+
+    def cell(self, seed: int, last: TrueState) -> Cell:
+        """The judgement: each true state beside the state that was believed then."""
+        judge, stamps = Judge(self._true[0] if self._true else last), sorted(self._believed)
+        at = 0
+        for true in self._true[1:]:
+            while at < len(stamps) and stamps[at] <= true.now_s:
+                at += 1
+            judge.step(true, self._believed[stamps[at - 1]] if at else None)
+        row, said = self._row, "" if self._mode == DISARMED else self._said
+        return judge.cell(row.who, row.what, self._mode, seed, said, within_s=row.within_s, lost=self.lost)
+
+
+TRUTH = "truth.log"
+
+
+@contextlib.contextmanager
+def faulty_stack(folder: Path, seed: int, *, record: bool = True) -> Iterator[FaultyStack]:
+    """A mock vehicle, its stack and its operator; all of it ends with the context."""
+    run = make_run_folder(str(folder / "run"), default_vehicle())
+    with own_domain(mock=True) as domain:
+        made = environment(mock=True, domain=domain)
+        with Supervisor(run.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
+            from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
+
+            stack = Stack(run, supervisor, tuning=Tuning(settings=("thrusters.arming_s:=1.0",)))
+            stack.start(MockOptions(seed=seed, rate=1.0, truth=str(run.path / TRUTH)), record=record)
+            faulty = FaultyStack(supervisor, stack)
+            with Operator(mock=True, tick=faulty.tick) as operator:
+                faulty.operator = operator
+                faulty.wait(lambda: operator.navigation is not None and operator.thrusters is not None, "the stack")
+                yield faulty
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessFlights:
+    """All cells of some rows with one seed. A stack serves them all, until one of them has lost it."""
+
+    rows: tuple[ProcessFault, ...]
+    seed: int
+
+    def fly(self) -> Iterator[Cell]:
+        """Fly them, mode by mode. Rows without which it flies on come first: one flight serves them all."""
+        left = [(row, mode) for mode in MODES for row in self.rows]
+        while left:
+            with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), self.seed) as stack:
+                lost = False
+                while left and not lost:
+                    cell = stack.cell(*left.pop(0), self.seed)
+                    lost = bool(stack.supervisor.children) and bool(cell.violated)
+                    yield cell

@@ -1,0 +1,56 @@
+"""All cells of the table of faults: flown, then put together, a row for each fault."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+
+from hindrax_analysis.identification.executor import executor_for
+from hindrax_tools.faults import devices, processes
+from hindrax_tools.faults.cells import DISARMED, MODES, Cell
+from hindrax_tools.faults.devices import DeviceFlight
+from hindrax_tools.faults.processes import ProcessFlights
+
+WHO = tuple(dict.fromkeys([row.who for row in processes.ROWS] + [row.who for row in devices.ROWS]))
+
+
+def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cell]:
+    """Fly all cells, or those of some processes and devices; reports progress on stderr."""
+    harmed = tuple(row for row in processes.ROWS if row.who in only)
+    jobs: list[ProcessFlights | DeviceFlight] = [ProcessFlights(harmed, seed) for seed in seeds if harmed]
+    broken = [row for row in devices.ROWS if row.who in only]
+    jobs += [DeviceFlight(row, mode, seed) for row in broken for mode in MODES for seed in seeds]
+    found: list[Cell] = []
+    for number, cells in enumerate(executor_for(workers=workers).map(_fly, jobs), start=1):
+        found += cells
+        print(f"{number} of {len(jobs)} flights", file=sys.stderr, flush=True)
+    return found
+
+
+def _fly(job: ProcessFlights | DeviceFlight) -> list[Cell]:
+    cells = []
+    for one in [job.fly()] if isinstance(job, DeviceFlight) else job.fly():
+        cells.append(one)
+        came = "; ".join(one.violated) or entry([one])
+        print(f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {came}", file=sys.stderr, flush=True)
+    return cells
+
+
+def rows(cells: Sequence[Cell]) -> Iterator[tuple[str, ...]]:
+    """Who, what, an entry for each mode, and what the vehicle said: the worst of all seeds."""
+    for who, what in dict.fromkeys((one.who, one.what) for one in cells):
+        same = [one for one in cells if (one.who, one.what) == (who, what)]
+        reasons = dict.fromkeys(one.reason.partition(": ")[0] for one in same if one.mode != DISARMED and one.reason)
+        yield who, what, *(entry([one for one in same if one.mode == mode]) for mode in MODES), "; ".join(reasons)
+
+
+def entry(cells: Sequence[Cell]) -> str:
+    """What came of one fault in one mode: neutral within so many seconds, or the flight went on."""
+    if any(one.violated for one in cells):
+        return "VIOLATED"
+    times = [one.neutral_s for one in cells if one.neutral_s is not None]
+    if not times:
+        return "flies on"
+    if cells[0].mode == DISARMED:
+        return "neutral"
+    return f"{max(times):.2f} s{' or flies on' if len(times) < len(cells) else ''}"

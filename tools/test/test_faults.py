@@ -1,0 +1,162 @@
+"""The table of faults: what is judged, how it is put together, and the lies of devices that are found in flight."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import pytest
+
+from hindrax_cli.command_line import main
+from hindrax_core.signals import Navigation
+from hindrax_sim.devices.dvl75_sentences import DvlTruth
+from hindrax_sim.devices.imu_signal import ImuTruth
+from hindrax_sim.devices.ms5837 import WaterTruth
+from hindrax_sim.devices.ping1d import PingTruth
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
+from hindrax_sim.faults.true_state import TrueState
+from hindrax_tools.faults import table
+from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MODES, Cell, Judge, is_wrong
+from hindrax_tools.faults.devices import ROWS, DeviceFlight
+
+WELL = Cell("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
+FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (1600.0, 1500.0))
+BELIEVED = Navigation(FLYING.attitude_rad, (0.0,) * 3, FLYING.velocity_mps, 0.8, 1.0, (0.0, 0.0), dvl_locked=True)
+
+
+def test_a_line_of_the_log_is_the_state_again_and_says_whether_it_thrusts_and_leans() -> None:
+    assert TrueState.parse(FLYING.line()) == FLYING
+    assert not FLYING.neutral
+    assert replace(FLYING, pulses_us=(1501.5, 0.0)).neutral
+    assert replace(FLYING, attitude_rad=(math.pi, 0.0, 0.0)).tilt_deg == pytest.approx(180.0)
+    assert replace(FLYING, attitude_rad=(math.radians(30.0), 0.0, 2.0)).tilt_deg == pytest.approx(30.0)
+
+
+def test_a_state_is_wrong_by_tilt_depth_or_a_velocity_that_it_claims_to_know() -> None:
+    assert not is_wrong(BELIEVED, FLYING)
+    assert is_wrong(replace(BELIEVED, attitude_rad=(0.4, 0.0, 2.0)), FLYING)
+    assert is_wrong(replace(BELIEVED, depth_m=0.2), FLYING)
+    assert not is_wrong(replace(BELIEVED, depth_m=math.nan), FLYING)
+    fast = replace(BELIEVED, velocity_mps=(0.2, math.nan, -0.6))
+    assert is_wrong(fast, FLYING)
+    assert not is_wrong(replace(fast, dvl_locked=False), FLYING)
+
+
+def judged(mode: str, *steps: tuple[float, TrueState, Navigation | None], within_s: float = math.inf) -> Cell:
+    judge = Judge(FLYING)
+    for seconds, true, believed in steps:
+        judge.step(replace(true, now_s=FLYING.now_s + seconds), believed)
+    return judge.cell("imu", "died", mode, 1, "", within_s=within_s)
+
+
+NEUTRAL = replace(FLYING, pulses_us=(1500.0, 0.0))
+TILTED = replace(BELIEVED, attitude_rad=(0.5, 0.0, 2.0))
+
+
+def test_neutral_counts_from_the_fault_for_good_and_thrust_to_the_end_is_flying_on() -> None:
+    ended = judged(HOLD, (0.1, NEUTRAL, None), (0.3, FLYING, BELIEVED), (1.0, NEUTRAL, None))
+    assert ended.neutral_s == pytest.approx(0.3)
+    assert judged(HOLD, (1.0, NEUTRAL, None), (3.0, FLYING, BELIEVED)).neutral_s is None
+    assert judged(DISARMED, (1.0, NEUTRAL, None)).neutral_s == 0.0
+
+
+VIOLATIONS = {
+    "on a state that is wrong": judged(HAND, (0.1, FLYING, TILTED), (0.6, FLYING, TILTED), (0.7, FLYING, TILTED)),
+    "while disarmed": judged(DISARMED, (0.1, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED)),
+    "wanted 0.5 s": judged(HAND, (0.6, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED), within_s=0.5),
+    "tilted by 57 deg": judged(HAND, (0.1, replace(NEUTRAL, attitude_rad=(1.0, 0.0, 0.0)), None)),
+    "wall": judged(HOLD, (0.1, replace(NEUTRAL, wall_hits=1), None)),
+}
+
+
+@pytest.mark.parametrize("why", VIOLATIONS)
+def test_what_must_never_be_is_named(why: str) -> None:
+    (sentence,) = VIOLATIONS[why].violated
+    assert why in sentence
+
+
+def test_short_thrust_on_a_wrong_state_neutral_on_one_and_a_wall_by_hand_are_no_violations() -> None:
+    brief = ((0.1, FLYING, TILTED), (0.5, FLYING, TILTED), (0.6, FLYING, BELIEVED), (0.9, FLYING, TILTED))
+    assert judged(HAND, *brief, (1.5, replace(NEUTRAL, wall_hits=1), TILTED)).violated == ()
+
+
+def test_a_row_shows_the_worst_of_all_seeds() -> None:
+    cells = [WELL, replace(WELL, seed=2, neutral_s=0.6), replace(WELL, mode=HAND, neutral_s=None)]
+    cells += [replace(WELL, mode=DISARMED, neutral_s=0.0, reason="not armed"), replace(WELL, mode="maneuver")]
+    cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None))
+    (row,) = table.rows(cells)
+    said = "no command for 5 s"
+    assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", said)
+    (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))])
+    assert bad[3] == "VIOLATED"
+
+
+@pytest.mark.parametrize("violated", [(), ("ran into a wall",)])
+def test_the_command_ends_with_1_when_a_cell_is_violated(
+    violated: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(table, "fly", lambda *_: [replace(WELL, mode=mode, violated=violated) for mode in MODES])
+    assert main(["faults", "--only", "dvl75", "--json"]) == len(violated)
+    document = json.loads(capsys.readouterr().out)
+    assert len(document["violated"]) == len(violated) * len(MODES)
+    assert document["cells"][1]["mode"] == HOLD
+    assert main(["faults", "--only", "dvl75"]) == len(violated)
+    assert ("VIOLATED" in capsys.readouterr().out) == bool(violated)
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [(["--only", "dvl"], "wanted identifier, "), (["--seeds", "0"], "found 0"), (["--workers", "-1"], "found -1")],
+)
+def test_wrong_use_is_one_sentence(words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["faults", *words]) == 2
+    assert why in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("who", "fault", "mode", "guard"),
+    [
+        ("icm20948", "gyro_offset", HOLD, "gravity"),
+        ("icm20948", "repeated", HAND, "frozen"),
+        ("ms5837", "depth_stuck", HAND, "sinking"),
+    ],
+)
+def test_a_lie_ends_thrust_before_it_does_harm(who: str, fault: str, mode: str, guard: str) -> None:
+    (row,) = [one for one in ROWS if (one.who, one.fault) == (who, fault)]
+    cell = DeviceFlight(row, mode, 3).fly()
+    assert cell.violated == ()
+    assert cell.neutral_s is not None
+    assert cell.reason.startswith(f"{guard}: ")
+
+
+DVL = DvlTruth(velocity_mps=(0.3, 0.0, 0.1), travel_m=(1.0, 0.0, 0.0))
+LIES = {
+    "velocity_bias": (DVL, lambda told: (told.velocity_mps, told.travel_m) == ((0.55, 0.0, 0.1), (1.0, 0.0, 0.0))),
+    "velocity_frozen": (DVL, lambda told: told.frozen),
+    "false_lock": (DVL, lambda told: (told.velocity_mps, told.altitude_m) == ((0.0, 0.0, 0.0), 0.3)),
+    "gyro_offset": (ImuTruth(), lambda told: told.rate_radps == (math.radians(40.0), 0.0, 0.0)),
+    "force_offset": (ImuTruth(), lambda told: told.specific_force_mps2[1] == 3.0),
+    "depth_stuck": (WaterTruth(1.1e5), lambda told: told.pressure_Pa == 1.1e5),
+    "range_short": (PingTruth(2.0), lambda told: told.distance_m == 1.5),
+}
+
+
+@pytest.mark.parametrize("fault", LIES)
+def test_a_lie_begins_and_ends_and_is_what_it_says(fault: str) -> None:
+    truth, as_said = LIES[fault]
+    lies = liar(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
+    assert lies.told(truth, 0.9) is truth
+    assert as_said(lies.told(truth, 1.0))
+    assert lies.told(truth, 2.0) is truth
+    assert liar("thrusters", [FaultSpec(fault, FAULTS[fault].devices)]).told(truth, 12.0) is truth
+
+
+def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -> None:
+    stuck, biased = (
+        liar(device, [FaultSpec(fault, (device,), 0.0)])
+        for device, fault in (("ms5837", "depth_stuck"), ("dvl75", "velocity_bias"))
+    )
+    assert stuck.told(WaterTruth(1.1e5), 1.0) == stuck.told(WaterTruth(1.2e5), 2.0) == WaterTruth(1.1e5)
+    biased.told(DVL, 1.0)
+    assert biased.told(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))
