@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -46,7 +47,7 @@ from hindrax_bringup.stack import adopted
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.topics import NAMESPACE, THRUSTER_STATE, TOPICS
 from hindrax_core.vehicle import load_vehicle
-from hindrax_msgs.srv import Arm
+from hindrax_msgs.srv import Arm, Recentre
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import message_class, publisher, subscription
 from hindrax_tools.reference.nodes import edges
@@ -221,6 +222,9 @@ def test_nonsense_in_every_other_request_is_refused(stack: psutil.Process) -> No
             answer = client.ask(Arm, "thrusters/arm", request)
             assert not answer.accepted
             assert answer.reason
+        for recentre in hostile.floods(Recentre.Request, Time(), every=3):
+            answer = client.ask(Recentre, "maneuver/recentre", recentre)
+            assert answer.reason or (answer.accepted and math.isnan(recentre.x) and math.isnan(recentre.y)), recentre
         for name in sorted(DEVICES):
             states[name] = client.ask(GetState, f"{name}/get_state", GetState.Request()).current_state.id
             for request in hostile.floods(ChangeState.Request, Time(), every=61):

@@ -127,6 +127,11 @@ def test_armed_it_holds_pushes_and_stops(terminal: Terminal) -> None:
     assert code == 0, wrong
     achieved = float(said.partition("it was X ")[2].split()[0])
     assert achieved == pytest.approx(10.0, abs=2.0)
+    code, said, wrong = terminal.run("recentre", "5", "2")
+    assert (code, said) == (0, "the vehicle is 5.00 m from the south wall, 2.00 m from the west wall\n"), wrong
+    code, said, wrong = terminal.run("recentre", "5", "60")
+    assert (code, said) == (1, "")
+    assert "recentre: y: found 60 m, wanted 0." in wrong
     code, said, wrong = terminal.run("hold", "all", "off")
     assert code == 0, wrong
     code, said, wrong = terminal.run("stop")

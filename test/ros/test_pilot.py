@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +32,7 @@ from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_operator.nodes.operator_node import Operator
+from hindrax_operator.nodes.orders import recentre
 from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
 from hindrax_ros.graph import publisher
 
@@ -108,6 +111,23 @@ def bench() -> Iterator[Bench]:
             yield made
         finally:
             made.close()
+
+
+def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(bench: Bench) -> None:
+    known: list[bool] = []
+    bench.pilot.know_position = lambda: known.append(True)
+    bench.until(lambda: bench.pilot._pilot.pool is not None)
+    recentre(bench.operator, 4.0, 2.0, math.nan)
+    place = bench.pilot._pilot.pool.place(ADRIFT)
+    assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
+    for x_m, y_m, turned in itertools.product((math.inf, -1e308, 11.0, math.nan), (2.0,), (math.nan, math.inf, 1e308)):
+        with pytest.raises(HindraxError, match=r"recentre: (x|heading): found .* wanted"):
+            recentre(bench.operator, x_m, y_m, turned)
+    bench.operator.now = lambda: Stamp(1)
+    with pytest.raises(HindraxError, match="recentre: "):
+        recentre(bench.operator, 5.0, 3.0, math.nan)
+    place = bench.pilot._pilot.pool.place(ADRIFT)
+    assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
 
 
 def estimate(stamp: Stamp, **changes: str | tuple[float, float]) -> Stamped[Estimate]:

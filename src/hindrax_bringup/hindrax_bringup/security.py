@@ -58,7 +58,7 @@ KEYSTORE = "HINDRAX_KEYSTORE"
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 FROM_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
-ARM, FLY, ASSESS = "thrusters/arm", "maneuver/fly", "ident/assess"
+ARM, FLY, ASSESS, RECENTRE = "thrusters/arm", "maneuver/fly", "ident/assess", "maneuver/recentre"
 CANCEL = f"{FLY}/_action/cancel_goal"
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """What the identifier takes of a stack that is not ours, under the names of another stack when they are remapped."""
@@ -137,6 +137,7 @@ ROLES: tuple[Role, ...] = (
             *(ODOMETRY, ALTITUDE, ALLOCATION, LEAK),
         ),
         executes=(FLY,),
+        serves=(RECENTRE,),
     ),
     Role(
         "allocator",
@@ -166,7 +167,7 @@ ROLES: tuple[Role, ...] = (
         "operator",
         publishes=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
         subscribes=_STATE,
-        requests=(ARM, CANCEL),
+        requests=(ARM, CANCEL, RECENTRE),
         calls=(FLY,),
     ),
     Role("thrust", "thrust", publishes=(FOREIGN[1], DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),

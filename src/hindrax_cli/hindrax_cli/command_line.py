@@ -25,7 +25,10 @@ GROUPS = {
     "pool": ("the main job", ("pool-test", "report", "export")),
     "operate": (
         "run and drive the vehicle",
-        ("up", "status", "monitor", "web", "arm", "disarm", "stop", "hold", "wrench", "joystick", "lights", "thruster"),
+        (
+            *("up", "status", "monitor", "web", "arm", "disarm", "stop", "hold", "recentre", "wrench", "joystick"),
+            *("lights", "thruster"),
+        ),
     ),
     "machine": (
         "the machine and its devices",

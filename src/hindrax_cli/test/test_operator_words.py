@@ -23,7 +23,7 @@ from hindrax_bringup.stack_lock import FOLDER, StackLock
 from hindrax_bringup.stack_runner import asked_to_end, startup_text
 from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
-from hindrax_cli.commands.operate import hold, lights, wrench
+from hindrax_cli.commands.operate import hold, lights, recentre, wrench
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator import one_thruster
@@ -31,7 +31,7 @@ from hindrax_operator.one_thruster import pulses_of
 from hindrax_operator.pool_run import FlownManeuver, finish
 
 OPERATOR = (
-    *("arm", "disarm", "stop", "hold", "wrench", "thruster", "lights", "joystick"),
+    *("arm", "disarm", "stop", "hold", "recentre", "wrench", "thruster", "lights", "joystick"),
     *("up", "monitor", "mock", "doctor"),
 )
 
@@ -64,6 +64,25 @@ def test_what_is_no_brightness_is_refused_before_the_vehicle_is_asked(
 ) -> None:
     assert main(["lights", *words]) == 2
     assert "wanted one or 2 numbers from 0 to 1, or `off`" in capsys.readouterr().err
+
+
+# ---- recentre
+
+
+def test_a_place_is_meters_and_degrees_or_nothing() -> None:
+    assert recentre.place_of(["5", "3", "90"]) == pytest.approx((5.0, 3.0, math.pi / 2))
+    assert recentre.place_of(["5", "3"])[:2] == (5.0, 3.0)
+    assert all(map(math.isnan, recentre.place_of([])))
+    assert recentre.shown(5.0, 3.0) == "5.00 m from the south wall, 3.00 m from the west wall"
+    assert recentre.shown(math.nan, math.nan) == "at its start"
+
+
+@pytest.mark.parametrize("words", [["5"], ["5", "nan"], ["5", "inf", "0"], ["here", "there"], ["1", "2", "3", "4"]])
+def test_what_is_no_place_is_refused_before_the_vehicle_is_asked(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["recentre", *words]) == 2
+    assert "wanted nothing, or X Y [DEG]: meters from the south and the west wall" in capsys.readouterr().err
 
 
 # ---- hold

@@ -6,6 +6,7 @@ Pure. Setpoints, goals, cancels and operator wrenches are events; `step` is call
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
@@ -19,7 +20,7 @@ from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.maneuver.servable import require_servable
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
@@ -76,7 +77,9 @@ class Pilot:
         self._allocator = Allocator(vehicle, knobs.allocation)
         self._holds = Holds(vehicle, knobs.holds)
         self._guard = WrenchGuard(vehicle, knobs.operator_wrench)
-        self._pool: PoolBounds | None = None
+        self.pool: PoolBounds | None = None
+        self._navigation: Navigation | None = None
+        self._told_where = False
         self._maneuver_guards = ManeuverGuards(vehicle, knobs.guards)
         self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
         self._maneuver: Maneuver | None = None
@@ -160,14 +163,14 @@ class Pilot:
             raise HindraxError("the vehicle is not armed; `./hindrax arm` first")
         if self._guards:
             raise HindraxError(self._guards[0])
-        if self._pool is None:
+        if self.pool is None:
             raise HindraxError(f"the heading is unknown; {SENSELESS}")
         knobs = self._knobs
         self._maneuver = Maneuver(
             self._vehicle,
             self._allocator,
             goal,
-            self._pool,
+            self.pool,
             knobs=knobs.maneuver,
             plan_knobs=knobs.plan,
             station_knobs=knobs.station,
@@ -176,6 +179,30 @@ class Pilot:
         )
         self._keeping_station, self._station = True, None
         return self._maneuver
+
+    def recentre(self, x_m: float = NAN, y_m: float = NAN, turned_rad: float = NAN) -> str:
+        """Take it that the vehicle is at this place of the pool now; returns the reason of a refusal.
+
+        x along the length, y to the right of it [m], NaN: at the start of the knobs; heading from the length, NaN: as
+        reckoned. A hold of the station stays where the vehicle is.
+        """
+        if self.flying:
+            return BUSY
+        if self.pool is None or self._navigation is None:
+            return f"the heading is unknown; {SENSELESS}"
+        if not math.isfinite(sum(self._navigation.position_m) + self._navigation.attitude_rad[2]):
+            return f"the position is unknown; {SENSELESS}"
+        try:
+            start = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds).start_m
+            x_m, y_m = start if math.isnan(x_m) and math.isnan(y_m) else (x_m, y_m)
+            pool = copy(self.pool)  # a maneuver that has ended keeps its own
+            pool.recentre(self._navigation, x_m, y_m, turned_rad)
+        except UsageError as error:
+            return str(error)
+        self.pool, self._told_where = pool, True
+        if self._station is not None:
+            self._station.start(self.pool.place(self._navigation))
+        return ""
 
     def cancel(self, ending: str = "") -> None:
         """Stop the maneuver, if there is one: accepted at any moment. `ending`: hold, neutral, or as the goal says."""
@@ -236,11 +263,12 @@ class Pilot:
         return replace(state, note=f"{state.note}; refused: {reason}" if state.note else f"refused: {reason}")
 
     def _update(self, navigation: Navigation, stamp: Stamp, battery_V: float, *, armed: bool, unarmed: str) -> None:
-        if not self._was_armed and math.isfinite(navigation.attitude_rad[2]):
+        self._navigation = navigation
+        if not (self._was_armed or self._told_where) and math.isfinite(navigation.attitude_rad[2]):
             # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
-            self._pool = PoolBounds(self._vehicle, navigation.attitude_rad[2], self._knobs.pool_bounds)
-        place = self._pool.place(navigation) if self._pool else None
-        walls_m = self._pool.walls_m(place) if self._pool and place else {}
+            self.pool = PoolBounds(self._vehicle, navigation.attitude_rad[2], self._knobs.pool_bounds)
+        place = self.pool.place(navigation) if self.pool else None
+        walls_m = self.pool.walls_m(place) if self.pool and place else {}
         self._guards = self._maneuver_guards.step(
             Situation(navigation, place, walls_m, to_s(stamp), battery_V, self.water_in_hull)
         )
@@ -272,9 +300,9 @@ class Pilot:
     def _keep_station(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> tuple[HoldState, Vec6]:
         """State and wrench of the hold that keeps the vehicle where it was when it was engaged."""
         dt, self._station_s = to_s(stamp) - self._station_s, to_s(stamp)
-        if self._station is None or self._pool is None:
+        if self._station is None or self.pool is None:
             return HoldState(STATION, engaged=False), ZERO6
-        place = self._pool.place(navigation)
+        place = self.pool.place(navigation)
         held_back = max(map(abs, shortfall[:2])) > self._knobs.maneuver.shortfall_N
         X, Y = self._station.step(place, dt, held_back=held_back)
         if self._station.goal_m is None:

@@ -2,7 +2,7 @@
 
 Pool axes: x along the length, y to the right of it, from the corner; the walls are called south (x = 0), north, west
 (y = 0) and east, whatever the compass says. The vehicle starts at a known place, turned from the length by a known
-angle; from there on the position is what the navigator reckons.
+angle, or somebody says later where it is; from there on the position is what the navigator reckons, with its doubt.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hindrax_core.errors import UsageError
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -17,22 +18,27 @@ from hindrax_core.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class PoolBoundsKnobs:
-    """Where in the pool dead reckoning begins."""
+    """Where in the pool dead reckoning begins, and how well that is known."""
 
     start_along: float = knob(0.5, 0.0, 1.0, "start of dead reckoning along the pool, as a fraction of its length [-]")
     start_across: float = knob(0.5, 0.0, 1.0, "start of dead reckoning across the pool, as a fraction of its width [-]")
     start_turned_deg: float = knob(0.0, -180.0, 180.0, "heading at the start, from the pool's length [deg]")
+    start_sigma_m: float = knob(0.1, 0.0, 10.0, "standard deviation of a place where it is said to be [m]")
 
 
 @dataclass(frozen=True, slots=True)
 class PoolPosition:
-    """Where the vehicle is in the pool, its heading from the pool's length, its velocity in pool axes."""
+    """Where the vehicle is in the pool, its heading from the pool's length, its velocity in pool axes.
+
+    `sigma_m` is the standard deviation of x and of y; NaN where nobody says.
+    """
 
     x_m: float
     y_m: float
     heading_rad: float
     vx_mps: float
     vy_mps: float
+    sigma_m: float = NAN
 
 
 class PoolBounds:
@@ -45,21 +51,48 @@ class PoolBounds:
         self.half_length_m, self.half_width_m = 0.5 * vehicle.envelope_m[0], 0.5 * vehicle.envelope_m[1]
         self.axis_rad = heading_rad - math.radians(knobs.start_turned_deg)
         self.start_m = (knobs.start_along * pool.length_m, knobs.start_across * pool.width_m)
-        self._cos, self._sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
+        self._start_sigma_m = knobs.start_sigma_m
+        self._reckoned_m, self._variance_m2 = (0.0, 0.0), 0.0
+
+    def recentre(self, navigation: Navigation, x_m: float, y_m: float, turned_rad: float) -> None:
+        """Take the vehicle to be at x, y now [m], turned from the length by this; NaN: as it was.
+
+        UsageError says what is no place in this pool; then nothing of it may be used.
+        """
+        if abs(turned_rad) > math.tau:
+            found = f"{math.degrees(turned_rad):.0f} deg"
+            raise UsageError(f"heading: found {found}, wanted -360 to 360 deg from the pool's length")
+        heading_rad, sigma_m = navigation.attitude_rad[2], navigation.position_sigma_m
+        self.axis_rad = self.axis_rad if math.isnan(turned_rad) else heading_rad - turned_rad
+        self.start_m = (x_m, y_m)
+        reach_m, extent_m = self.reach_m(heading_rad - self.axis_rad), (self.length_m, self.width_m)
+        for name, at_m, half_m, whole_m in zip("xy", self.start_m, reach_m, extent_m, strict=True):
+            if not half_m <= at_m <= whole_m - half_m:
+                wanted = f"{half_m:.2f} to {whole_m - half_m:.2f} m, the hull within the pool"
+                raise UsageError(f"{name}: found {at_m:g} m, wanted {wanted}")
+        self._reckoned_m, self._variance_m2 = navigation.position_m, sigma_m**2 if math.isfinite(sigma_m) else 0.0
 
     def place(self, navigation: Navigation) -> PoolPosition:
         """Where the vehicle is by dead reckoning; velocities are NaN where the navigator has none."""
-        north, east = navigation.position_m
+        north, east = (now - told for now, told in zip(navigation.position_m, self._reckoned_m, strict=True))
+        cos, sin = math.cos(self.axis_rad), math.sin(self.axis_rad)
+        x_m, y_m = self.start_m[0] + cos * north + sin * east, self.start_m[1] - sin * north + cos * east
         u, v, _ = navigation.velocity_mps
         heading = math.remainder(navigation.attitude_rad[2] - self.axis_rad, math.tau)
         cos, sin = math.cos(heading), math.sin(heading)
-        return PoolPosition(
-            x_m=self.start_m[0] + self._cos * north + self._sin * east,
-            y_m=self.start_m[1] - self._sin * north + self._cos * east,
-            heading_rad=heading,
-            vx_mps=cos * u - sin * v,
-            vy_mps=sin * u + cos * v,
-        )
+        return PoolPosition(x_m, y_m, heading, cos * u - sin * v, sin * u + cos * v, self._sigma_m(navigation))
+
+    def _sigma_m(self, navigation: Navigation) -> float:
+        """Doubt of the place that was told and of the way since then.
+
+        A navigator that counts from there says less than before; of another one, what it said then is taken off.
+        """
+        variance_m2 = navigation.position_sigma_m**2
+        if variance_m2 >= self._variance_m2:
+            variance_m2 -= self._variance_m2
+        else:
+            self._variance_m2 = 0.0
+        return math.hypot(self._start_sigma_m, math.sqrt(variance_m2))
 
     def reach_m(self, heading_rad: float) -> tuple[float, float]:
         """Half extent of the hull along the pool's x and y at a heading from its length."""

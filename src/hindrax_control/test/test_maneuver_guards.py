@@ -93,6 +93,11 @@ def test_braking_takes_its_way_ahead_only_and_none_at_a_speed_that_nobody_knows(
         ({"position_m": (4.5, 0.0)}, "pool_box: 0.17 m to the north wall after braking, wanted 0.30 m"),
         ({"position_m": (-4.6, 0.0), "velocity_mps": (0.0, 0.0, 0.0)}, "pool_box: 0.11 m to the south wall"),
         ({"position_m": (0.0, 2.6), "velocity_mps": (0.0, 0.0, 0.0)}, "pool_box: 0.17 m to the east wall"),
+        (
+            {"position_m": (2.5, 0.0), "velocity_mps": (0.0, 0.0, 0.0), "position_sigma_m": 1.0},
+            "pool_box: 2.21 m to the north wall after braking, wanted 0.30 m and 2.01 m of doubt; bring it",
+        ),
+        ({"position_sigma_m": math.inf}, "pool_box: "),
         ({"depth_m": 61.0}, "depth_band: 61.00 m deep, wanted at most 60.00 m"),
         ({"depth_m": -0.2}, "depth_band: -0.40 m of water above the hull"),
         ({"altitude_m": 0.3}, "altitude_band: 0.10 m of water under the hull, wanted 0.15 m"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -14,6 +15,7 @@ from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput, check_goal
 from hindrax_control.maneuver.plan import PlanKnobs
+from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import HindraxError, UsageError
@@ -227,6 +229,86 @@ def test_lying_dead_reckoning_is_caught_before_the_wall(rig: Rig) -> None:
     output, _ = rig.fly(Goal(("surge",)), torrent)
     assert output.aborted.startswith("pool_box: ")
     assert "east wall" in output.aborted
+
+
+LONG = PilotKnobs(plan=PlanKnobs(levels=1, plateau_s=14.0))
+
+
+def test_a_leg_that_might_end_at_a_wall_is_not_flown(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
+    rig = Rig(hindrax, ideal_vehicle, LONG)
+    rig.ideal.doubt_m = 0.6
+    output, phases = rig.fly(Goal(("surge",)))
+    assert {one.phase for one in phases} == {"settle", "aborted"}
+    found = r"pool_box: surge would end [01]\.\d\d m from the south wall, wanted 0\.30 m and 1\.22 m of doubt; bring it"
+    assert re.match(found, output.aborted)
+    assert "./hindrax recentre" in output.aborted
+
+
+def test_a_leg_ends_before_it_might_touch_a_wall(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
+    """The doubt grows in the middle of a leg: the guard ends it that much earlier."""
+    rig = Rig(hindrax, ideal_vehicle, LONG)
+
+    def doubt(rig: Rig) -> None:
+        rig.ideal.doubt_m = 0.0 if rig.nearest_m > 1.5 or rig.ideal.north < 0.0 else 0.9
+
+    output, phases = rig.fly(Goal(("surge",)), doubt)
+    assert "plateau" in {one.phase for one in phases}
+    assert re.match(r"pool_box: \d\.\d\d m to the north wall after braking, wanted 0\.30 m and 1\.81 m", output.aborted)
+    assert rig.box.walls_m(rig.box.place(rig.ideal.navigation()))["north"] > 1.8
+
+
+def test_where_it_is_told_to_be_it_is_and_its_doubt_begins_anew(rig: Rig) -> None:
+    rig.arm()
+    rig.ideal.north, rig.ideal.doubt_m = 1.0, 1.6
+    assert rig.step().guards[0].startswith("pool_box: 2.77 m to the west wall after braking, wanted 0.30 m and 3.21 m")
+    assert rig.pilot.recentre(2.0, 1.0) == ""
+    assert rig.step().guards == ()
+    rig.ideal.north, rig.ideal.doubt_m = 1.4, 2.0  # a navigator that goes on counting from its own start
+    found = rig.step().guards
+    assert found[0].startswith("pool_box: 0.77 m to the west wall after braking, wanted 0.30 m and 2.41 m of doubt")
+    rig.ideal.doubt_m = 0.1  # one that counts from here
+    assert rig.step().guards == ()
+    assert rig.pilot.recentre() == ""
+    assert rig.pilot.pool.place(rig.ideal.navigation()).x_m == pytest.approx(5.0)
+
+
+def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig: Rig) -> None:
+    assert rig.pilot.recentre() == f"the heading is unknown; {SENSELESS}"
+    rig.step()
+    assert rig.pilot.recentre(3.0, 2.0, math.pi / 2.0) == ""
+    rig.ideal.north = 0.5
+    rig.arm()
+    place = rig.pilot.pool.place(rig.ideal.navigation())
+    assert (place.x_m, place.y_m, place.heading_rad) == pytest.approx((3.0, 2.5, math.pi / 2.0))
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        ((math.nan, 2.0), "x: found nan m, wanted 0.29 to"),
+        ((math.inf, 2.0), "x: found inf m, wanted 0.29 to 9.71 m, the hull within the pool"),
+        ((-1e300, 2.0), "x: found -1e+300 m"),
+        ((2.0, 5.9), "y: found 5.9 m, wanted 0.23 to 5.76 m"),
+        ((2.0, 2.0, math.inf), "heading: found inf deg, wanted -360 to 360 deg from the pool's length"),
+        ((2.0, 2.0, 7.0), "heading: found 401 deg"),
+    ],
+)
+def test_an_impossible_place_is_refused_and_changes_nothing(rig: Rig, told: tuple[float, ...], reason: str) -> None:
+    rig.arm()
+    assert reason in rig.pilot.recentre(*told)
+    assert rig.pilot.pool.place(rig.ideal.navigation()).x_m == 5.0
+
+
+def test_no_new_place_while_a_maneuver_flies_or_the_position_is_unknown(rig: Rig) -> None:
+    rig.arm()
+    rig.pilot.fly(Goal(("yaw",)))
+    assert "`./hindrax stop` ends it" in rig.pilot.recentre()
+    rig.pilot.cancel()
+    while rig.pilot.flying:
+        rig.step()
+    rig.ideal.north = math.nan
+    rig.step()
+    assert rig.pilot.recentre() == f"the position is unknown; {SENSELESS}"
 
 
 @pytest.mark.parametrize("ending", ["hold", "neutral"])

@@ -46,8 +46,9 @@ class Navigation:
     """Estimated motion of the vehicle. NaN where unknown; `ages_s` is the age of each source.
 
     `attitude_rad` is roll, pitch, yaw (z-y-x, yaw clockwise from north); `velocity_mps` is u, v, w; `rate_radps` is
-    p, q, r; `position_m` is north and east of the point of start, by dead reckoning; depth is below the surface,
-    altitude above the bottom, both of the body origin.
+    p, q, r; `position_m` is north and east of the point of start, by dead reckoning, `position_sigma_m` the standard
+    deviation of each since the position was last known; depth is below the surface, altitude above the bottom, both of
+    the body origin.
     """
 
     attitude_rad: Vec3
@@ -60,6 +61,7 @@ class Navigation:
     ages_s: Mapping[str, float] = field(default_factory=dict)
     velocity_sigma_mps: Vec3 = (NAN, NAN, NAN)
     consistency: Consistency = CONSISTENT
+    position_sigma_m: float = NAN
 
 
 @dataclass(frozen=True, slots=True)

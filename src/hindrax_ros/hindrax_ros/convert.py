@@ -313,7 +313,10 @@ def _beam(range_m: float | None, velocity_mps: float, gain_dB: float, locked: bo
 
 
 def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
-    """Pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105)."""
+    """Pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105).
+
+    Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
+    """
     state = stamped.reading
     message = Odometry(child_frame_id=FLU)
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), "odom"
@@ -325,6 +328,7 @@ def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
     message.twist.twist.angular = _vector(half_turn(state.rate_radps))
     for axis, sigma in enumerate(state.velocity_sigma_mps):
         message.twist.covariance[7 * axis] = sigma * sigma
+    message.pose.covariance[0] = message.pose.covariance[7] = state.position_sigma_m**2
     return message
 
 
@@ -340,7 +344,7 @@ def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
     length = math.hypot(q.x, q.y, q.z, q.w)
     if not abs(length - 1.0) <= UNIT:
         raise ValueError(f"found an orientation of length {length:g}, wanted 1")
-    sigma = [math.sqrt(variance) if variance > 0.0 else math.nan for variance in message.twist.covariance[::7]]
+    sigma = [_sigma(variance) for variance in message.twist.covariance[::7]]
     tilt_variances = (message.pose.covariance[21], message.pose.covariance[28])
     velocity_mps = half_turn(_plain(twist.linear))
     state = Navigation(
@@ -353,8 +357,13 @@ def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
         dvl_locked=all(map(math.isfinite, velocity_mps)),
         velocity_sigma_mps=(sigma[0], sigma[1], sigma[2]),
         consistency=Consistency(tilt_sigma_rad=math.sqrt(max(0.0, *tilt_variances))),
+        position_sigma_m=max(map(_sigma, message.pose.covariance[:8:7])),
     )
     return Stamped(stamp_from_msg(message.header.stamp), state)
+
+
+def _sigma(variance: float) -> float:
+    return math.sqrt(variance) if variance > 0.0 else math.nan
 
 
 def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:

@@ -23,6 +23,7 @@ from hindrax_ros.cdr_layout import CdrReader, CdrWriter
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO3 = (0.0, 0.0, 0.0)
+_ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
 _NOTHING = Inertial(_ZERO3, _ZERO3, math.nan)
 _NOWHERE = Navigation(_ZERO3, _ZERO3, _ZERO3, 0.0, 0.0, (0.0, 0.0), dvl_locked=False)
 
@@ -45,6 +46,7 @@ _ODOMETRY = (
     *_xyz("pose.pose.position"),
     *_xyz("pose.pose.orientation"),
     "pose.pose.orientation.w",
+    "pose.covariance",
     *_xyz("twist.twist.linear"),
     *_xyz("twist.twist.angular"),
     "twist.covariance",
@@ -103,6 +105,7 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
     def write(stamped: Stamped[Navigation]) -> bytes:
         state = stamped.reading
         north, east = state.position_m
+        variance = state.position_sigma_m**2
         covariance = [0.0] * 36
         for axis, sigma in enumerate(state.velocity_sigma_mps):
             covariance[7 * axis] = sigma * sigma
@@ -111,6 +114,7 @@ def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
                 *divmod(stamped.stamp, NS_PER_S),
                 *(east, north, -state.depth_m),
                 *convert.xyzw_from_sname(*state.attitude_rad),
+                *(variance, *_ZERO6, variance, *_ZERO28),
                 *convert.half_turn(state.velocity_mps),
                 *convert.half_turn(state.rate_radps),
                 *covariance,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hindrax_bringup.processes import EVERY
-from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, ROLES, Role
+from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, Role
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_drivers.lifecycle import State
@@ -25,6 +25,7 @@ TYPES: Mapping[str, str] = {
     CANCEL: "action_msgs/srv/CancelGoal",
     FLY: "hindrax_msgs/action/FlyManeuver",
     ASSESS: "std_srvs/srv/Trigger",
+    RECENTRE: "hindrax_msgs/srv/Recentre",
     "request_profile": "std_srvs/srv/Trigger",
     "dvl": "marine_acoustic_msgs/msg/Dvl",
     "odometry": "nav_msgs/msg/Odometry",

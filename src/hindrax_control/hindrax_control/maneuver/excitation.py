@@ -101,6 +101,7 @@ class Excite:
 
     def __init__(self, wanted: Signal, bounds: Bounds, seconds: float) -> None:
         self.seconds = seconds
+        self.ends = (bounds.middle - bounds.room, bounds.middle + bounds.room)
         self._signal, self._bounds = wanted, bounds
         self._begun_s: float | None = None
         self._margin = (1.0 - EDGE) * bounds.room

@@ -25,7 +25,7 @@ class LegController:
     """One leg from wherever the vehicle is. Time is the caller's, in seconds."""
 
     def __init__(self, leg: Leg) -> None:
-        self.leg = leg
+        self.leg, self.ends = leg, (leg.start, leg.end)
         # Drag brakes as well, but fades with the speed: it is left out.
         self._braking = leg.boost / leg.inertia
         character = CHARACTERS[leg.axis]

@@ -14,7 +14,7 @@ from hindrax_control.hold.holds import Setpoint, altimeters, silence_s
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
+from hindrax_control.maneuver.maneuver_guards import REMEDIES, ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
 from hindrax_control.maneuver.plan import CHARACTERS, MOTIONS, Plan, PlanKnobs, Planner
 from hindrax_control.maneuver.servable import require_servable
 from hindrax_control.maneuver.stages import (
@@ -28,7 +28,7 @@ from hindrax_control.maneuver.stages import (
     StageInput,
     StageOutput,
 )
-from hindrax_control.pool_bounds import PoolBounds
+from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
@@ -220,9 +220,23 @@ class Maneuver:
         return self._said
 
     def _next(self, moment: StageInput) -> tuple[Setpoint, ...]:
+        """Begin the stage that follows, or stop where its end may be too near to a wall."""
+        too_near = "" if self._stopping else self._too_near(self._stages[self._at + 1], moment.place)
+        if too_near:
+            self.cancel(too_near)
         self._at += 1
         self._entered_s = moment.time_s
         return self._stages[self._at].begin(moment)
+
+    def _too_near(self, stage: Stage, place: PoolPosition) -> str:
+        """Why a stage is not flown from here, as its guard would say in the middle of it; empty when it is."""
+        wanted_m, words = self._safety.margin(place)
+        for end in stage.ends:
+            wall, left_m = nearest(self._box.walls_m(end))
+            if left_m < wanted_m:
+                found = f"{stage.motion} would end {left_m:.2f} m from the {wall} wall"
+                return f"pool_box: {found}, wanted {words}; {REMEDIES['pool_box']}"
+        return ""
 
     def _moment(self, navigation: Navigation, stamp: Stamp, shortfall: Vec6) -> StageInput:
         self._begun = stamp if self._begun is None else self._begun
@@ -271,9 +285,10 @@ class Maneuver:
 
     def _stages_of(self, plan: Plan, before_m: tuple[float, float]) -> list[Stage]:
         """Stages of a plan that begins where the one before it ended."""
-        pose = Pose(self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
+        place = PoolPosition(*plan.start_m, plan.heading_rad, 0.0, 0.0)
+        pose = Pose(place, self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
         seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
-        begin: list[Stage] = [SettleAtPose(plan.motion, self.station, plan.start_m, pose, seconds=seconds)]
+        begin: list[Stage] = [SettleAtPose(plan.motion, self.station, pose, seconds=seconds)]
         if plan.hover_s > 0.0:
             begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))
         if self.goal.excitation != PLATEAUS:

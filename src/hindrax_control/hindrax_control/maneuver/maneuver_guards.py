@@ -24,9 +24,11 @@ MOVES_mps = 0.2
 """Thrust that the prior expects to move the vehicle this fast must move it: no current in a pool is faster."""
 BLOCKED_SHARE = 0.25
 """Share of the expected speed below which it does not move."""
+LEAST_DOUBT_m = 0.01
+"""Doubt of the position that is worth a word."""
 
 REMEDIES: Mapping[str, str] = {
-    "pool_box": "bring it to the middle of the pool, or correct `pool` in the vehicle file",
+    "pool_box": "bring it to the middle of the pool and `./hindrax recentre` it, or correct `pool` in the vehicle file",
     "depth_band": "bring it to a depth between, or tare the depth sensor (`./hindrax depth tare`)",
     "altitude_band": "let it rise (`./hindrax hold altitude`)",
     "battery": "charge the battery",
@@ -48,6 +50,7 @@ class ManeuverGuardKnobs:
 
     wall_m: float = knob(0.3, 0.0, 10.0, "least distance between hull and wall, after braking [m]")
     surface_m: float = knob(-0.3, -1.0, 10.0, "least depth of the hull's top; it floats before a dive [m]")
+    doubt: float = knob(2.0, 0.0, 5.0, "standard deviations of the position that walls are nearer by [-]")
     floor_m: float = knob(0.15, 0.0, 10.0, "least distance between hull and floor [m]")
     unlocked_s: float = knob(5.0, 0.1, 60.0, "longest time without a bottom lock of the DVL [s]")
     inertial_age_s: float = knob(0.2, 0.01, 10.0, "oldest inertial sample [s]")
@@ -124,10 +127,15 @@ class ManeuverGuards:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
         if place is None or not math.isfinite(place.x_m + place.y_m + place.heading_rad):
             return ""
-        for wall, left_m in walls_after_braking_m(place, walls_m, self._knobs).items():
-            if left_m < self._knobs.wall_m:
-                return f"{left_m:.2f} m to the {wall} wall after braking, wanted {self._knobs.wall_m:.2f} m"
-        return ""
+        wanted_m, words = self.margin(place)
+        wall, left_m = nearest(walls_after_braking_m(place, walls_m, self._knobs))
+        return f"{left_m:.2f} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
+
+    def margin(self, place: PoolPosition) -> tuple[float, str]:
+        """Least distance to a wall where the vehicle is known as well as at this place [m], and the same in words."""
+        doubt_m = self._knobs.doubt * place.sigma_m if place.sigma_m > 0.0 else 0.0
+        said = f" and {doubt_m:.2f} m of doubt" if doubt_m >= LEAST_DOUBT_m else ""
+        return self._knobs.wall_m + doubt_m, f"{self._knobs.wall_m:.2f} m{said}"
 
     def _depth_band(self, navigation: Navigation) -> str:
         depth_m, rating_m = navigation.depth_m, self._vehicle.depth_rating_m
@@ -195,6 +203,11 @@ class ManeuverGuards:
 def _sensors(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
     mounts: Mapping[str, object] = vehicle.sensors
     return tuple(name for name in mounts if vehicle.sensors[name].device in devices)
+
+
+def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:
+    """Name of the nearest wall, and how far it is [m]."""
+    return min(walls_m.items(), key=lambda one: one[1])
 
 
 def walls_after_braking_m(

@@ -6,7 +6,7 @@ A stage asks for hold setpoints when it begins and gives a wrench at every step;
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from hindrax_control.hold.holds import Setpoint, down_rate
@@ -61,6 +61,8 @@ class Stage(Protocol):
 
     motion: str
     seconds: float
+    ends: tuple[PoolPosition, ...]
+    """Where in the pool it comes to rest."""
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Return the hold setpoints that this stage wants."""
@@ -83,8 +85,9 @@ def along(axis: str, moment: StageInput) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Heading of the navigator [rad] and hold with setpoint [m] in which a motion is flown."""
+    """Where a motion begins; heading of the navigator [rad] and hold with setpoint [m] in which it is flown."""
 
+    place: PoolPosition
     heading_rad: float
     vertical: tuple[str, float]
     floor_m: float
@@ -93,7 +96,7 @@ class Pose:
     def without_altitude(self) -> Pose:
         """Return the same pose held by depth."""
         hold, value = self.vertical
-        return self if hold == "depth" else Pose(self.heading_rad, ("depth", self.floor_m - value), self.floor_m)
+        return self if hold == "depth" else replace(self, vertical=("depth", self.floor_m - value))
 
     def off_m(self, navigation: Navigation) -> float:
         """How far altitude or depth is off; NaN while unknown."""
@@ -125,11 +128,9 @@ UNSETTLED = "look for a current, a cable that pulls, or a thruster that does not
 class SettleAtPose:
     """Comes to rest at a place in the pool, at a heading and an altitude or depth, upright."""
 
-    def __init__(
-        self, motion: str, station: StationKeeping, goal_m: tuple[float, float], pose: Pose, *, seconds: float
-    ) -> None:
-        self.motion, self.seconds = motion, seconds
-        self._station, self._goal_m, self._pose = station, goal_m, pose
+    def __init__(self, motion: str, station: StationKeeping, pose: Pose, *, seconds: float) -> None:
+        self.motion, self.seconds, self.ends = motion, seconds, (pose.place,)
+        self._station, self._goal_m, self._pose = station, (pose.place.x_m, pose.place.y_m), pose
         self._begun_s = self._still_since_s = 0.0
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
@@ -187,6 +188,8 @@ class Hover:
     Thrusters that hardly push are hardly unsteady, so it is weighed better here than by any leg.
     """
 
+    ends: tuple[PoolPosition, ...] = ()
+
     def __init__(self, motion: str, station: StationKeeping, seconds: float) -> None:
         self.motion, self.seconds = motion, seconds
         self._station = station
@@ -217,6 +220,7 @@ class ExciteMotion:
     ) -> None:
         self.motion = driver.leg.name if isinstance(driver, LegController) else motion_name(axis, 0.0)
         self.seconds = driver.seconds
+        self.ends = tuple(replace(pose.place, x_m=x_m) for x_m in driver.ends) if axis in ALONG else ()
         self._axis, self._driver, self._freedom, self._station = axis, driver, freedom, station
         self._pose = pose
 
@@ -262,6 +266,8 @@ STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0
 
 class BrakeAndHold:
     """Brakes and holds where it is; ends in the hold, or neutral, as asked."""
+
+    ends: tuple[PoolPosition, ...] = ()
 
     def __init__(self, motion: str, station: StationKeeping, *, neutral: bool) -> None:
         self.motion, self.seconds = motion, STOPPING_s

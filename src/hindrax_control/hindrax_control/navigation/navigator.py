@@ -10,11 +10,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_control.navigation.aiding import Aiding, AidingKnobs
+from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKnobs
 from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
 from hindrax_control.navigation.gyro_bias import SPANS, Offset, RestWindow
 from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
 from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.position_uncertainty import PositionKnobs, PositionUncertainty
 from hindrax_control.navigation.reading_limits import unfit
 from hindrax_control.navigation.sensor_mount import NOWHERE, SensorMount, sensor_mount
 from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
@@ -33,7 +34,7 @@ MOST_WAITING = 200
 
 
 @dataclass(frozen=True)
-class NavigatorKnobs(AidingKnobs, AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
+class NavigatorKnobs(AidingKnobs, AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs, PositionKnobs):
     """How the sensors are trusted; the vehicle file says where they sit."""
 
     rate_Hz: float = knob(50.0, 1.0, 500.0, "rate of the output [Hz]")
@@ -51,6 +52,9 @@ DEFAULT_KNOBS = NavigatorKnobs()
 class Navigator:
     """Attitude, rates, velocity, depth, altitude and position of the body origin of one vehicle.
 
+    The position is by dead reckoning, and its uncertainty grows from where it was last known: see
+    `position_uncertainty`.
+
     `step` takes every reading of every sensor under the name the vehicle file gives it; kinds it has no use for are
     ignored. Measurements that could not be used (not finite, far off, too late, too tilted) are counted in `refused`;
     `refusals` tells, by sensor, of those that cannot be measurements at all.
@@ -64,6 +68,8 @@ class Navigator:
         self._forces_N: tuple[float, ...] = ()
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0
+        self._reckoning = PositionUncertainty(knobs)
+        self._reckoned = LONG_AGO
         self._offset = self._unknown = Offset((0.0, 0.0, 0.0), 0.5 * math.radians(knobs.offset_dps))
         self.refusals = Refusals()
         self._begin(Stamp(0))
@@ -108,6 +114,10 @@ class Navigator:
     def thrust(self, _: Stamp, forces_N: Sequence[float]) -> None:
         """Tell what each thruster does: their currents disturb the compass."""
         self._forces_N = self._aiding.forces_N = tuple(forces_N)
+
+    def know_position(self) -> None:
+        """Take the present position for known: its uncertainty begins anew."""
+        self._reckoning.known()
 
     def step(self, stamped: Stamped[Reading], source: str) -> Stamped[Navigation] | None:
         """Take one reading; a Navigation comes back whenever an IMU sample completes a tick."""
@@ -234,8 +244,20 @@ class Navigator:
         self._aiding.yaw_rate_radps = r
         if horizontal.known:
             (a, b, c), (d, e, f), _ = attitude.rotation
-            north, east = self._position
-            self._position = (north + dt * (a * u + b * v + c * w), east + dt * (d * u + e * v + f * w))
+            self._reckon(dt * (a * u + b * v + c * w), dt * (d * u + e * v + f * w), dt)
+
+    def _reckon(self, north_m: float, east_m: float, dt: float) -> None:
+        """Count one step of the way, and how far it may be off."""
+        north, east = self._position
+        self._position = (north + north_m, east + east_m)
+        self._reckoning.move(self._attitude.heading_rad, north_m, east_m, dt)
+        still_s = (self._imu - self._reckoned) / NS_PER_S - dt
+        if self._reckoned != LONG_AGO and still_s > dt:
+            # The filters began anew, and nobody knows how fast it was meanwhile.
+            self._reckoning.unmeasured(self._vehicle.limits.speed_mps, still_s)
+        elif not self._locked_at(self._imu):
+            self._reckoning.unmeasured(self._horizontal.sigma_mps, dt)
+        self._reckoned = self._imu
 
     def _at_origin(self, force: Vec3, rate: Vec3, dt: float, lever_m: Vec3) -> Vec3:
         """Specific force at the body origin: what rotation does at the sensor's lever is taken off."""
@@ -254,7 +276,9 @@ class Navigator:
                 return False
             case BottomVelocity():
                 used = aiding.bottom_velocity(reading, at, (valid - self._began) / NS_PER_S)
-                self._locked = max(self._locked, valid) if used else self._locked
+                if used:
+                    self._locked = max(self._locked, valid)
+                    self._reckoning.measured(reading.sigma_mps, max(reading.interval_s, SHORTEST_SPAN_S))
             case Pressure():
                 used = aiding.pressure(reading, at, delay_s)
             case Echo():
@@ -277,6 +301,9 @@ class Navigator:
         horizontal = self._horizontal
         return (self._vertical.rate_mps - down[0] * horizontal.u_mps - down[1] * horizontal.v_mps) / down[2]
 
+    def _locked_at(self, stamp: Stamp) -> bool:
+        return (stamp - self._locked) / NS_PER_S < self._knobs.lock_s
+
     def _navigation(self, stamp: Stamp, rate: Vec3) -> Navigation:
         attitude, vertical, horizontal = self._attitude, self._vertical, self._horizontal
         bp, bq, br = attitude.bias_radps
@@ -295,9 +322,10 @@ class Navigator:
             depth_m=vertical.depth_m,
             altitude_m=vertical.altitude_m,
             position_m=self._position,
-            dvl_locked=(stamp - self._locked) / NS_PER_S < self._knobs.lock_s,
+            dvl_locked=self._locked_at(stamp),
             ages_s={source: (stamp - heard) / NS_PER_S for source, heard in self._heard.items()},
             velocity_sigma_mps=(sigma, sigma, heave_sigma),
+            position_sigma_m=self._reckoning.sigma_m if horizontal.known else NAN,
             consistency=Consistency(
                 self._began,
                 attitude.tilt_sigma_rad,

@@ -94,6 +94,10 @@ class NavigatorNode(BatchedNode):
 
         return on_message
 
+    def know_position(self) -> None:
+        """Count the doubt of the position from here."""
+        self._navigator.know_position()
+
     def on_allocation(self, stamp: Stamp, allocation: Allocation) -> None:
         """Use the thrusters' forces for the compass correction."""
         self._navigator.thrust(stamp, allocation.forces_N)

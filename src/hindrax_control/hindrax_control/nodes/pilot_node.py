@@ -52,6 +52,7 @@ from hindrax_core.topics import (
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ThrusterHealth, ThrusterState
+from hindrax_msgs.srv import Recentre
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import (
     FSD,
@@ -76,7 +77,7 @@ REPORT_EVERY = 50
 CHECK_S = 0.5
 SILENT_S = 5.0
 """Silence of the navigator that ends a maneuver [ROS time]: thrusters without commands have disarmed by then."""
-GOAL = "maneuver/fly"
+GOAL, RECENTRE = "maneuver/fly", "maneuver/recentre"
 UNTIMED = 16
 """Lists of thrusters out of use that are kept until the time is known."""
 
@@ -86,11 +87,11 @@ def unsent(_wrench: Vec6, _frame: str, _stamp: Stamp, _now: Stamp) -> None:
 
 
 class PilotNode(BatchedNode):
-    """Serves the action `maneuver/fly` and the topics of the operator; commands `control/wrench`.
+    """Serves the action `maneuver/fly`, `maneuver/recentre` and the topics of the operator; commands `control/wrench`.
 
     It flies on the one publisher of `navigation/odometry`. A navigator of the same process calls `on_navigation`
-    instead and is `navigator`; an allocator calls `on_allocation`, and each cycle calls `send_wrench`. `health` checks
-    every state before it is used.
+    instead and is `navigator`, told by `know_position` when its position is known; an allocator calls `on_allocation`,
+    and each cycle calls `send_wrench`. `health` checks every state before it is used.
     """
 
     def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = unsent) -> None:
@@ -98,6 +99,7 @@ class PilotNode(BatchedNode):
         self.send_wrench = send_wrench
         self.health: EstimatorHealthNode | None = None
         self.navigator = ""
+        self.know_position: Callable[[], None] = lambda: None
         self._odometry, self._source = ForeignOdometry(vehicle), SoleSource()
         self._altimeter: Subscription | None = None
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
@@ -130,6 +132,7 @@ class PilotNode(BatchedNode):
         subscription(self, ALLOCATION, self._on_allocation_message)
         subscription(self, LEAK, lambda message: setattr(self._pilot, "water_in_hull", bool(message.data)))
         self.lead = subscription(self, ODOMETRY, self._on_odometry, queue=ODOMETRY.quality.depth)
+        self.create_service(Recentre, RECENTRE, self._on_recentre)
         self._server = ActionServer(
             self,
             FlyManeuver,
@@ -314,6 +317,17 @@ class PilotNode(BatchedNode):
             wrench_from_msg(message), message.header.frame_id, stamp, self.now()
         ):
             self._refuse(OPERATOR_WRENCH, refused)
+
+    def _on_recentre(self, request: Any, response: Any) -> Any:
+        """Begin dead reckoning anew where the operator says that the vehicle is."""
+        untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
+        refused = untimely.sentence if untimely else self._pilot.recentre(request.x, request.y, request.turned)
+        if refused:
+            self._refusals.add(RECENTRE, refused)
+        else:
+            self.know_position()
+        response.accepted, response.reason = not refused, refused
+        return response
 
     def _accept(self, handle: Any) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""

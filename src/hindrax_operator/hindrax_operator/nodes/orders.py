@@ -18,6 +18,7 @@ from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
+from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrapped, wrench_to_msg
 
@@ -121,6 +122,21 @@ def _note(status: Any, axis: str) -> str:
         return "; the pilot says nothing: it waits for a navigation solution (`./hindrax monitor`)"
     note = status.notes[list(status.axes).index(axis)]
     return f"; it says: {note}" if note else "; the pilot gives no reason: does another client set this hold? Ask again"
+
+
+def recentre(operator: Operator, x_m: float, y_m: float, turned_rad: float) -> None:
+    """Tell the pilot where in the pool the vehicle is now; HindraxError with its reason if it does not take it."""
+    client = operator.node.create_client(Recentre, "maneuver/recentre")
+    try:
+        operator.wait(client.service_is_ready, SEEN_S, lambda: f"the pilot to offer maneuver/recentre; {UP}")
+        request = Recentre.Request(x=x_m, y=y_m, turned=turned_rad, stamp=stamp_to_msg(operator.now()))
+        future = client.call_async(request)
+        operator.wait(future.done, SEEN_S, lambda: "an answer from maneuver/recentre")
+    finally:
+        operator.node.destroy_client(client)
+    answer: Any = future.result()
+    if not answer.accepted:
+        raise HindraxError(f"recentre: {answer.reason}")
 
 
 def apply_wrench(operator: Operator, wrench: Vec6, seconds: float) -> Any:
