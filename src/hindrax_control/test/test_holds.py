@@ -25,6 +25,9 @@ DT = 0.02
 FLOOR_M = 1.8
 
 
+VEHICLES = sorted((Path(__file__).parents[2] / "hindrax_bringup" / "vehicles").glob("*.yaml"))
+
+
 class IdealVehicle:
     """Heave, roll, pitch and yaw, each on its own, with the truth of the vehicle file and a thruster lag."""
 
@@ -277,3 +280,19 @@ def test_prior_of_a_vehicle_without_hydrodynamics_is_of_the_right_size() -> None
     for axis in ("surge", "sway", "heave"):
         assert 0.4 < crude.drag(axis).k_q / ours.drag(axis).k_q < 2.5
     assert 0.3 < crude.added_mass[0] / ours.added_mass[0] < 3.0
+
+
+@pytest.mark.parametrize("file", VEHICLES, ids=lambda file: file.stem)
+def test_depth_and_heading_of_every_vehicle_settle_untuned(file: Path) -> None:
+    """Gains, drag and mass are of its file: both settle in 5 s of its time, and do not overshoot."""
+    vehicle = load_vehicle(file)
+    ideal, holds = IdealVehicle(vehicle), Holds(vehicle)
+    for axis, value in (("depth", 1.4), ("heading", math.pi / 2.0), ("roll", 0.0), ("pitch", 0.0)):
+        holds.set(Setpoint(axis, value=value))
+    seen: list[tuple[float, float, float]] = []
+    while ideal.time_s < 15.0:
+        ideal.step(holds.step(ideal.navigation(), ideal.stamp).wrench)
+        seen.append((ideal.time_s, ideal.value["heave"] - 1.4, ideal.value["yaw"] - math.pi / 2.0))
+    assert max(time_s for time_s, off_m, off_rad in seen if abs(off_m) > 0.03 or abs(off_rad) > 0.04) < 5.0
+    assert max(off_m for _, off_m, _ in seen) < 0.02
+    assert max(off_rad for _, _, off_rad in seen) < 0.03

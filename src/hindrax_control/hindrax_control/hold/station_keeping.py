@@ -41,6 +41,11 @@ class StationKeeping:
         self._push = [0.0, 0.0]
         self.goal_m: tuple[float, float] | None = None
 
+    @property
+    def reference_m(self) -> tuple[float, float]:
+        """Place in the pool where the vehicle should be now, on its way to the goal."""
+        return self._x.value, self._y.value
+
     def start(self, place: PoolPosition) -> None:
         """Take the present place as goal, moving as the vehicle moves; what holds against a current is kept."""
         self._x.start(place.x_m, place.vx_mps)
@@ -69,31 +74,35 @@ class StationKeeping:
             self._y.start(place.y_m, place.vy_mps)
         self.goal_m = (goal_x, goal_y)
         dt = min(max(dt, 0.0), LONGEST_STEP_S)
-        self._x.step(goal_x - self._x.value, dt)
-        self._y.step(goal_y - self._y.value, dt)
-        return self._force(place, dt, held_back=held_back)
+        faster = (self._x.step(goal_x - self._x.value, dt), self._y.step(goal_y - self._y.value, dt))
+        faster_x, faster_y = (0.0 if name == left_free else one for name, one in zip("xy", faster, strict=True))
+        return self._force(place, (faster_x, faster_y), dt, held_back=held_back)
 
-    def _force(self, place: PoolPosition, dt: float, *, held_back: bool) -> tuple[float, float]:
+    def _force(
+        self, place: PoolPosition, faster_mps2: tuple[float, float], dt: float, *, held_back: bool
+    ) -> tuple[float, float]:
         cos, sin = math.cos(place.heading_rad), math.sin(place.heading_rad)
         error_x, error_y = self._x.value - place.x_m, self._y.value - place.y_m
         (stiff_u, damp_u), (stiff_v, damp_v) = self._gains
-        if not held_back:
-            self._integrate(0, error_x, stiff_u, dt)
-            self._integrate(1, error_y, stiff_u, dt)
 
         def turned(x: float, y: float) -> tuple[float, float]:
             return cos * x + sin * y, cos * y - sin * x
 
         error_u, error_v = turned(error_x, error_y)
+        spring_u, spring_v = stiff_u * error_u, stiff_v * error_v
+        if not held_back:
+            self._integrate(0, cos * spring_u - sin * spring_v, dt)
+            self._integrate(1, sin * spring_u + cos * spring_v, dt)
+        faster_u, faster_v = turned(*faster_mps2)
         wanted_u, wanted_v = turned(self._x.rate, self._y.rate)
         lag_u, lag_v = turned(self._x.rate - place.vx_mps, self._y.rate - place.vy_mps)
         push_u, push_v = turned(self._push[0], self._push[1])
         return (
-            stiff_u * error_u + damp_u * lag_u + push_u + self._surge.drag_force(wanted_u),
-            stiff_v * error_v + damp_v * lag_v + push_v + self._sway.drag_force(wanted_v),
+            spring_u + damp_u * lag_u + push_u + self._surge.drag_force(wanted_u) + self._surge.inertia * faster_u,
+            spring_v + damp_v * lag_v + push_v + self._sway.drag_force(wanted_v) + self._sway.inertia * faster_v,
         )
 
-    def _integrate(self, axis: int, error: float, stiffness: float, dt: float) -> None:
+    def _integrate(self, axis: int, spring_N: float, dt: float) -> None:
         most = self._knobs.integral_N
-        pushed = self._push[axis] + stiffness / self._knobs.integral_s * error * dt
+        pushed = self._push[axis] + spring_N / self._knobs.integral_s * dt
         self._push[axis] = max(-most, min(most, pushed))
