@@ -28,7 +28,8 @@ class Conditions:
     """Conditions of a result: vehicle, water, record and software.
 
     `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
-    is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known.
+    is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known;
+    `blocked_s` its thrust without motion, as against a wall [s], which is not in the data.
     """
 
     vehicle: str
@@ -46,6 +47,7 @@ class Conditions:
     assumptions: tuple[str, ...] = ()
     aborted: str = ""
     flown_s: Mapping[str, float] = field(default_factory=dict)
+    blocked_s: Mapping[str, float] = field(default_factory=dict)
 
 
 def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> Conditions:
@@ -70,7 +72,8 @@ def document(results: Results, conditions: Conditions) -> dict[str, Any]:
     """Plain data of the file: the abort where there was one, conditions, then motions."""
     block = asdict(conditions)
     block |= {"motions": list(conditions.motions), "assumptions": list(conditions.assumptions)}
-    block["flown_s"] = {motion: round(seconds, 1) for motion, seconds in conditions.flown_s.items()}
+    for name in ("flown_s", "blocked_s"):
+        block[name] = {motion: round(seconds, 1) for motion, seconds in block[name].items()}
     ended = {"aborted": block.pop("aborted")} if conditions.aborted else {}
     return {**ended, "conditions": block, **results.to_json()}
 

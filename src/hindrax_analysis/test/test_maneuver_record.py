@@ -28,6 +28,13 @@ def test_an_abort_is_told_with_what_was_flown_until_then() -> None:
     assert found.flown_s == {"surge": pytest.approx(20.0)}
 
 
+def test_thrust_without_motion_is_counted_apart() -> None:
+    wall = [status(3.0 + 0.1 * step, "blocked") for step in range(20)]
+    found = record_of([*flight(0.0, 3.0), *wall, status(5.0, "settle"), *flight(6.0, 1.0, "sway")])
+    assert found.blocked_s == {"surge": pytest.approx(2.0)}
+    assert found.flown_s == {"surge": pytest.approx(3.0), "sway": pytest.approx(0.9)}
+
+
 def test_a_flight_to_its_end_is_not_aborted() -> None:
     found = record_of([*flight(0.0, 3.0), *flight(3.0, 2.0, "yaw"), status(5.0, "done", "")])
     assert found.aborted == ""

@@ -257,6 +257,27 @@ def test_a_leg_ends_before_it_might_touch_a_wall(hindrax: Vehicle, ideal_vehicle
     assert rig.box.walls_m(rig.box.place(rig.ideal.navigation()))["north"] > 1.8
 
 
+def test_pushing_a_wall_that_is_elsewhere_is_told_and_ended(rig: Rig) -> None:
+    """The vehicle does not move from its first plateau on, and its dead reckoning sees nothing near."""
+    touched: list[bool] = []
+
+    def wall(rig: Rig) -> None:
+        if touched or rig.flight.maneuver.phase.phase == "plateau":
+            touched.append(True)
+            rig.ideal.rate["surge"] = 0.0
+
+    output, phases = rig.fly(Goal(("surge",)), wall)
+    assert output.aborted.startswith("blocked: ")
+    assert [one.phase for one in phases].count("blocked") == 1
+    assert "blocked" not in {one.phase for one in rig_without_wall(rig)}
+
+
+def rig_without_wall(rig: Rig) -> list[Phase | Any]:
+    rig.armed = False
+    rig.step()
+    return Rig(rig.ideal.vehicle, type(rig.ideal)).fly(Goal(("surge", "heave", "yaw")))[1]
+
+
 def test_where_it_is_told_to_be_it_is_and_its_doubt_begins_anew(rig: Rig) -> None:
     rig.arm()
     rig.ideal.north, rig.ideal.doubt_m = 1.0, 1.6

@@ -112,10 +112,11 @@ class Thrust:
     forces_N: tuple[float, ...] = ()
 
 
-PHASES = ("settle", "hover", "transit", "transient", "plateau", "excite")
+BLOCKED = "blocked"
+PHASES = ("settle", "hover", "transit", "transient", "plateau", "excite", BLOCKED)
 """Phases of a maneuver: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed
 still changing), "plateau" (speed steady), "hover" (at rest: its thrust weighs it), "excite" (information-rich
-excitation)."""
+excitation), "blocked" (thrust without motion, as against a wall: no data, nor what led to it)."""
 
 
 @dataclass(frozen=True, slots=True)

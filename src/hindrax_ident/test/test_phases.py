@@ -39,6 +39,18 @@ def test_neighboring_phases_are_one_stretch_and_others_are_left_out() -> None:
     assert told.stretches(["yaw"], ["plateau"], 40.0) == []
 
 
+def test_what_was_blocked_is_left_out_from_before_it_was_noticed() -> None:
+    told = log(
+        (5.0, "surge", "transient"),
+        (8.0, "surge", "plateau"),
+        (19.0, "surge", "transient"),
+        (20.0, "surge", "blocked"),
+        (23.0, "surge", "transient"),
+        (30.0, "", ""),
+    )
+    assert spans(told.stretches(["surge"], ["transient", "plateau"], 40.0, join_s=1.0)) == [(5.0, 18.0), (23.0, 30.0)]
+
+
 def test_a_phase_that_never_ends_lasts_to_the_end() -> None:
     assert spans(log((3.0, "yaw", "excite")).stretches(["yaw"], ["excite"], 12.0)) == [(3.0, 12.0)]
 

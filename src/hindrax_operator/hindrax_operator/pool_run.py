@@ -56,6 +56,8 @@ class PoolOptions:
     headless: bool
     json: bool
     tuning: Tuning = field(default_factory=Tuning)
+    start: tuple[float, float, float] | None = None
+    """Where in the pool it is before it is armed, as `recentre` has it; none: as the pilot's parameters say."""
 
 
 @dataclass(slots=True)
@@ -169,6 +171,7 @@ class Beating:
 def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, beating: Beating) -> None:
     """Start the stack, with the operator's node first: its imports take as long as those of the fork server."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
+    from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
 
     deaths: list[str] = []
     heard: dict[str, str] = {}
@@ -196,6 +199,8 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
         progress.report("sensors and thrusters are up; arming, which holds neutral for the time that the ESCs need")
+        if options.start is not None:
+            recentre(operator, *options.start)
         with deferred_interrupt(), disarmed_at_the_end(operator):
             operator.arm(seconds=ARMING_S)
             flight.armed = True

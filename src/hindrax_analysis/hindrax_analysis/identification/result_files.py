@@ -39,7 +39,8 @@ def bag_conditions(bag: Path, vehicle: Vehicle, results: Results, *, mock: bool,
     """Conditions of a result over one bag; `aborted` is an end that the bag does not hold, such as a Ctrl-C."""
     conditions = conditions_of(vehicle, mock=mock, motions=tuple(results.motions))
     flown = maneuver_record(bag)
-    conditions = replace(conditions, aborted=aborted or flown.aborted, flown_s=flown.flown_s)
+    conditions = replace(conditions, aborted=aborted or flown.aborted)
+    conditions = replace(conditions, flown_s=flown.flown_s, blocked_s=flown.blocked_s)
     return replace(conditions, date=date_of(bag), bag=str(bag), bag_sha256=bag_hash(bag), software=software_version())
 
 

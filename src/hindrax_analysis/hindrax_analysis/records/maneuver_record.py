@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.read.bag_reader import messages
+from hindrax_core.signals import BLOCKED
 from hindrax_core.topics import MANEUVER, resolved
 
 FLOWN = ("transient", "plateau", "excite")
@@ -18,10 +19,14 @@ JOINED_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class ManeuverRecord:
-    """End of the last maneuver, `guard: sentence`, empty when it was not aborted; excitation of each motion [s]."""
+    """End of the last maneuver, `guard: sentence`, empty when it was not aborted.
+
+    Of each motion the time of its excitation, and that of thrust without motion, as against a wall [s].
+    """
 
     aborted: str = ""
     flown_s: Mapping[str, float] = field(default_factory=dict)
+    blocked_s: Mapping[str, float] = field(default_factory=dict)
 
 
 def maneuver_record(bag: Path) -> ManeuverRecord:
@@ -31,12 +36,16 @@ def maneuver_record(bag: Path) -> ManeuverRecord:
 
 def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
     """Fold ManeuverStatus messages, in their order."""
-    aborted, before, before_s = "", "", 0.0
+    aborted, before_s = "", 0.0
+    before: tuple[dict[str, float], str] | None = None
     flown_s: dict[str, float] = {}
+    blocked_s: dict[str, float] = {}
     for told in statuses:
         at_s = told.header.stamp.sec + 1e-9 * told.header.stamp.nanosec
         if before and 0.0 < at_s - before_s < JOINED_S:
-            flown_s[before] = flown_s.get(before, 0.0) + at_s - before_s
-        before, before_s = (str(told.motion) if told.phase in FLOWN else ""), at_s
+            times_s, motion = before
+            times_s[motion] = times_s.get(motion, 0.0) + at_s - before_s
+        counts = blocked_s if told.phase == BLOCKED else flown_s if told.phase in FLOWN else None
+        before, before_s = (None if counts is None else (counts, str(told.motion))), at_s
         aborted = str(told.aborted)
-    return ManeuverRecord(aborted, flown_s)
+    return ManeuverRecord(aborted, flown_s, blocked_s)

@@ -81,12 +81,18 @@ def _end(report: RunReport) -> str:
     """Why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
     conditions = report.conditions
     rows = [f"<b>Aborted by {escape(conditions.aborted)}</b>"] if conditions.aborted else []
-    until = ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in conditions.flown_s.items())
+    until, blocked = _times(conditions.flown_s), _times(conditions.blocked_s)
     if conditions.aborted and until:
         rows.append(f"Flown until then: {until}. The results below are of that part only.")
     if not report.results.motions:
         rows.append("Nothing was flown: there is no data, so there are no coefficients.")
+    if blocked:
+        rows.append(f"Thrust moved nothing, as against a wall: {blocked}. That and what led to it is not in the data.")
     return f'<div class="warning">{"".join(f"<p>{row}</p>" for row in rows)}</div>' if rows else ""
+
+
+def _times(seconds_of: Mapping[str, float]) -> str:
+    return ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in seconds_of.items())
 
 
 def _headline(results: Results) -> str:

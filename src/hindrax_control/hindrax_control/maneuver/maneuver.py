@@ -33,7 +33,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, ZERO6, Navigation, Phase
+from hindrax_core.signals import BLOCKED, NAN, ZERO6, Navigation, Phase
 from hindrax_core.vehicle import Vehicle
 
 ENDINGS = ("hold", "neutral")
@@ -202,7 +202,8 @@ class Maneuver:
         if neutral:
             setpoints += RELEASED
         motion = self._stages[self._at].motion
-        phase = ("aborted" if self._aborted else "done") if done else act.phase
+        flown = act.phase if self._stopping or not self._safety.is_blocked(moment.time_s) else BLOCKED
+        phase = ("aborted" if self._aborted else "done") if done else flown
         progress, remaining_s = self._progress(moment.time_s)
         self._said = ManeuverOutput(
             wrench=act.wrench,

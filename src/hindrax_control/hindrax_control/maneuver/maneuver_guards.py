@@ -24,6 +24,8 @@ MOVES_mps = 0.2
 """Thrust that the prior expects to move the vehicle this fast must move it: no current in a pool is faster."""
 BLOCKED_SHARE = 0.25
 """Share of the expected speed below which it does not move."""
+BLOCKED_PHASE_S = 1.5
+"""Time without motion after which the maneuver says so; a leg is up to speed before."""
 LEAST_DOUBT_m = 0.01
 """Doubt of the position that is worth a word."""
 
@@ -115,6 +117,10 @@ class ManeuverGuards:
         found = {name: text for name, text in at_once.items() if text}
         found |= {name: text for name, text in lasting.items() if self._lasts(name, text, situation.time_s)}
         return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in found.items())
+
+    def is_blocked(self, time_s: float) -> bool:
+        """Whether thrust has not moved it for a while, even if not yet long enough for the guard."""
+        return time_s - self._wrong_since_s.get("blocked", time_s) >= BLOCKED_PHASE_S
 
     def _lasts(self, name: str, text: str, time_s: float) -> bool:
         if not text:

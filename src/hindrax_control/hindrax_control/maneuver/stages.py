@@ -129,7 +129,8 @@ class SettleAtPose:
     """Comes to rest at a place in the pool, at a heading and an altitude or depth, upright."""
 
     def __init__(self, motion: str, station: StationKeeping, pose: Pose, *, seconds: float) -> None:
-        self.motion, self.seconds, self.ends = motion, seconds, (pose.place,)
+        self.motion, self.seconds = motion, seconds
+        self.ends: tuple[PoolPosition, ...] = (pose.place,)
         self._station, self._goal_m, self._pose = station, (pose.place.x_m, pose.place.y_m), pose
         self._begun_s = self._still_since_s = 0.0
 

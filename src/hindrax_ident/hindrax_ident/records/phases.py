@@ -8,8 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hindrax_core.signals import BLOCKED
 from hindrax_ident.arrays import Array
 from hindrax_ident.records.axis_record import Series, Stretch
+
+BEFORE_BLOCKED_S = 2.0
+"""What led to a thrust without motion is no free motion either; the pilot says it after a second and a half."""
 
 
 @dataclass(slots=True)
@@ -20,7 +24,10 @@ class PhaseLog:
     last_s: float = 0.0
 
     def add(self, t_s: float, motion: str, phase: str) -> None:
-        """Add the motion and phase from this time on."""
+        """Add the motion and phase from this time on; a blocked one has begun before."""
+        if phase == BLOCKED:
+            t_s -= BEFORE_BLOCKED_S
+            self.changes = [one for one in self.changes if one[0] < t_s]
         self.changes.append((t_s, motion, phase))
         self.last_s = max(self.last_s, t_s)
 

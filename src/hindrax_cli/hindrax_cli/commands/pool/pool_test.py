@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
+from hindrax_cli.commands.operate.recentre import PLACE_HELP, place_of
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=ABORT,
         help="what happens when the recorder or its disk fails in flight; default: abort",
     )
+    parser.add_argument("--start", nargs="+", metavar="X", help=f"X Y [DEG]: {PLACE_HELP}")
     parser.add_argument("--out", metavar="DIR", help="new or empty folder for the results; default runs/<time>")
     add_vehicle(parser)
     add_tuning(parser)
@@ -85,5 +87,6 @@ def run(arguments: argparse.Namespace) -> int:
             headless=arguments.headless or arguments.json,
             json=arguments.json,
             tuning=tuning_of(arguments),
+            start=place_of(arguments.start) if arguments.start else None,
         )
     )
