@@ -87,6 +87,7 @@ def test_a_row_shows_the_worst_of_all_seeds() -> None:
     cells.append(replace(WELL, seed=2, mode="maneuver", neutral_s=None))
     (row,) = table.rows(cells)
     said = "no command for 5 s"
+    assert table.entry([]) == ""
     assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", said)
     (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))])
     assert bad[3] == "VIOLATED"

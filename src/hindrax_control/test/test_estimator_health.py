@@ -53,6 +53,7 @@ WRONG = {
     "depth": wrong(refused_depths=20),
     "velocity": wrong(refused_velocities=20),
     "sinking": wrong(sunk_off_m=-0.3),
+    "floor": replace(WELL, altitude_m=-0.4, ages_s={"ms5837": 1.5}),
     "frozen": wrong(frozen_s=0.3),
     "rate": replace(WELL, rate_radps=(9.0, 0.0, 0.0)),
     "speed": replace(WELL, velocity_mps=(0.0, 0.0, 60.0)),
@@ -124,6 +125,7 @@ def test_where_the_lines_are_drawn() -> None:
         "depth": (wrong(refused_depths=19), wrong(refused_depths=20)),
         "velocity": (wrong(refused_velocities=19), wrong(refused_velocities=20)),
         "sinking": (wrong(sunk_off_m=0.2), wrong(sunk_off_m=0.201)),
+        "floor": (replace(WRONG["floor"], altitude_m=-0.3), replace(WRONG["floor"], altitude_m=-0.301)),
         "frozen": (wrong(frozen_s=0.2), wrong(frozen_s=0.201)),
         "rate": (replace(WELL, rate_radps=(0.0, 7.8, 0.0)), replace(WELL, rate_radps=(0.0, 7.9, 0.0))),
         "speed": (replace(WELL, velocity_mps=(0.0, 5.9, math.nan)), replace(WELL, velocity_mps=(0.0, 6.1, math.nan))),
@@ -148,6 +150,10 @@ def test_a_gyroscope_that_jumps_is_told_within_half_a_second_of_a_tilt_that_is_w
         attitude.level((0.0, 0.0, -GRAVITY_mps2), 0.02)
         wrong_s += 0.02 * (abs(attitude.euler_rad[0]) > math.radians(15.0))
         assert wrong_s < 0.45
+
+
+def test_a_floor_that_is_deeper_than_thought_is_no_reason_while_there_is_pressure() -> None:
+    assert not Watch().see(replace(WRONG["floor"], ages_s={"ms5837": 1.0}), 1.0)
 
 
 def test_thrust_back_and_forth_is_no_gyroscope_that_jumps() -> None:

@@ -71,9 +71,18 @@ class Judge:
         return self._thrust_s > max(self._begin.now_s, self._last.now_s - AT_END_S)
 
     def cell(
-        self, who: str, what: str, mode: str, seed: int, reason: str, *, within_s: float = math.inf, lost: str = ""
+        self,
+        who: str,
+        what: str,
+        mode: str,
+        seed: int,
+        reason: str,
+        *,
+        within_s: float = math.inf,
+        lost: str = "",
+        armed: bool = False,
     ) -> Cell:
-        """The judgement. `within_s`: neutral is wanted by then; `lost`: what never came, if anything."""
+        """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest."""
         took_s, guarded = self._thrust_s - self._begin.now_s, mode in (MANEUVER, HOLD)
         found = {
             lost: bool(lost),
@@ -84,7 +93,7 @@ class Judge:
             "ran into a wall": guarded and self._last.wall_hits > self._begin.wall_hits,
         }
         violated = tuple(sentence for sentence, so in found.items() if so)
-        neutral_s = None if self.flies_on else took_s
+        neutral_s = None if self.flies_on or armed else took_s
         return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated)
 
 

@@ -18,8 +18,10 @@ from hindrax_sim.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.lockstep_rigs import BytesRig
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, WRENCH, Cell, Judge
 
-READY_S, AFTER_S = 4.0, 12.0
+READY_S = 4.0
 FROM_S = {MANEUVER: 24.0, HOLD: 14.0, HAND: 14.0, DISARMED: 6.0}
+AFTER_S = {MANEUVER: 16.0, HOLD: 12.0, HAND: 12.0, DISARMED: 4.0}
+"""A maneuver that a guard ends holds for eight seconds before it says so."""
 WITHIN_S = 6.0
 """A fault comes when it flies: in a maneuver on the first plateau."""
 LASTS_S = 9999.0
@@ -123,7 +125,7 @@ class DeviceFlight:
             return data
 
         hardware.advance = watch  # type: ignore[method-assign]
-        for _ in step.run(at_s + AFTER_S):
+        for _ in step.run(at_s + AFTER_S[mode]):
             pass
         aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
         reason = unhealthy or aborted or ("" if judge.flies_on else onboard.reason)

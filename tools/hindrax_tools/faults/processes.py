@@ -21,10 +21,12 @@ from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONI
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
+from hindrax_core.bus_operations import Write
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamped, seconds_between, to_s
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.faults.true_state import TrueState
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
 
@@ -32,11 +34,14 @@ if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
 
 DEAD_MAN, BOTH = "dead man", "thrusters and dead man"
-DIED, FROZEN, LYING = "died", "frozen", "lying"
+OUTPUT = "pca9685"
+DIED, FROZEN, LYING, RESTARTED = "died", "frozen", "lying", "restarted"
 SIGNALS = {DIED: signal.SIGKILL, FROZEN: signal.SIGSTOP}
 LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 """What another publisher says in a process's name: full thrust that nobody ordered, and thrusters that are at rest."""
 LIE_PERIOD_s = 0.02
+RESET = Write(0x00, b"\x06")
+"""Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
 SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 60.0
 """A fault comes within this time of the first thrust, is seen for so long, and a cell ends after so much wall time."""
 
@@ -59,6 +64,7 @@ ROWS = (
     # Nobody is left who could write neutral: a new process must start.
     *(ProcessFault(BOTH, what, PATIENT_S) for what in SIGNALS),
     *(ProcessFault(who, LYING) for who in LIES),
+    ProcessFault(OUTPUT, RESTARTED),
 )
 
 
@@ -113,6 +119,12 @@ class FaultyStack:
                 yield lambda: True
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
                 operator.arm(arm=False, seconds=PATIENT_S)
+            return
+        if who == OUTPUT:
+            ports = self.stack.mock_facts["ports"]
+            assert isinstance(ports, dict)
+            open_bus(ports["thrusters"], "fault").transfer(RESET)
+            yield lambda: True
             return
         for child in self.supervisor.children.values():
             child.restarts = 0  # many faults are no process that dies again and again
@@ -265,7 +277,8 @@ class _Seen:
                 at += 1
             judge.step(true, self._believed[stamps[at - 1]] if at else None)
         row, said = self._row, "" if self._mode == DISARMED else self._said
-        return judge.cell(row.who, row.what, self._mode, seed, said, within_s=row.within_s, lost=self.lost)
+        armed = row.who in GOING_ON and self._mode != DISARMED and not said
+        return judge.cell(row.who, row.what, self._mode, seed, said, within_s=row.within_s, lost=self.lost, armed=armed)
 
 
 TRUTH = "truth.log"

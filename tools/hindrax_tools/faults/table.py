@@ -50,7 +50,7 @@ def entry(cells: Sequence[Cell]) -> str:
         return "VIOLATED"
     times = [one.neutral_s for one in cells if one.neutral_s is not None]
     if not times:
-        return "flies on"
+        return "flies on" if cells else ""
     if cells[0].mode == DISARMED:
         return "neutral"
     return f"{max(times):.2f} s{' or flies on' if len(times) < len(cells) else ''}"

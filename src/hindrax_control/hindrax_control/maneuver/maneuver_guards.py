@@ -89,9 +89,9 @@ class ManeuverGuards:
     def __init__(self, vehicle: Vehicle, knobs: ManeuverGuardKnobs | None = None) -> None:
         self._vehicle, self._knobs = vehicle, knobs or ManeuverGuardKnobs()
         self._half_height_m = 0.5 * vehicle.envelope_m[2]
-        self._inertial = _sensors(vehicle, INERTIAL)
-        self._depth = _sensors(vehicle, DEPTH)
-        self._velocity = _sensors(vehicle, VELOCITY)
+        self._inertial = sensors_of(vehicle, INERTIAL)
+        self._depth = sensors_of(vehicle, DEPTH)
+        self._velocity = sensors_of(vehicle, VELOCITY)
         self._freedoms = prior_dynamics(vehicle)
         self._patience_s = {"dvl_lock": self._knobs.unlocked_s, "blocked": self._knobs.blocked_s}
         self._wrong_since_s: dict[str, float] = {}
@@ -206,7 +206,8 @@ class ManeuverGuards:
         return f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
 
 
-def _sensors(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
+def sensors_of(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the vehicle's sensors that are such devices."""
     mounts: Mapping[str, object] = vehicle.sensors
     return tuple(name for name in mounts if vehicle.sensors[name].device in devices)
 

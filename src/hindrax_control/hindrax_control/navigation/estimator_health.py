@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from hindrax_control.maneuver.maneuver_guards import DEPTH, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Consistency, Navigation
@@ -23,6 +24,8 @@ FASTEST = 3.0
 BEYOND_deg = 25.0
 """Tilt beyond the vehicle's limit by this much: no mode of flying goes there."""
 
+SILENT_S = 1.0
+"""Without pressure for longer, the depth is that of the accelerometer and of the floor."""
 AT_ONCE = ("gravity",)
 """Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
 
@@ -36,6 +39,7 @@ class EstimatorHealthKnobs:
     refused: int = knob(20, 2, 1000, "surplus of refused depths or velocities over accepted ones [-]")
     rate_dps: float = knob(450.0, 10.0, 4000.0, "fastest believable turn; the gyroscope ends at 500 [deg/s]")
     sunk_m: float = knob(0.2, 0.01, 5.0, "largest difference of the way down by DVL and by pressure, of 5 s [m]")
+    below_floor_m: float = knob(0.3, 0.01, 5.0, "way below the floor that is believed while there is no pressure [m]")
     frozen_s: float = knob(0.2, 0.05, 60.0, "longest time for which the inertial sensor may say the very same [s]")
     patience_s: float = knob(0.1, 0.0, 5.0, "time for which a check must fail [s]")
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
@@ -50,6 +54,7 @@ class EstimatorHealth:
     def __init__(self, vehicle: Vehicle, knobs: EstimatorHealthKnobs | None = None) -> None:
         self._knobs = knobs or EstimatorHealthKnobs()
         self._limits = vehicle.limits
+        self._depth_sensors = sensors_of(vehicle, DEPTH)
         self._checks: dict[str, tuple[Check, str]] = {
             "finite": (_finite, "restart the control process; see /diagnostics"),
             "attitude": (self._attitude, "let the vehicle float quietly for some seconds"),
@@ -57,6 +62,7 @@ class EstimatorHealth:
             "depth": (self._depth, "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)"),
             "velocity": (self._velocity, "let it rest; see whether the DVL tells the truth (`./hindrax monitor`)"),
             "sinking": (self._sinking, "see whether pressure sensor and DVL tell the truth (`./hindrax monitor`)"),
+            "floor": (self._floor, "bring it up; look at the pressure sensor (`./hindrax doctor`)"),
             "frozen": (self._frozen, "look at the inertial sensor (`./hindrax doctor`)"),
             "rate": (self._rate, "look at the inertial sensor (`./hindrax doctor`)"),
             "speed": (self._speed, "let it come to rest; see what the sensors say (`./hindrax monitor`)"),
@@ -119,6 +125,12 @@ class EstimatorHealth:
     def _sinking(self, _: Navigation, consistency: Consistency) -> str:
         found, most = abs(consistency.sunk_off_m), self._knobs.sunk_m
         return f"DVL and pressure differ by {found:.2f} m, wanted at most {most:.2f} m" if found > most else ""
+
+    def _floor(self, navigation: Navigation, _: Consistency) -> str:
+        found, most = -navigation.altitude_m, self._knobs.below_floor_m
+        silent_s = min((navigation.ages_s.get(name, 0.0) for name in self._depth_sensors), default=0.0)
+        below = silent_s > SILENT_S and found > most
+        return f"{found:.2f} m below it without pressure, wanted at most {most:.2f} m" if below else ""
 
     def _frozen(self, _: Navigation, consistency: Consistency) -> str:
         found, most = consistency.frozen_s, self._knobs.frozen_s
