@@ -111,7 +111,9 @@ def _row(vehicle: Vehicle, step: Step) -> dict[str, Any]:
 
 
 def _said(found: Mapping[str, float], step: Step) -> str:
-    return f"settled in {found['settled_s']:.1f} s, hold error {found['error'] * step.scale:.3f} {step.unit}"
+    reached = found["settled_s"] < EACH_S - REST_S
+    settled = f"settled in {found['settled_s']:.1f} s" if reached else f"not settled in {EACH_S:.0f} s"
+    return f"{settled}, hold error {found['error'] * step.scale:.3f} {step.unit}"
 
 
 def measured(vehicle: Vehicle, believed: Vehicle, step: Step) -> dict[str, float]:
