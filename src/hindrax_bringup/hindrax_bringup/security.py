@@ -58,7 +58,8 @@ KEYSTORE = "HINDRAX_KEYSTORE"
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 FROM_WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
-ARM, FLY, ASSESS, RECENTRE = "thrusters/arm", "maneuver/fly", "ident/assess", "maneuver/recentre"
+ARM, FLY, RUN, ASSESS = "thrusters/arm", "maneuver/fly", "ident/run", "ident/assess"
+RECENTRE = "maneuver/recentre"
 CANCEL = f"{FLY}/_action/cancel_goal"
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """What the identifier takes of a stack that is not ours, under the names of another stack when they are remapped."""
@@ -151,6 +152,8 @@ ROLES: tuple[Role, ...] = (
         publishes=(ESTIMATE, DIAGNOSTICS),
         subscribes=(DVL_DETAIL, PRESSURE, NAVIGATION, ALLOCATION, MANEUVER, *FOREIGN),
         serves=(ASSESS,),
+        executes=(RUN,),
+        calls=(FLY,),
     ),
     Role(
         "recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=tuple(topic for topic in TOPICS if topic.recorded)
@@ -168,7 +171,7 @@ ROLES: tuple[Role, ...] = (
         publishes=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
         subscribes=_STATE,
         requests=(ARM, CANCEL, RECENTRE),
-        calls=(FLY,),
+        calls=(FLY, RUN),
     ),
     Role("thrust", "thrust", publishes=(FOREIGN[1], DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),
     Role("teleop", "operator", publishes=(OPERATOR_WRENCH,), subscribes=(JOYSTICK, TWIST)),

@@ -11,6 +11,7 @@ from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.rehearsal import Rehearsal, rehearse
 
@@ -18,7 +19,7 @@ OF_THE_STACK = ("mock", "fault", "rate", "out", "params", "set")
 """Options of a stack, which a rehearsal does not start: to ignore one would show another plan than is flown."""
 
 
-def rehearse_and_show(arguments: argparse.Namespace) -> int:
+def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     """Rehearse and print; 1 when a guard ended the rehearsal."""
     unfit = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name)]
     if unfit:
@@ -27,11 +28,15 @@ def rehearse_and_show(arguments: argparse.Namespace) -> int:
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)
     print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
-    found = rehearse(servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation)
+    if aim is not None:
+        check_experiment(servable.flown, aim)
+    found = rehearse(servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim)
     if arguments.json:
         print_json(found.document())
     else:
         show(found)
+    if found.ended and not arguments.json:
+        print(f"ended: {found.ended}")
     if found.aborted:
         print(f"aborted by {found.aborted}", file=sys.stderr)
     return 1 if found.aborted else 0

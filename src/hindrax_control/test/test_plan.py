@@ -109,7 +109,13 @@ def test_pool_without_room_is_refused(hindrax: Vehicle, allocator: Allocator) ->
 def test_repeats_repeat_the_whole_set(hindrax: Vehicle, allocator: Allocator) -> None:
     _, once = planned(hindrax, allocator, "surge")
     _, twice = planned(hindrax, allocator, "surge", PlanKnobs(repeats=(2, 1, 1, 1, 1, 1)))
-    assert twice.legs == once.legs * 2
+    assert twice.rates == once.rates * 2
+
+
+def test_levels_go_from_the_slowest_plateau_to_the_fastest(hindrax: Vehicle, allocator: Allocator) -> None:
+    planner, _ = planned(hindrax, allocator, "surge")
+    plan = planner.plan("surge", PoolBounds(hindrax, 0.0), (0.0, 1.0, 0.5, 1.0))
+    assert plan.rates == pytest.approx((0.1, 0.45, 0.275, 0.45))
 
 
 def test_one_level_is_the_fastest(hindrax: Vehicle, allocator: Allocator) -> None:

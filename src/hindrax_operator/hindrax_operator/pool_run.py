@@ -26,6 +26,7 @@ from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_ident.online.aim import Aim, check_experiment, plan_text
 from hindrax_operator.progress import Progress
 
 if TYPE_CHECKING:
@@ -55,6 +56,8 @@ class PoolOptions:
     """ABORT or CONTINUE: what a flight does when it is no longer recorded."""
     headless: bool
     json: bool
+    aim: Aim | None = None
+    """When the identification node ends the experiment that it runs; without one the pilot flies its plan."""
     tuning: Tuning = field(default_factory=Tuning)
     start: tuple[float, float, float] | None = None
     """Where in the pool it is before it is armed, as `recentre` has it; none: as the pilot's parameters say."""
@@ -84,6 +87,8 @@ def run_pool_test(options: PoolOptions) -> int:
     vehicle = load_vehicle(options.vehicle_file)
     servable = motions_to_fly(options.motions, vehicle)
     options = replace(options, motions=servable.flown)
+    if options.aim is not None:
+        check_experiment(options.motions, options.aim)
     plan = planned(vehicle, options)
     mock = options.mock is not None
     with own_domain(mock=mock, namespace=options.tuning.namespace) as domain:
@@ -113,6 +118,8 @@ def run_pool_test(options: PoolOptions) -> int:
 
 def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
     """What will be flown, a line for each motion; UsageError when the pool leaves no room for it."""
+    if options.aim is not None:
+        return [f"plan: {plan_text(options.motions, options.aim)}"]
     if options.excitation != PLATEAUS:
         return []
     if options.tuning != Tuning(options.tuning.namespace):
@@ -207,13 +214,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
             begin, wall = operator.now(), time.monotonic()
             progress.report(f"armed; flying {', '.join(options.motions)}")
             try:
-                flight.aborted = operator.fly(
-                    list(options.motions),
-                    excitation=options.excitation,
-                    seed=options.seed,
-                    on_cancel=options.on_cancel,
-                    seconds=FLY_S,
-                )
+                flight.aborted = _fly_motions(options, operator, progress)
             except KeyboardInterrupt:
                 flight.aborted, flight.interrupted = "operator: stopped by Ctrl-C", True
             except HindraxError as error:
@@ -226,6 +227,26 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
             flight.vehicle_s = (operator.now() - begin) / 1e9
         progress.end_view()
         progress.report("disarmed")
+
+
+def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> str:
+    """Have the identifier run the experiment that was asked for, else the pilot its plan; the guard's sentence."""
+    motions = list(options.motions)
+    if options.aim is None:
+        return str(
+            operator.fly(
+                motions,
+                excitation=options.excitation,
+                seed=options.seed,
+                on_cancel=options.on_cancel,
+                seconds=FLY_S,
+            )
+        )
+    aborted, reached = operator.experiment(
+        motions, until=options.aim.until, minutes=options.aim.minutes, on_cancel=options.on_cancel, seconds=FLY_S
+    )
+    progress.report(f"experiment: {reached}")
+    return str(aborted)
 
 
 @contextlib.contextmanager

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverOutput
+from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, Allocation, Navigation
@@ -15,8 +16,15 @@ READY_S = 1.0
 """Time for which the guards must agree before arming."""
 
 
+def _no_more(_now: Stamp) -> Goal | None:
+    """Nothing follows."""
+    return None
+
+
 class GoalPilot:
-    """Flies one goal; `maneuver`, `output` and `suspected` (thrusters) hold the outcome.
+    """Flies a goal, if there is one, then those that `following` returns.
+
+    `maneuver`, `output`, `plans` and `suspected` (thrusters) hold the outcome.
 
     `cancel_at_s` (after the start of the maneuver) cancels it as an operator would.
     """
@@ -24,14 +32,16 @@ class GoalPilot:
     def __init__(
         self,
         vehicle: Vehicle,
-        goal: Goal,
+        goal: Goal | None,
         knobs: PilotKnobs | None = None,
         *,
+        following: Callable[[Stamp], Goal | None] = _no_more,
         cancel_at_s: float = NAN,
         disabled: Sequence[str] = (),
     ) -> None:
         self.pilot = Pilot(vehicle, knobs)
-        self.goal = goal
+        self._goal, self._following = goal, following
+        self.plans: tuple[Plan, ...] = ()
         self.maneuver: Maneuver | None = None
         self.output: ManeuverOutput | None = None
         self._cancel_at_s = cancel_at_s
@@ -53,13 +63,22 @@ class GoalPilot:
             self.suspected += (flight.suspected_fault.sentence,)
             self._disabled |= {flight.suspected_fault.name}
             self.pilot.disable(self._disabled)
-        if self.output is not None and self.output.done:
-            return LockstepCommand(phase=self.output.phase, finished=True)
-        if armed and self.maneuver is None:
-            self.maneuver = self.pilot.fly(self.goal)
-            self._begun = stamp
+        if (self.output is not None and self.output.done) or (armed and self.maneuver is None):
+            goal = self._next(stamp)
+            if goal is None:
+                return LockstepCommand(phase=IDLE if self.output is None else self.output.phase, finished=True)
+            self.maneuver = self.pilot.fly(goal)
+            self.plans += self.maneuver.plans
+            self._begun = stamp if self._begun is None else self._begun
         phase = self.output.phase if self.output is not None else IDLE
         return LockstepCommand(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
+
+    def _next(self, stamp: Stamp) -> Goal | None:
+        """Goal to fly now; None after one that was aborted, and when nothing follows."""
+        goal, self._goal = self._goal, None
+        if goal is not None or (self.output is not None and self.output.aborted):
+            return goal
+        return self._following(stamp)
 
     def _ready(self, stamp: Stamp, guards: Sequence[str]) -> bool:
         """Whether to arm, or to stay armed; once the maneuver has begun, its own guards decide."""

@@ -12,11 +12,13 @@ from typing import TypeAlias
 from hindrax_control.maneuver.maneuver import PLATEAUS, Goal, ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pilot import PilotKnobs
-from hindrax_core.events import Stamped
+from hindrax_core.events import Stamp, Stamped, to_s
 from hindrax_core.signals import Estimate, IdentEvent, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.online.aim import Aim
+from hindrax_ident.online.experiment import Experiment
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_sim.conditions.world_table import IDEAL, sizes_of
 from hindrax_sim.goal_pilot import GoalPilot
@@ -38,6 +40,7 @@ class PoolFlight:
     session: Session
     aborted: str
     plans: tuple[Plan, ...] = ()
+    experiment: Experiment | None = None
 
     @property
     def outcome(self) -> Outcome:
@@ -67,6 +70,19 @@ class _Recording(Session):
         return super().step(event)
 
 
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """Goals of an experiment that learns from a session."""
+
+    experiment: Experiment
+    session: Session
+
+    def __call__(self, now: Stamp) -> Goal | None:
+        """Return the next goal; None when the experiment is over."""
+        choice = self.experiment.next(self.session, to_s(now))
+        return None if choice is None else Goal((choice.motion,), levels=choice.levels)
+
+
 def _unwatched(_world: World, _output: ManeuverOutput) -> None:
     """Nobody watches."""
 
@@ -80,18 +96,28 @@ def fly(
     excitation: str = PLATEAUS,
     knobs: PilotKnobs | None = None,
     watch: Watch = _unwatched,
+    aim: Aim | None = None,
 ) -> PoolFlight:
-    """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed."""
+    """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.
+
+    With an aim, the identification chooses what is flown.
+    """
     vehicle = calibrated(vehicle)
-    pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
     session = _Recording(vehicle)
+    experiment = None if aim is None else Experiment(tuple(motions), aim)
+    if experiment is None:
+        pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
+    else:
+        chosen = _Chosen(experiment, session)
+        pilot = GoalPilot(vehicle, None, knobs, following=chosen, cancel_at_s=experiment.aim.limit_s)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
     for event in step.run(LONGEST_S):
         if isinstance(event.reading, Navigation) and pilot.output is not None:
             watch(step.world, pilot.output)
     aborted = pilot.output.aborted if pilot.output is not None else "start: the maneuver did not begin"
-    plans = pilot.maneuver.plans if pilot.maneuver is not None else ()
-    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted, plans)
+    if experiment is not None and aborted.startswith("cancelled: "):
+        aborted, _ = "", experiment.next(session, to_s(step.world.stamp))
+    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted, pilot.plans, experiment)
 
 
 def identified(events: Sequence[Stamped[IdentEvent]], vehicle: Vehicle) -> Outcome:

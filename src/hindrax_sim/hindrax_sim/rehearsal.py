@@ -13,6 +13,7 @@ from hindrax_control.prior_dynamics import guessed
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.online.aim import Aim
 from hindrax_sim.conditions.world_table import IDEAL
 from hindrax_sim.pool_flight import fly
 from hindrax_sim.world import World
@@ -56,6 +57,8 @@ class Rehearsal:
     plans: tuple[Plan, ...]
     flown: tuple[Flown, ...]
     bands: Mapping[str, Band]
+    ended: str
+    """Why an experiment chose nothing more."""
     aborted: str
 
     @property
@@ -80,6 +83,7 @@ class Rehearsal:
             "seconds": self.seconds,
             "charge_Ah": self.charge_Ah,
             "bands": {motion: asdict(band) for motion, band in self.bands.items()},
+            "ended": self.ended,
             "aborted": self.aborted or None,
         }
 
@@ -106,7 +110,13 @@ class _Timetable:
 
 
 def rehearse(
-    motions: Sequence[str], seed: int, world: str = IDEAL, *, vehicle: Vehicle, excitation: str = PLATEAUS
+    motions: Sequence[str],
+    seed: int,
+    world: str = IDEAL,
+    *,
+    vehicle: Vehicle,
+    excitation: str = PLATEAUS,
+    aim: Aim | None = None,
 ) -> Rehearsal:
     """Fly motions in lock-step with the truth that the vehicle file believes; UsageError when they cannot be flown.
 
@@ -115,10 +125,11 @@ def rehearse(
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
     timetable = _Timetable()
-    flight = fly(motions, seed, world, vehicle=vehicle, excitation=excitation, watch=timetable.watch)
+    flight = fly(motions, seed, world, vehicle=vehicle, excitation=excitation, watch=timetable.watch, aim=aim)
     found = flight.outcome.results.motions
     bands = {motion: _band(result) for motion, result in found.items()}
-    return Rehearsal(vehicle.name, world, flight.plans, tuple(timetable.rows), bands, flight.aborted)
+    ended = flight.experiment.ended if flight.experiment else ""
+    return Rehearsal(vehicle.name, world, flight.plans, tuple(timetable.rows), bands, ended, flight.aborted)
 
 
 def _band(result: MotionResult) -> Band:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hindrax_bringup.processes import EVERY
-from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, Role
+from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_drivers.lifecycle import State
@@ -24,6 +24,7 @@ TYPES: Mapping[str, str] = {
     ARM: "hindrax_msgs/srv/Arm",
     CANCEL: "action_msgs/srv/CancelGoal",
     FLY: "hindrax_msgs/action/FlyManeuver",
+    RUN: "hindrax_msgs/action/RunExperiment",
     ASSESS: "std_srvs/srv/Trigger",
     RECENTRE: "hindrax_msgs/srv/Recentre",
     "request_profile": "std_srvs/srv/Trigger",
@@ -41,7 +42,7 @@ MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS
     "estimator_health": "disarms while the state is implausible",
     "pilot": "holds and maneuvers: wanted wrench from the state and the operator's orders",
     "allocator": "pulses that come closest to the wanted wrench",
-    "identifier": "coefficients while the vehicle moves",
+    "identifier": "coefficients while the vehicle moves; runs the experiment that finds them",
     "recorder": "writes the bag",
     "safety_monitor": "watches the operator's link and the health of the nodes",
     "operator": "terminal, web page and monitor of the operator",

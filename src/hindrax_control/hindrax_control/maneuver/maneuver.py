@@ -38,8 +38,8 @@ from hindrax_core.vehicle import Vehicle
 
 ENDINGS = ("hold", "neutral")
 PLATEAUS = "plateaus"
-MOST_MOTIONS = 12
-"""Limit per goal: planning blocks the control cycle."""
+MOST_MOTIONS, MOST_LEVELS = 12, 20
+"""Limits per goal: planning blocks the control cycle."""
 LATE = "late"
 """Guard of goals that arrive late; the client may send them again."""
 SETTLING_s = 3.5
@@ -60,12 +60,16 @@ class ManeuverKnobs:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends."""
+    """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends.
+
+    `levels`: plateaus of the one motion, from 0, the slowest, to 1, the fastest; empty: those of the plan.
+    """
 
     motions: tuple[str, ...]
     excitation: str = PLATEAUS
     seed: int = 0
     on_cancel: str = "hold"
+    levels: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +123,7 @@ class Maneuver:
         self._altimeters = altimeters(vehicle)
         self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
-        self.plans = tuple(self._planner.plan(motion, box) for motion in goal.motions)
+        self.plans = tuple(self._planner.plan(motion, box, goal.levels) for motion in goal.motions)
         self._stages: list[Stage] = self._all_stages()
         self._stages.append(BrakeAndHold(goal.motions[-1], self.station, neutral=False))
         self._seconds = [stage.seconds for stage in self._stages]
@@ -330,3 +334,15 @@ def check_goal(goal: Goal) -> None:
         raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
     if goal.on_cancel not in ENDINGS:
         raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
+    _check_levels(goal)
+
+
+def _check_levels(goal: Goal) -> None:
+    if goal.levels and (len(goal.motions) > 1 or goal.excitation != PLATEAUS):
+        found = f"{', '.join(goal.motions)} by {goal.excitation}"
+        raise UsageError(f"goal: levels of {found}, wanted those of one motion by {PLATEAUS}")
+    if len(goal.levels) > MOST_LEVELS:
+        raise UsageError(f"goal: {len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
+    for level in goal.levels:
+        if not 0.0 <= level <= 1.0:
+            raise UsageError(f"goal: level {level:g}, wanted 0 (the slowest plateau) to 1 (the fastest)")

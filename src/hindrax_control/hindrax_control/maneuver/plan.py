@@ -157,8 +157,11 @@ class Planner:
         self.freedoms = prior_dynamics(vehicle)
         self._allocator, self._disabled = allocator, disabled
 
-    def plan(self, motion: str, box: PoolBounds) -> Plan:
-        """Plan one of MOTIONS; UsageError when pool, limits or thrusters leave no room for it."""
+    def plan(self, motion: str, box: PoolBounds, levels: Sequence[float] = ()) -> Plan:
+        """Plan one of MOTIONS; UsageError when pool, limits or thrusters leave no room for it.
+
+        `levels`: plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
+        """
         if motion not in MOTIONS:
             raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(MOTIONS)}")
         require_servable((motion,), self.vehicle, self._disabled)
@@ -168,7 +171,7 @@ class Planner:
                 f"{motion}: the pool leaves {high - low:.2f} m of room, wanted more; "
                 "check `pool` in the vehicle file and the margins among the pilot's parameters"
             )
-        legs = self._legs(motion, low, high)
+        legs = self._legs(motion, low, high, levels)
         along_m = legs[0].start if motion in ALONG else 0.5 * box.length_m
         return Plan(
             motion,
@@ -200,23 +203,28 @@ class Planner:
         tilt_rad = math.radians(min(wanted_deg, TILT_RESERVE * self.vehicle.limits.tilt_deg))
         return -tilt_rad, tilt_rad
 
-    def _legs(self, motion: str, low: float, high: float) -> tuple[Leg, ...]:
-        rates = self._rates(motion)
+    def _legs(self, motion: str, low: float, high: float, levels: Sequence[float]) -> tuple[Leg, ...]:
+        rates = self._rates(motion, levels or self._levels(motion))
         spans = [self._stretch(motion, rate, low, high) for rate in rates]
         # Each leg back ends where the next leg out begins; the last one where it began.
         backs = [*(begin for begin, _ in spans[1:]), spans[-1][0]]
         legs: list[Leg] = []
         for rate, (begin, far), back in zip(rates, spans, backs, strict=True):
             legs += [self._leg(motion, rate, (begin, far, low)), self._leg(motion, -rate, (far, back, high))]
-        return tuple(legs) * self.knobs.repeats[AXES.index(motion)]
+        return tuple(legs)
 
-    def _rates(self, motion: str) -> list[float]:
-        """Plateau rates, no faster than limits and thrusters allow in either direction.
+    def _levels(self, motion: str) -> list[float]:
+        """Levels by the knobs.
 
         The fastest and the slowest come first: they tell most of the drag, so an early end already knows it.
         """
+        count = self.knobs.turning_levels if motion in TURNING else self.knobs.levels
+        rising = [index / max(1, count - 1) for index in range(count - 1)]
+        return [1.0, *rising] * self.knobs.repeats[AXES.index(motion)]
+
+    def _rates(self, motion: str, levels: Sequence[float]) -> list[float]:
+        """Plateau rates of these levels, no faster than limits and thrusters allow in either direction."""
         turning = motion in TURNING
-        levels = self.knobs.turning_levels if turning else self.knobs.levels
         low, high = getattr(self.knobs, f"{motion}_{'radps' if turning else 'mps'}")
         freedom = self.freedoms[motion]
         fastest = min(abs(freedom.rate_at(sign * LEVEL_SHARE * self.force_limit(motion, sign))) for sign in (-1.0, 1.0))
@@ -224,8 +232,7 @@ class Planner:
             fastest = min(fastest, SPEED_RESERVE * self.vehicle.limits.speed_mps)
         high = min(high, fastest)
         low = min(low, high)
-        falling = [high - (high - low) * index / max(1, levels - 1) for index in range(levels)]
-        return [*falling[:1], *falling[:0:-1]]
+        return [low + (high - low) * level for level in levels]
 
     def _stretch(self, motion: str, rate: float, low: float, high: float) -> tuple[float, float]:
         """Where a leg of this rate begins and ends: about the middle, as long as its plateau needs."""

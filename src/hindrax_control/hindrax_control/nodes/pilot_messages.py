@@ -23,7 +23,8 @@ FRESH_S = 2.0
 
 def goal_from_msg(message: Any) -> Goal:
     """Motions and how to fly them."""
-    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel)
+    levels = tuple(map(float, message.levels))
+    return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels)
 
 
 def unfit_estimate(message: Any) -> str:

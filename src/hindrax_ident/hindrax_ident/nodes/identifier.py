@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
@@ -21,6 +21,7 @@ from hindrax_core.signals import Estimate, IdentEvent
 from hindrax_core.topics import ESTIMATE, Topic
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.nodes.experiment_server import ExperimentServer
 from hindrax_ident.nodes.measurement_messages import (
     ANY_ODOMETRY,
     ANY_WRENCH,
@@ -45,10 +46,14 @@ from hindrax_ros.process import spin
 REPORT_S = 1.0
 ASSESS = "ident/assess"
 Events: TypeAlias = Sequence[Stamped[IdentEvent]]
+Judged = TypeVar("Judged")
+Verdict = TypeVar("Verdict")
 
 
 class Identifier(BatchedNode):
     """Publishes the estimates of a live session, and diagnostics; `ident/assess` tells the verdicts so far.
+
+    `ident/run` has the pilot fly what the session is to learn from.
 
     `odometry` and `wrench`, remapped to those of another stack, are identified without maneuvers.
     """
@@ -68,7 +73,12 @@ class Identifier(BatchedNode):
             subscription(self, topic, self._any_listener(topic, events_of))
         self._heartbeat = Heartbeat.of(os.environ)
         self.create_service(Trigger, ASSESS, self._on_assess)
+        self._experiments = ExperimentServer(self, lambda choose: self._judged(choose, self._session))
         self.every(REPORT_S, self._report)
+
+    def close(self) -> None:
+        """Take the actions away before the node."""
+        self._experiments.close()
 
     def _begin(self, vehicle: Vehicle, tuning: Tuning) -> None:
         """Begin a session; one with another tuning forgets what was learned before."""
@@ -107,21 +117,24 @@ class Identifier(BatchedNode):
                 self._publish(estimate)
 
     def _on_assess(self, _request: Any, response: Any) -> Any:
-        """Verdict on every motion so far, a line each; success if there is any.
+        """Verdict on every motion so far, a line each; success if there is any."""
+        motions = self._judged(_motions, self._any if self._any_heard else self._session)
+        response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
+        return response
 
-        It takes seconds to minutes. A thread makes it on a copy, so that nothing is lost that comes meanwhile, and
-        nobody takes the process for frozen.
+    def _judged(self, judge: Callable[[Judged], Verdict], session: Judged) -> Verdict:
+        """Return what `judge` says of a session, which takes seconds to minutes.
+
+        A thread makes it on a copy, so that nothing is lost that comes meanwhile, and nobody takes the process for
+        frozen.
         """
-        session: Session | RecordSession = copy.deepcopy(self._any if self._any_heard else self._session)
         with ThreadPoolExecutor(1) as worker:
-            verdict = worker.submit(_motions, session)
+            verdict = worker.submit(judge, copy.deepcopy(session))
             while not wait([verdict], TURN_S).done:
                 self.drain()
                 self.publish_queue.flush()
                 self._heartbeat.beat(time.monotonic())
-        motions = verdict.result()
-        response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
-        return response
+        return verdict.result()
 
     def _publish(self, estimate: Stamped[Estimate]) -> None:
         self._last = estimate.reading

@@ -242,6 +242,10 @@ class Session:
         limits = PhaseLimits(tuning.gap_s, tuning.thrust_age_s, tuning.stretch_s)
         return kept.with_stretches(usable(spans, measured, kept.thrust, limits))
 
+    def refined(self, axis: int) -> DraftFit:
+        """Fit of what was flown along an axis so far, with its noise; takes a second. ValueError where nothing fits."""
+        return self._draft(axis, self._believed_masses({}))
+
     def _draft(self, axis: int, masses: Masses) -> DraftFit:
         axis_session = self._axes[axis]
         record = self.record(axis, masses)

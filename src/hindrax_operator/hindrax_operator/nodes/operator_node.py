@@ -35,7 +35,7 @@ from hindrax_core.topics import (
     namespace_arguments,
 )
 from hindrax_drivers.output.output_guard import ASK_AGAIN
-from hindrax_msgs.action import FlyManeuver
+from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode, events_executor
@@ -82,6 +82,7 @@ class Operator:
         self._subscribe()
         self._arm = self.node.create_client(Arm, "thrusters/arm")
         self._fly = ActionClient(self.node, FlyManeuver, "maneuver/fly")
+        self._run = ActionClient(self.node, RunExperiment, "ident/run")
         self._cancel = self.node.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
         self._goal: Any = None
 
@@ -92,6 +93,7 @@ class Operator:
     def __exit__(self, *_: object) -> None:
         """Leave the graph."""
         self._fly.destroy()
+        self._run.destroy()
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown()
@@ -249,22 +251,45 @@ class Operator:
         """
         self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
         goal = FlyManeuver.Goal(motions=motions, excitation=excitation, seed=seed, on_cancel=on_cancel)
-        aborted = ""
+        return self._asked(self._fly, goal, seconds)[0]
+
+    def experiment(
+        self,
+        motions: list[str],
+        *,
+        until: float,
+        minutes: float,
+        on_cancel: str,
+        seconds: float,
+    ) -> tuple[str, str]:
+        """Have the identifier run an experiment; returns the guard's sentence, as `fly`, and what was reached."""
+        self.wait(self._run.server_is_ready, ANSWER_S, lambda: f"the identifier to offer ident/run; {UP}")
+        goal = RunExperiment.Goal(motions=motions, until=until, minutes=minutes, on_cancel=on_cancel)
+        aborted, result = self._asked(self._run, goal, seconds)
+        if result is None:
+            return aborted or "identifier: its result was lost; see whether its process is up", ""
+        rows = zip(result.known, result.noise, result.wanted, strict=True)
+        known = ", ".join(f"{motion} {100 * noise:.2g} % of {100 * wanted:.2g} %" for motion, noise, wanted in rows)
+        return aborted, "; ".join(filter(None, [result.ended, known and f"noise of the drag: {known}"]))
+
+    def _asked(self, client: Any, goal: Any, seconds: float) -> tuple[str, Any]:
+        """Send a goal, again when it was late; returns why it was aborted, and its result where there is one."""
+        aborted, result = "", None
         for _ in range(ASKED_AT_MOST):
-            aborted = self._fly_to_its_end(goal, seconds)
+            aborted, result = self._fly_to_its_end(client, goal, seconds)
             if not aborted.startswith(f"{LATE}: "):
                 break
-        return aborted
+        return aborted, result
 
-    def _fly_to_its_end(self, goal: Any, seconds: float) -> str:
+    def _fly_to_its_end(self, client: Any, goal: Any, seconds: float) -> tuple[str, Any]:
         goal.stamp = stamp_to_msg(self.now())
         self.maneuver = None
-        future = self._fly.send_goal_async(goal)
-        self.wait(future.done, ANSWER_S, lambda: f"the pilot to answer a goal; {AGAIN}")
+        future = client.send_goal_async(goal)
+        self.wait(future.done, ANSWER_S, lambda: f"the vehicle to answer a goal; {AGAIN}")
         self._goal = future.result()
         if not self._goal.accepted:
             raise HindraxError(
-                "the pilot rejected the maneuver without a reason; it is of another version: start it anew"
+                "the vehicle rejected the goal without a reason; it is of another version: start it anew"
             )
         result = self._goal.get_result_async()
         try:
@@ -275,11 +300,11 @@ class Operator:
             raise
         self._goal = None
         if not result.done():
-            return self._lost_outcome()
+            return self._lost_outcome(), None
         outcome = result.result()
         if outcome.status == GoalStatus.STATUS_SUCCEEDED and outcome.result.completed:
-            return ""
-        return str(outcome.result.aborted) or "maneuver: ended without a reason"
+            return "", outcome.result
+        return str(outcome.result.aborted) or "maneuver: ended without a reason", outcome.result
 
     def _not_ended(self) -> str:
         at = f", now at {self.maneuver.motion} {self.maneuver.phase}" if self.maneuver is not None else ""

@@ -7,18 +7,21 @@ import signal
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, tuning_of
+from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, share, tuning_of
 from hindrax_cli.commands.operate.recentre import PLACE_HELP, place_of
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.online.aim import Aim
 from hindrax_operator.pool_run import ABORT, CONTINUE, PoolOptions, run_pool_test
 
 NAME = "pool-test"
 HELP = "fly the maneuvers and identify the vehicle: the main job"
-EXAMPLE = "./hindrax pool-test --plan --dof all\n  ./hindrax pool-test --mock --dof surge --seed 7"
+EXAMPLE = """./hindrax pool-test --plan --dof all
+  ./hindrax pool-test --mock --dof surge --seed 7
+  ./hindrax pool-test --mock --dof all --until 2% --minutes 5"""
 PLAN_HELP = "only rehearse it in lock-step: timetable, clearances, charge and bands, without ROS and devices"
 
 
@@ -33,6 +36,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[*MOTIONS, "all"],
         help="default: surge; all: what its thrusters serve",
     )
+    parser.add_argument(
+        "--until",
+        type=share,
+        default=0.0,
+        metavar="SHARE",
+        help="noise of the drag at which it ends, such as 2%%: the identification chooses what to fly",
+    )
+    parser.add_argument("--minutes", type=float, default=0.0, help="after which it ends, and with what it knows then")
     parser.add_argument("--seed", type=seed, default=1, help="of the mock's noise and of the excitation; default 1")
     parser.add_argument(
         "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
@@ -60,12 +71,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
 
 
+def aim_of(arguments: argparse.Namespace) -> Aim | None:
+    """When the experiment is over that was asked for; None for the pilot's plan."""
+    if not (arguments.until or arguments.minutes):
+        return None
+    if arguments.excitation != PLATEAUS:
+        found = f"--excitation {arguments.excitation}"
+        raise UsageError(f"--until, --minutes: found {found}, wanted {PLATEAUS}, of which single legs can be chosen")
+    return Aim(arguments.until, arguments.minutes)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Check the arguments, then fly."""
     if arguments.plan:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
 
-        return rehearse_and_show(arguments)
+        return rehearse_and_show(arguments, aim_of(arguments))
     if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
         raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:
@@ -86,6 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
             without_record=arguments.without_record,
             headless=arguments.headless or arguments.json,
             json=arguments.json,
+            aim=aim_of(arguments),
             tuning=tuning_of(arguments),
             start=place_of(arguments.start) if arguments.start else None,
         )

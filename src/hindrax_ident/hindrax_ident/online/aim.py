@@ -1,0 +1,66 @@
+"""What an experiment is for: its motions, when it is over, and what it begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import AXES
+
+LEVELS = {1.0: "fastest", 0.5: "middle", 0.0: "slowest"}
+"""Plateaus that may be chosen, in shares of the way from the slowest of the pilot's plan to the fastest."""
+FIRST = (1.0, 0.0)
+"""Levels that a motion begins with: the extremes tell most of the drag."""
+LONGEST_MIN = 50.0
+LEAST_SHARE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """When an experiment is over: noise of the drag below `until` [-], or after `minutes`; 0 where nothing is asked."""
+
+    until: float = 0.0
+    minutes: float = 0.0
+
+    @property
+    def limit_s(self) -> float:
+        """Time after which nothing is flown any more [s]."""
+        return 60.0 * (self.minutes or LONGEST_MIN)
+
+    def __str__(self) -> str:
+        """In words."""
+        noise = f"{100.0 * self.until:g} %" if self.until else "a third of what calibration leaves"
+        return f"until the noise of the drag is below {noise}, at most {self.limit_s / 60.0:g} minutes"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What to fly: LEVELS of a motion, each out and back."""
+
+    motion: str
+    levels: tuple[float, ...] = FIRST
+
+    def __str__(self) -> str:
+        """A word or two for people."""
+        return f"{self.motion}: {', '.join(LEVELS[level] for level in self.levels)}"
+
+
+def plan_text(motions: Sequence[str], aim: Aim) -> str:
+    """What will be flown, in words."""
+    return f"{'; '.join(str(Choice(motion)) for motion in motions)}, each out and back; then what tells most, {aim}"
+
+
+def check_experiment(motions: Sequence[str], aim: Aim) -> None:
+    """UsageError that names what is invalid."""
+    if not motions:
+        raise UsageError(f"goal: no motion, wanted some of {', '.join(AXES)}")
+    for motion in motions:
+        if motion not in AXES:
+            raise UsageError(f"goal: motion {motion[:40]!r} unknown, wanted one of {', '.join(AXES)}")
+    if len(set(motions)) < len(motions):
+        raise UsageError(f"goal: {len(motions)} motions, one of them twice, wanted each once")
+    if aim.until != 0.0 and not LEAST_SHARE <= aim.until <= 1.0:
+        raise UsageError(f"goal: until {aim.until:g}, wanted {LEAST_SHARE:g} to 1, or 0 for what calibration leaves")
+    if not 0.0 <= aim.minutes <= LONGEST_MIN:
+        raise UsageError(f"goal: minutes {aim.minutes:g}, wanted at most {LONGEST_MIN:g}, or 0 for those")
