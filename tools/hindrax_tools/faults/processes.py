@@ -23,9 +23,9 @@ from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.bus_operations import Write
 from hindrax_core.errors import HindraxError
-from hindrax_core.events import Stamped, seconds_between, to_s
+from hindrax_core.events import seconds_between, to_s
 from hindrax_core.signals import Navigation
-from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
+from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.faults.true_state import TrueState
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
@@ -42,8 +42,11 @@ LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 LIE_PERIOD_s = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
-SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 60.0
-"""A fault comes within this time of the first thrust, is seen for so long, and a cell ends after so much wall time."""
+SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 180.0
+"""A fault comes within this time of the first thrust and is seen for so long; then the longest wait [wall time]."""
+NEW_PROCESS_S = 60.0
+STATES = 200
+"""Room for four seconds of states, should the tool be late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ ROWS = (
     *(ProcessFault(who, what, 0.5) for who in (CONTROL.name, THRUSTERS.name) for what in SIGNALS),
     *(ProcessFault(DEAD_MAN, what, 1.5) for what in SIGNALS),
     # Nobody is left who could write neutral: a new process must start.
-    *(ProcessFault(BOTH, what, PATIENT_S) for what in SIGNALS),
+    *(ProcessFault(BOTH, what, NEW_PROCESS_S) for what in SIGNALS),
     *(ProcessFault(who, LYING) for who in LIES),
     ProcessFault(OUTPUT, RESTARTED),
 )
@@ -81,12 +84,21 @@ class FaultyStack:
         truth = stack.folder.path / TRUTH
         self._log, self._cut = truth.open(encoding="ascii"), ""
         self.last: TrueState | None = None
+        self.believed: dict[float, Navigation] = {}
+        """Every state of the vehicle since the cell began, by its time: a busy tool may be late, its judgement not."""
         self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
 
     def tick(self) -> None:
         """Look after the processes, and see what the mock has written."""
         self.supervisor.check()
         self._tick(self._read())
+
+    def on_navigation(self, message: Any) -> None:
+        """Keep a state."""
+        from hindrax_ros.convert import navigation_from_msg  # noqa: PLC0415  # as the operator's
+
+        state = navigation_from_msg(message)
+        self.believed[to_s(state.stamp)] = state.reading
 
     def _read(self) -> list[TrueState]:
         *lines, self._cut = (self._cut + self._log.read()).split("\n")
@@ -154,7 +166,7 @@ class FaultyStack:
 
     def wait(self, done: Callable[[], bool], what: str) -> None:
         """Spin until it is so."""
-        self.operator.wait(done, 3.0 * PATIENT_S, lambda: what)
+        self.operator.wait(done, PATIENT_S, lambda: what)
 
     def take_off(self, mode: str) -> None:
         """Arm, or disarm, when the state is there again; HindraxError when it cannot be armed."""
@@ -188,7 +200,7 @@ class FaultyStack:
 
         operator = self.operator
         if mode == MANEUVER:
-            operator.fly(["surge"], excitation="plateaus", seed=seed, on_cancel="neutral", seconds=3.0 * PATIENT_S)
+            operator.fly(["surge"], excitation="plateaus", seed=seed, on_cancel="neutral", seconds=PATIENT_S)
         elif mode == HOLD:
             for axis, value in HELD:
                 hold(operator, [axis], value, engaged=True)
@@ -197,7 +209,7 @@ class FaultyStack:
                 operator.sender(OPERATOR_WRENCH, "the pilot") as send,
                 operator.repeating(0.1, lambda: send(wrench_to_msg(operator.now(), WRENCH))),
             ):
-                operator.pause(3.0 * PATIENT_S)
+                operator.pause(PATIENT_S)
 
     def until_thrust(self, mode: str) -> None:
         """Arm and fly in one mode, until there is thrust."""
@@ -211,6 +223,7 @@ class FaultyStack:
 
     def cell(self, row: ProcessFault, mode: str, seed: int) -> Cell:
         """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
+        self.believed.clear()
         self.wait(lambda: bool(self._read()), "the mock")
         assert self.last is not None
         seen = _Seen(self, row, mode, random.Random(f"{row} {mode} {seed}").uniform(0.0, SOON_S))  # noqa: S311  # no secret
@@ -233,15 +246,12 @@ class _Seen:
         self._harmed_s = math.inf
         self._whole: Callable[[], bool] = lambda: False
         self._true: list[TrueState] = []
-        self._believed: dict[float, Navigation] = {}
         self.harm = contextlib.ExitStack()
         self.lost = self._said = ""
 
     def tick(self, lines: Sequence[TrueState]) -> None:
-        """Take notice of the mock's new lines, and of the state that is believed."""
+        """Take notice of the mock's new lines."""
         operator = self._stack.operator
-        if isinstance(state := operator.navigation, Stamped):
-            self._believed[to_s(state.stamp)] = state.reading
         if self._harmed_s < math.inf:
             self._true += lines
             self._said = "" if operator.thrusters.armed else str(operator.thrusters.reason)
@@ -270,12 +280,12 @@ class _Seen:
 
     def cell(self, seed: int, last: TrueState) -> Cell:
         """The judgement: each true state beside the state that was believed then."""
-        judge, stamps = Judge(self._true[0] if self._true else last), sorted(self._believed)
-        at = 0
+        judge, believed = Judge(self._true[0] if self._true else last), self._stack.believed
+        stamps, at = sorted(believed), 0
         for true in self._true[1:]:
             while at < len(stamps) and stamps[at] <= true.now_s:
                 at += 1
-            judge.step(true, self._believed[stamps[at - 1]] if at else None)
+            judge.step(true, believed[stamps[at - 1]] if at else None)
         row, said = self._row, "" if self._mode == DISARMED else self._said
         armed = row.who in GOING_ON and self._mode != DISARMED and not said
         return judge.cell(row.who, row.what, self._mode, seed, said, within_s=row.within_s, lost=self.lost, armed=armed)
@@ -292,12 +302,14 @@ def faulty_stack(folder: Path, seed: int, *, record: bool = True) -> Iterator[Fa
         made = environment(mock=True, domain=domain)
         with Supervisor(run.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
             from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
+            from hindrax_ros.graph import subscription  # noqa: PLC0415
 
             stack = Stack(run, supervisor, tuning=Tuning(settings=("thrusters.arming_s:=1.0",)))
             stack.start(MockOptions(seed=seed, rate=1.0, truth=str(run.path / TRUTH)), record=record)
             faulty = FaultyStack(supervisor, stack)
             with Operator(mock=True, tick=faulty.tick) as operator:
                 faulty.operator = operator
+                subscription(operator.node, NAVIGATION, faulty.on_navigation, queue=STATES)
                 faulty.wait(lambda: operator.navigation is not None and operator.thrusters is not None, "the stack")
                 yield faulty
 
