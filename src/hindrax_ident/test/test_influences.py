@@ -8,8 +8,8 @@ from synthetic_runs import back_and_forth, fly
 
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.influences import GAIN, INFLUENCES, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import budget_of
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
+from hindrax_ident.assess.uncertainty_budget import ALL, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
@@ -145,3 +145,28 @@ def test_contributions_of_independent_rows_are_sensitivity_times_deviation(flown
     total = np.sqrt(sum(one.std**2 for one in budget.contributions(budget.shifts[0])))
     assert total == pytest.approx(np.sqrt(budget.band()[0, 0]))
     assert budget.contributions(budget.shifts[0])[0].influence == "thrust calibration"
+
+
+def test_what_a_remedy_leaves_is_the_band_without_its_rows(flown: Case) -> None:
+    rows = {row.name: row for row in INFLUENCES}
+    gains, delays = (
+        ("thrust calibration", "losses between thrusters and hull"),
+        ("thrust lag", "latency of the velocity"),
+    )
+    gradient = np.array([[flown.speed**2, flown.speed, 0.0, 0.0]])
+    v = np.array([flown.speed])
+    every, rest = (budget_of(flown, tuple(rows[name] for name in names)) for names in (gains + delays, delays))
+    sensitivity = every.drag_sensitivity(gradient, v)
+    left = every.variance_without(sensitivity[0])
+    assert left.keys() == {rows[name].remedy for name in gains + delays}
+    assert left[MEASURED_THRUST] == pytest.approx(rest.variance(rest.drag_sensitivity(gradient, v))[0])
+    assert min(left.values()) < every.variance(sensitivity)[0]
+
+
+def test_contributions_of_some_scopes_leave_the_others_out(flown: Case) -> None:
+    budget = budget_of(flown)
+    sensitivity = budget.drag_sensitivity(np.array([[flown.speed**2, flown.speed, 0.0, 0.0]]), np.array([flown.speed]))
+    every, some = (
+        {row.influence for row in budget.contributions(sensitivity[0], scopes)} for scopes in (ALL, (RUN, MODEL))
+    )
+    assert every - some == {row.name for row in budget.influences if row.scope == GAIN} != set()

@@ -91,15 +91,21 @@ def show(identified: IdentifiedBag) -> None:
 
 
 def show_budgets(motions: Mapping[str, MotionResult]) -> None:
-    """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink the first."""
-    prose = ("largest contributions", "what would shrink the first")
+    """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink it most."""
+    prose = ("largest contributions", "what would shrink it most, and to what")
     table = make_table("Uncertainty of the drag at the highest speed", ("motion",), ("calibrated",), prose)
     for motion, result in motions.items():
         rows = result.budget.get("drag")
-        if rows and result.drag is not None and result.drag.force[-1] > 0.0:
+        step = result.next_step
+        if rows and step and result.drag is not None and result.drag.force[-1] > 0.0:
             force = float(result.drag.force[-1])
             largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in rows[:LARGEST])
-            table.add_row(motion, f"{result.drag.std_calibrated[-1] / force:.1%}", largest, rows[0].remedy)
+            table.add_row(
+                motion,
+                f"{result.drag.std_calibrated[-1] / force:.1%}",
+                largest,
+                f"{step.remedy}: {step.std / force:.1%}",
+            )
     if table.row_count:
         print_table(table)
 

@@ -156,10 +156,20 @@ def _motion(report: RunReport, result: MotionResult) -> str:
     trace = report.traces.get(result.motion)
     figures = MotionFigures(report.vehicle, result, assessment, trace)
     parts.append(f'<div class="plots">{"".join(figure(chart) for chart in charts_of(figures))}</div>')
-    parts.append(f"<h3>Uncertainty budget: one standard deviation each</h3>{table_budget(result)}")
+    parts.append(f"<h3>Uncertainty budget: one standard deviation each</h3>{table_budget(result)}{_next(result)}")
     parts.append(f"<h3>Methods side by side</h3>{table_methods(result)}")
     parts.append(f'<div class="plots">{"".join(_forests(report, result))}</div>')
     return "".join(parts)
+
+
+def _next(result: MotionResult) -> str:
+    """What to fly or to measure next, and what the band of the drag would become."""
+    step, drag = result.next_step, result.drag
+    if step is None or drag is None or not drag.force[-1] > 0.0:
+        return ""
+    now, then = (f"{std / float(drag.force[-1]):.1%}" for std in (float(drag.std_calibrated[-1]), step.std))
+    said = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
+    return f"<p>{escape(said)}</p>"
 
 
 def _reasons(result: MotionResult) -> str:

@@ -23,7 +23,7 @@ from hindrax_ident.assess.quality import (
     validation,
     whiteness,
 )
-from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number
+from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, NextStep, Number
 from hindrax_ident.assess.slow_forces import slow_force_ratio
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.delay import fit_with_delays
@@ -49,6 +49,7 @@ MASS_SHARE = 0.3
 """Relative standard deviation above which the mass is not reported."""
 COUNTS = 0.01
 """Contribution, relative to the largest, below which a row of a budget is left out."""
+FLY_TWICE = "fly it for twice as long, or a second time"
 METHOD = "output-error"
 CONTRADICTION = 1e-4
 """Significance level at which two values of one quantity contradict each other."""
@@ -221,7 +222,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         converged=fit.converged,
         validation=assessment.validation,
         drag_std=drag.separable_std,
-        largest=drag.budget[0],
+        largest=drag.largest,
         current=assessment.budget.prior("current"),
         offset=_least_offset(theta, widened, reported) if model.axis in HORIZONTAL else 0.0,
     )
@@ -241,6 +242,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         methods=_methods(motion, assessment),
         quality=_quality(assessment),
         budget={**_budget(assessment, reported), "drag": drag.budget},
+        next_step=drag.next_step,
         warnings=assessment.budget.warnings(),
     )
 
@@ -286,11 +288,16 @@ def _within(values: Array, block: Array, reported: ReportedParameters) -> Array:
 
 
 class _Drag(NamedTuple):
-    """Drag force of a motion; `separable_std`: at the highest speed, without what scales every force alike."""
+    """Drag force of a motion; `separable_std`: at the highest speed, without what scales every force alike.
+
+    `largest`: the largest contribution to that.
+    """
 
     band: DragBand | None
     separable_std: float
+    largest: Contribution
     budget: list[Contribution]
+    next_step: NextStep
 
 
 def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
@@ -304,8 +311,18 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))
     band = DragBand(array(speed), array(gradient @ fit.theta), array(np.sqrt(own)), array(wide))
     known = excited.high > excited.low > 0.0
-    rows_of_top = _with_noise(float(noise[-1]), budget.contributions(sensitivity[-1]))
-    return _Drag(band if known else None, float(separable[-1]), rows_of_top)
+    top, variance = sensitivity[-1], float(noise[-1])
+    largest = _with_noise(variance, budget.contributions(top, (RUN, MODEL)))[0]
+    rows_of_top = _with_noise(variance, budget.contributions(top))
+    next_step = _next_step(variance, float(wide[-1]) ** 2, budget.variance_without(top))
+    return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step)
+
+
+def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:
+    """The remedy that leaves the least of a variance, of which `noise` is that of the record."""
+    left = {remedy: noise + rest for remedy, rest in without.items()} | {FLY_TWICE: variance - 0.5 * noise}
+    remedy = min(left, key=lambda one: left[one])
+    return NextStep(remedy, math.sqrt(max(0.0, left[remedy])))
 
 
 def _with_noise(variance: float, rows: list[Contribution]) -> list[Contribution]:

@@ -371,11 +371,13 @@ def _always(sigma: float) -> Callable[[Case], float]:
     return lambda _case: sigma
 
 
+MEASURED_THRUST = "measure the thrust: `hindrax weigh`, for roll and pitch a bollard pull"
+
 INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "thrust calibration", "sigma", GAIN,
         lambda case: 1.0 if _gains(case) else 0.0, _calibration,
-        "`hindrax weigh` or a bollard-pull test measures the gain of the thrust", considered=True,
+        MEASURED_THRUST, considered=True,
     ),
     Influence(
         "gain by a known weight", "sigma", GAIN,
@@ -390,8 +392,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
-        "`hindrax weigh` on this axis measures the thrust with all losses",
-        considered=True, near=0.38, loss=True,
+        MEASURED_THRUST, considered=True, near=0.38, loss=True,
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,

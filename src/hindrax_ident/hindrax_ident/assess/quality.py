@@ -176,7 +176,7 @@ class Evidence:
     converged: bool
     validation: Validation | None
     drag_std: float
-    """Standard deviation of the drag at the highest speed [N, N m]."""
+    """Standard deviation of the drag at the highest speed, without what scales every force alike [N, N m]."""
     largest: Contribution
     """The largest contribution to it."""
     current: float = 0.0
@@ -205,7 +205,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
         known = f"the drag at the highest speed is known to {share:.0%} only, wanted {FORCE_SHARE:.0%}"
-        out.append(f"{known}; most by {largest.influence}: {largest.remedy}")
+        out.append(f"{known}, the gain of the thrust left out; most by {largest.influence}: {largest.remedy}")
     out += _separation(evidence, force)
     out += _physics(evidence, force)
     return out

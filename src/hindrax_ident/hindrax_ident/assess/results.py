@@ -42,6 +42,19 @@ class Contribution:
 
 
 @dataclass(frozen=True, slots=True)
+class NextStep:
+    """What to fly or to measure next: the remedy that would shrink the band of a quantity most, and to what."""
+
+    remedy: str
+    std: float
+    """Standard deviation of the quantity after it."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {"remedy": self.remedy, "std": self.std}
+
+
+@dataclass(frozen=True, slots=True)
 class DragBand:
     """Drag force over the excited speeds, with both standard deviations: (n,) each, SI units."""
 
@@ -79,6 +92,8 @@ class MotionResult:
     quality: Mapping[str, float] = field(default_factory=dict)
     budget: Mapping[str, Sequence[Contribution]] = field(default_factory=dict)
     """Per coefficient, and for the `drag` at the highest speed: contributions to the calibrated band, largest first."""
+    next_step: NextStep | None = None
+    """For the drag at the highest speed."""
     warnings: tuple[str, ...] = ()
     """What the record shows beside the model, one sentence each."""
 
@@ -109,6 +124,7 @@ class MotionResult:
             },
             "quality": dict(self.quality),
             "budget": {name: {row.influence: row.std for row in rows} for name, rows in self.budget.items()},
+            "next_step": self.next_step.to_json() if self.next_step else None,
             "warnings": list(self.warnings),
         }
 

@@ -90,14 +90,31 @@ class Budget:
         kept = sensitivity * self._within(scopes)
         return array(np.sum(kept @ self._moment * kept, axis=1))
 
-    def contributions(self, sensitivity: Array) -> list[Contribution]:
+    def variance_without(self, sensitivity: Array) -> dict[str, float]:
+        """By remedy: what is left of the variance of a quantity with this sensitivity (m,) if its rows were known."""
+        columns: dict[str, list[int]] = {}
+        for row, influence, _ in self._table():
+            columns.setdefault(influence.remedy, []).extend(range(row.start, row.stop))
+        known = float(sensitivity @ self.covariance @ sensitivity)
+        out = {}
+        for remedy, at in columns.items():
+            along = self.covariance[at] @ sensitivity
+            lost = float(along @ np.linalg.lstsq(self.covariance[np.ix_(at, at)], along, rcond=None)[0])
+            shown = float(self.mean @ sensitivity - self.mean[at] @ sensitivity[at])
+            out[remedy] = max(0.0, known - lost) + shown**2
+        return out
+
+    def contributions(self, sensitivity: Array, scopes: Collection[str] = ALL) -> list[Contribution]:
         """Contribution of each influence to a quantity with this sensitivity (m,), largest first.
 
         What the record shows of it, and the standard deviation that the quantity would lose if the rest were known:
-        for an independent one sensitivity times deviation (GUM eq. 11a).
+        for an independent one sensitivity times deviation (GUM eq. 11a). Only those of the scopes.
         """
         out = []
+        sensitivity = sensitivity * self._within(scopes)
         for row, influence, _ in self._table():
+            if influence.scope not in scopes:
+                continue
             along = self.covariance[row] @ sensitivity
             lost = float(along @ np.linalg.lstsq(self.covariance[row, row], along, rcond=None)[0])
             shown = float(self.mean[row] @ sensitivity[row])
