@@ -168,10 +168,10 @@ def test_every_motion_is_flown_at_its_extremes_and_a_second_experiment_after_the
     bench.pilot.words = ["", ""]
     wanted = "50 minutes leave no time for another leg; more was wanted of surge, yaw"
     assert bench.run("surge", "yaw") == ("", wanted), "a pilot that flies nothing teaches nothing"
-    assert bench.pilot.goals == [("surge", (1.0, 0.0)), ("yaw", (1.0, 0.0))]
+    assert bench.pilot.goals == [("surge", (1.0, 0.0, 1.0)), ("yaw", (1.0, 0.0, 1.0))]
     bench.pilot.words = [""]
     assert bench.run("heave", until=0.02)[0] == ""
-    assert bench.pilot.goals[2:] == [("heave", (1.0, 0.0))]
+    assert bench.pilot.goals[2:] == [("heave", (1.0, 0.0, 1.0))]
 
 
 def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench) -> None:
@@ -193,7 +193,7 @@ def test_hostile_goals_are_refused_in_one_sentence_and_fly_nothing(bench: Bench)
 def test_a_plan_is_told_and_not_flown(bench: Bench) -> None:
     found = bench.ask(RunExperiment.Goal(motions=["surge"], until=0.02, plan=True))
     assert found.completed
-    assert found.ended.startswith("surge: fastest, slowest, each out and back; then what tells most, until ")
+    assert found.ended.startswith("surge: fastest, slowest, fastest, each out and back; then what tells most, until ")
     assert bench.pilot.goals == []
 
 

@@ -29,7 +29,8 @@ class Conditions:
 
     `date` is that of the record (ISO 8601), not of the evaluation; `bag_sha256` is over the files of the bag. `aborted`
     is "guard: sentence" where the flight was aborted, `flown_s` the excitation of each motion [s], where it is known;
-    `blocked_s` its thrust without motion, as against a wall [s], which is not in the data.
+    `blocked_s` its thrust without motion, as against a wall [s], which is not in the data; `predicted` the calibrated
+    deviation of its drag at the highest speed, as a share of it [-], where a rehearsal told it before the flight.
     """
 
     vehicle: str
@@ -48,6 +49,7 @@ class Conditions:
     aborted: str = ""
     flown_s: Mapping[str, float] = field(default_factory=dict)
     blocked_s: Mapping[str, float] = field(default_factory=dict)
+    predicted: Mapping[str, float] = field(default_factory=dict)
 
 
 def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> Conditions:
@@ -74,6 +76,7 @@ def document(results: Results, conditions: Conditions) -> dict[str, Any]:
     block |= {"motions": list(conditions.motions), "assumptions": list(conditions.assumptions)}
     for name in ("flown_s", "blocked_s"):
         block[name] = {motion: round(seconds, 1) for motion, seconds in block[name].items()}
+    block["predicted"] = {motion: round(share, 4) for motion, share in conditions.predicted.items()}
     ended = {"aborted": block.pop("aborted")} if conditions.aborted else {}
     return {**ended, "conditions": block, **results.to_json()}
 

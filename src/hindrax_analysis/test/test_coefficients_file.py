@@ -118,6 +118,7 @@ BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 
 def an_aborted_file(path: Path, vehicle: Vehicle, motions: dict[str, Any]) -> Path:
     told = replace(conditions_of(vehicle, mock=True, motions=tuple(motions)), aborted=BOUNDS, flown_s={"surge": 20.04})
+    told = replace(told, predicted={"surge": 0.0412})
     file = path / "coefficients.yaml"
     file.write_text(as_yaml(Results(motions, vehicle), told), encoding="utf-8")
     return file
@@ -127,7 +128,7 @@ def test_an_aborted_run_says_so_first_and_is_read_back(tmp_path: Path, vehicle: 
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
     assert next(iter(yaml.safe_load(file.read_text()).items())) == ("aborted", BOUNDS)
     told = read_coefficients(file).conditions
-    assert (told.aborted, told.flown_s) == (BOUNDS, {"surge": 20.0})
+    assert (told.aborted, told.flown_s, told.predicted) == (BOUNDS, {"surge": 20.0}, {"surge": 0.0412})
 
 
 def test_a_run_to_its_end_and_an_older_file_are_not_aborted(saved: Path) -> None:

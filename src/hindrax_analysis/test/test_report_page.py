@@ -345,3 +345,9 @@ def test_a_comparison_and_a_forest_mark_the_aborted_run(report: RunReport) -> No
     assert '<span class="chip bad">aborted: 1 of 2 runs</span>' in text
     assert "vehicle, aborted by pool_bounds: 0.4 m to the &lt;wall&gt;" in text
     assert "cut short (aborted)" in run_page(replace(report, earlier=[cut]))
+
+
+def test_what_was_predicted_stands_beside_what_was_reached(report: RunReport) -> None:
+    text = run_page(replace(report, conditions=replace(report.conditions, predicted={"surge": 0.0412})))
+    assert re.search(r"4\.1% predicted, \d+\.\d% reached", text)
+    assert "predicted, " not in run_page(report)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
@@ -40,6 +41,21 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     if found.aborted:
         print(f"aborted by {found.aborted}", file=sys.stderr)
     return 1 if found.aborted else 0
+
+
+def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]:
+    """Tell what to expect of an experiment; the deviation of the drag of each motion as a share of it [-]."""
+    vehicle = load_vehicle(Path(arguments.vehicle))
+    motions = motions_to_fly(arguments.dof, vehicle).flown
+    check_experiment(motions, aim)
+    print("rehearsing in lock-step what to expect", file=sys.stderr, flush=True)
+    found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
+    bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
+    told = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
+    ended = f"aborted by {found.aborted}" if found.aborted else found.ended
+    text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {told}; {ended}"
+    print(text, file=sys.stderr, flush=True)
+    return bands
 
 
 def show(found: Rehearsal) -> None:

@@ -75,3 +75,13 @@ def test_the_clearance_is_that_of_the_hull() -> None:
             pool.depth_m - 0.5 - 0.5 * height_m,
         )
     )
+
+
+def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["pool-test", "--plan", "--dof", "yaw", "surge", "--until", "5%", "--minutes", "0.9", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    fastest, slowest, *_ = next(plan["rates"] for plan in found["plan"] if plan["motion"] == "yaw")
+    assert fastest > slowest > 0.0
+    assert found["bands"]["yaw"]["noise"] < 0.05
+    assert found["aborted"] is None
+    assert found["ended"] == "0.9 minutes are over; more was wanted of surge"

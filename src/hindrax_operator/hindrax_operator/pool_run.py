@@ -58,6 +58,8 @@ class PoolOptions:
     json: bool
     aim: Aim | None = None
     """When the identification node ends the experiment that it runs; without one the pilot flies its plan."""
+    predicted: Mapping[str, float] = field(default_factory=dict)
+    """Deviation of the drag of each motion as a share of it, by a rehearsal [-]."""
     tuning: Tuning = field(default_factory=Tuning)
     start: tuple[float, float, float] | None = None
     """Where in the pool it is before it is armed, as `recentre` has it; none: as the pilot's parameters say."""
@@ -102,9 +104,10 @@ def run_pool_test(options: PoolOptions) -> int:
             progress.report("identifying over the bag")
             from hindrax_analysis.identification.bag_identification import identify_run, show  # noqa: PLC0415  # SciPy and the report take a second: the stack starts first
 
-            identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted)
+            identified = identify_run(folder, vehicle, mock=mock, aborted=flight.aborted, predicted=options.predicted)
     document = identified.document(folder, round(flight.real_time_factor, 2), flight.aborted or None)
     document |= {"mock": flight.facts} if mock else {}
+    document |= {"predicted": dict(options.predicted)} if options.predicted else {}
     if options.json:
         print(json.dumps(document))
     else:

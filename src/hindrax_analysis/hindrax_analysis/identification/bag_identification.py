@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,8 @@ class IdentifiedBag:
     mock: bool
     origin: Stamp | None = None
     """Stamp at time zero of the outcome."""
+    predicted: Mapping[str, float] = field(default_factory=dict)
+    """Deviation of the drag of each motion as a share of it, as a rehearsal told before the flight [-]."""
 
     @property
     def complete(self) -> bool:
@@ -79,7 +81,7 @@ def show(identified: IdentifiedBag) -> None:
         print_table(table)
     if table.row_count and papers:
         print(f"{PAPER}: {CITATION}")
-    show_budgets(motions)
+    show_budgets(motions, identified.predicted)
     for motion, result in motions.items():
         for warning in result.warnings:
             print(f"{motion}: {warning}")
@@ -90,18 +92,21 @@ def show(identified: IdentifiedBag) -> None:
                 print(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
 
 
-def show_budgets(motions: Mapping[str, MotionResult]) -> None:
+def show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float] | None = None) -> None:
     """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink it most."""
     prose = ("largest contributions", "what would shrink it most, and to what")
-    table = make_table("Uncertainty of the drag at the highest speed", ("motion",), ("calibrated",), prose)
+    numbers = ("predicted", "calibrated") if predicted else ("calibrated",)
+    table = make_table("Uncertainty of the drag at the highest speed", ("motion",), numbers, prose)
     for motion, result in motions.items():
         rows = result.budget.get("drag")
         step = result.next_step
         if rows and step and result.drag is not None and result.drag.force[-1] > 0.0:
             force = float(result.drag.force[-1])
             largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in rows[:LARGEST])
+            before = (f"{predicted[motion]:.1%}" if motion in predicted else "",) if predicted else ()
             table.add_row(
                 motion,
+                *before,
                 f"{result.drag.std_calibrated[-1] / force:.1%}",
                 largest,
                 f"{step.remedy}: {step.std / force:.1%}",
@@ -120,9 +125,14 @@ def _band(drag: DragBand, *, turns: bool) -> str:
     return f"drag: {', '.join(ends)}"
 
 
-def identify_run(folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: str = "") -> IdentifiedBag:
-    """Identify over the bag of a run and write its coefficients and its report, which say by what it was `aborted`."""
-    identified = identify_bag(folder.bag, vehicle, mock=mock)
+def identify_run(
+    folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: str = "", predicted: Mapping[str, float]
+) -> IdentifiedBag:
+    """Identify over the bag of a run and write its coefficients and its report.
+
+    Both say by what it was `aborted`, and what was `predicted`.
+    """
+    identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
     write_results(identified, folder, vehicle, aborted)
     return identified
 
@@ -130,6 +140,7 @@ def identify_run(folder: RunFolder, vehicle: Vehicle, *, mock: bool, aborted: st
 def write_results(identified: IdentifiedBag, folder: RunFolder, vehicle: Vehicle, aborted: str = "") -> None:
     """Write `coefficients.yaml` and `report.html`."""
     conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=aborted)
+    conditions = replace(conditions, predicted=identified.predicted)
     write_coefficients(folder.coefficients, identified.results, conditions)
     traces = traces_of(folder.bag, identified.origin)
     outcome = identified.outcome

@@ -48,7 +48,7 @@ def run_page(report: RunReport) -> str:
     """The whole page."""
     parts = [_header(report), _end(report)]
     if report.results.motions:
-        parts += [_headline(report.results), _how_to_read(report), _tables(report)]
+        parts += [_headline(report.results, report.conditions.predicted), _how_to_read(report), _tables(report)]
     parts += [_motion(report, result) for result in report.results.motions.values()]
     parts.append(_conditions(report.conditions))
     return page(f"{report.vehicle.name}: hydrodynamic identification", "\n".join(parts))
@@ -95,7 +95,7 @@ def _times(seconds_of: Mapping[str, float]) -> str:
     return ", ".join(f"{title_of(motion)} for {seconds:.0f} s" for motion, seconds in seconds_of.items())
 
 
-def _headline(results: Results) -> str:
+def _headline(results: Results, predicted: Mapping[str, float]) -> str:
     cards = []
     for motion, result in results.motions.items():
         if not result.identifiable or result.drag is None:
@@ -106,9 +106,10 @@ def _headline(results: Results) -> str:
         )
         units = ("rad/s", "N\u00b7m") if turns else ("m/s", "N")
         value = plus_minus(force, std)
+        told = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
         cards.append(
             f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small><b>{value} {units[1]}</b>"
-            f"<small>one standard deviation, with calibration</small></div>"
+            f"<small>one standard deviation, with calibration{told}</small></div>"
         )
     return f'<div class="headline">{"".join(cards)}</div>' if cards else ""
 

@@ -10,8 +10,8 @@ from hindrax_core.vehicle import AXES
 
 LEVELS = {1.0: "fastest", 0.5: "middle", 0.0: "slowest"}
 """Plateaus that may be chosen, in shares of the way from the slowest of the pilot's plan to the fastest."""
-FIRST = (1.0, 0.0)
-"""Levels that a motion begins with: the extremes tell most of the drag."""
+FIRST = (1.0, 0.0, 1.0)
+"""Levels that a motion begins with: the extremes tell most of the drag, and a repeated leg shows drift."""
 LONGEST_MIN = 50.0
 LEAST_SHARE = 1e-4
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import signal
+from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
@@ -83,16 +84,22 @@ def aim_of(arguments: argparse.Namespace) -> Aim | None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the arguments, then fly."""
+    aim = aim_of(arguments)
     if arguments.plan:
         from hindrax_cli.pool_plan import rehearse_and_show  # noqa: PLC0415  # a flight needs neither SciPy nor the simulator
 
-        return rehearse_and_show(arguments, aim_of(arguments))
+        return rehearse_and_show(arguments, aim)
     if not arguments.mock and (arguments.fault or arguments.world or arguments.rate):
         raise UsageError("--fault, --world and --rate are for --mock only")
     if not arguments.mock:
         from hindrax_cli.health_checks.wires import require_ports  # noqa: PLC0415  # every driver: a mock starts without them
 
         require_ports(load_vehicle(Path(arguments.vehicle)), arguments.vehicle)
+    predicted: Mapping[str, float] = {}
+    if aim is not None:
+        from hindrax_cli.pool_plan import predicted_of  # noqa: PLC0415  # as above
+
+        predicted = predicted_of(arguments, aim)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "ideal")
     return run_pool_test(
@@ -107,7 +114,8 @@ def run(arguments: argparse.Namespace) -> int:
             without_record=arguments.without_record,
             headless=arguments.headless or arguments.json,
             json=arguments.json,
-            aim=aim_of(arguments),
+            aim=aim,
+            predicted=predicted,
             tuning=tuning_of(arguments),
             start=place_of(arguments.start) if arguments.start else None,
         )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
-from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, read_coefficients
 from hindrax_analysis.identification.bag_identification import identify_bag
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write, write_report
@@ -60,9 +61,12 @@ def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
     return [_saved(path, name) for path, name in zip(paths, names, strict=True)]
 
 
-def _aborted(folder: RunFolder) -> str:
-    """The abort as the coefficients of the run name it: a Ctrl-C or a refused start is not in the bag."""
-    return read_coefficients(folder.coefficients).conditions.aborted if folder.coefficients.is_file() else ""
+def _with_told(conditions: Conditions, folder: RunFolder) -> Conditions:
+    """With what only the coefficients of the run tell: a Ctrl-C or a refused start, and what was predicted."""
+    if not folder.coefficients.is_file():
+        return conditions
+    told = read_coefficients(folder.coefficients).conditions
+    return replace(conditions, aborted=told.aborted or conditions.aborted, predicted=told.predicted)
 
 
 def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Path:
@@ -71,7 +75,8 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
         raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
-    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=_aborted(folder))
+    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock)
+    conditions = _with_told(conditions, folder)
     traces = traces_of(folder.bag, identified.origin)
     page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
     write_report(out or folder.report, page)
