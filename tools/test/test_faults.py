@@ -89,6 +89,7 @@ def test_a_row_shows_the_worst_of_all_seeds() -> None:
     said = "no command for 5 s"
     assert table.entry([]) == ""
     assert row == ("dvl75", "died", "0.40 s or flies on", "0.60 s", "flies on", "neutral", said)
+    assert table.entry([replace(WELL, neutral_s=None, wall=True)]) == "flies on (wall)"
     (bad,) = table.rows([*cells, replace(WELL, seed=3, violated=("ran into a wall",))])
     assert bad[3] == "VIOLATED"
 

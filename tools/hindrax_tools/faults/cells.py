@@ -39,6 +39,8 @@ class Cell:
     reason: str
     """What the vehicle said."""
     violated: tuple[str, ...] = ()
+    wall: bool = False
+    """Whether the hull met a wall after the fault."""
 
 
 class Judge:
@@ -83,18 +85,18 @@ class Judge:
         armed: bool = False,
     ) -> Cell:
         """The judgement. `within_s`: until neutral; `lost`: what never came; `armed`: it flies on though at rest."""
-        took_s, guarded = self._thrust_s - self._begin.now_s, mode in (MANEUVER, HOLD)
+        took_s, wall = self._thrust_s - self._begin.now_s, self._last.wall_hits > self._begin.wall_hits
         found = {
             lost: bool(lost),
             "thrust while disarmed": mode == DISARMED and took_s > 0.0,
             f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
             f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > LONGEST_WRONG_S,
             f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > WORST_TILT_deg,
-            "ran into a wall": guarded and self._last.wall_hits > self._begin.wall_hits,
+            "ran into a wall unnoticed": wall and mode in (MANEUVER, HOLD) and not reason,
         }
         violated = tuple(sentence for sentence, so in found.items() if so)
         neutral_s = None if self.flies_on or armed else took_s
-        return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated)
+        return Cell(who, what, mode, seed, neutral_s, self._wrong_s, self._tilt_deg, reason, violated, wall)
 
 
 def is_wrong(believed: Navigation, true: TrueState) -> bool:

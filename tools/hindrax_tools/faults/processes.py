@@ -142,7 +142,8 @@ class FaultyStack:
             child.restarts = 0  # many faults are no process that dies again and again
         old = self.pids(who)
         for pid in old:
-            os.kill(pid, SIGNALS[what])
+            with contextlib.suppress(ProcessLookupError):  # it died by itself; then it must come back all the same
+                os.kill(pid, SIGNALS[what])
 
         def whole() -> bool:
             new = self.pids(who)

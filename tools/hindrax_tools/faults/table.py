@@ -48,9 +48,10 @@ def entry(cells: Sequence[Cell]) -> str:
     """What came of one fault in one mode: neutral within so many seconds, or the flight went on."""
     if any(one.violated for one in cells):
         return "VIOLATED"
+    wall = " (wall)" if any(one.wall for one in cells) else ""
     times = [one.neutral_s for one in cells if one.neutral_s is not None]
     if not times:
-        return "flies on" if cells else ""
+        return f"flies on{wall}" if cells else ""
     if cells[0].mode == DISARMED:
         return "neutral"
-    return f"{max(times):.2f} s{' or flies on' if len(times) < len(cells) else ''}"
+    return f"{max(times):.2f} s{' or flies on' if len(times) < len(cells) else ''}{wall}"
