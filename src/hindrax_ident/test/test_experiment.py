@@ -15,7 +15,7 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.plateaus import Plateaus
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.aim import FIRST, Aim, Choice, check_experiment, plan_text
-from hindrax_ident.online.experiment import Drag, Experiment, drag_of
+from hindrax_ident.online.experiment import MARGIN, Drag, Experiment, drag_of
 from hindrax_ident.online.session import Session
 
 MODEL = Model(0, 20.0)
@@ -60,16 +60,16 @@ class Pool:
 
 
 def test_every_motion_is_flown_once_at_its_extremes_and_no_more_where_that_is_enough(vehicle: Vehicle) -> None:
-    pool = Pool(vehicle, {"yaw": drag(0.5), "surge": drag(0.9)}, Aim())
+    pool = Pool(vehicle, {"yaw": drag(0.5), "surge": drag(0.8)}, Aim())
     assert pool.chosen == [Choice("yaw", FIRST), Choice("surge", FIRST)]
     assert pool.experiment.ended == "every motion is known as well as wanted"
     found = {motion: one.noise for motion, one in pool.experiment.known.items()}
-    assert found == pytest.approx({"yaw": 0.5, "surge": 0.9})
+    assert found == pytest.approx({"yaw": 0.5, "surge": 0.8})
 
 
 def test_what_is_not_known_well_enough_is_flown_again_until_it_is(vehicle: Vehicle) -> None:
-    pool = Pool(vehicle, {"surge": drag(0.5), "pitch": drag(1.5)}, Aim(until=0.01))
-    # A variance of 2.25 falls below 1 when it has been flown three times.
+    pool = Pool(vehicle, {"surge": drag(0.5), "pitch": drag(1.4)}, Aim(until=0.01))
+    # A noise of 1.4 falls below 0.85 when it has been flown three times.
     assert pool.count == {"surge": 1, "pitch": 3}
     assert all(len(choice.levels) == 1 for choice in pool.chosen[2:])
 
@@ -92,7 +92,7 @@ def test_the_gain_of_a_leg_is_that_of_the_least_squares_with_it(speeds: tuple[fl
 
         now = np.sum(known.gradient @ known.covariance * known.gradient, axis=1)
         after = now * spread(with_it) / spread(rows(speeds))
-        assert gain == pytest.approx(np.sum(np.maximum(now, 1.0) - np.maximum(after, 1.0)), rel=1e-6)
+        assert gain == pytest.approx(np.sum(np.maximum(now, MARGIN**2) - np.maximum(after, MARGIN**2)), rel=1e-6)
         assert (seconds, times) == (pytest.approx(20.0), 1)
 
 
