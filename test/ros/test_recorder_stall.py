@@ -58,7 +58,6 @@ def test_what_is_said_while_it_stands_still_is_in_the_bag(tmp_path: Path) -> Non
                 out.publish(message_class(IMU.type)())
             recorder.send_signal(signal.SIGCONT)
             say(out)
-            time.sleep(0.2)  # what was acknowledged waits for the next turn of the recorder
             recorder.send_signal(signal.SIGINT)
             assert recorder.wait(PATIENT_S) == 0
         finally:

@@ -150,7 +150,13 @@ class Recorder(BatchedNode):
         self._reporter.publish(self.now(), status("hindrax: recorder", level, said, values))
 
     def close(self) -> None:
-        """Finish the bag with its index."""
+        """Write what has arrived, and finish the bag with its index."""
+        try:
+            self.drain()
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
         if self._early:
             self._write_early(max(sent for _, _, sent in self._early))
         self._bag.close()
