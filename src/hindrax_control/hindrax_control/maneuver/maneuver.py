@@ -42,7 +42,7 @@ MOST_MOTIONS, MOST_LEVELS = 12, 20
 """Limits per goal: planning blocks the control cycle."""
 LATE = "late"
 """Guard of goals that arrive late; the client may send them again."""
-SETTLING_s = 3.5
+SETTLING_s = 2.5
 """Time to come to rest at a place, beside the way to it."""
 SILENT_s = 1.0
 """Age of the last echo beyond which a maneuver uses the depth instead."""
