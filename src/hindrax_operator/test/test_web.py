@@ -30,6 +30,7 @@ from hindrax_control.maneuver.maneuver import Goal
 from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Pool, load_vehicle
+from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.graph_link import GraphLink
 from hindrax_operator.monitor.snapshot import Snapshot
@@ -170,6 +171,11 @@ def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page:
     assert page.order("fly", **words)[0] == 202
 
 
+def test_an_experiment_is_asked_of_the_identification_node(page: Page) -> None:
+    assert page.order("fly", motions=["surge", "yaw"], until=0.02, minutes=5)[0] == 202
+    assert page.vehicle.orders == [ExperimentGoal(("surge", "yaw"), Aim(0.02, 5.0), "hold")]
+
+
 def test_the_page_cannot_arm(page: Page) -> None:
     assert page.order("arm")[0] == 404
     assert not page.vehicle.orders
@@ -191,6 +197,12 @@ def test_the_page_cannot_arm(page: Page) -> None:
         ({"motions": ["surge"], "seed": True}, "seed: wanted"),
         ({"motions": ["surge"], "seed": 1.5}, "seed: wanted"),
         ({"motions": ["surge"], "force": 5}, "found force"),
+        ({"motions": ["surge"], "until": "2%"}, "until: wanted a number"),
+        ({"motions": ["surge"], "until": 2.0}, "until 2, wanted"),
+        ({"motions": ["surge"], "minutes": -1}, "minutes -1, wanted"),
+        ({"motions": ["surge"], "minutes": 10**400}, "minutes: wanted a number"),
+        ({"motions": ["surge"], "minutes": float("nan")}, "minutes: wanted a number"),
+        ({"motions": ["surge"], "minutes": 5, "seed": 3}, "found seed"),
     ],
 )
 def test_a_goal_that_makes_no_sense_is_refused_by_the_word(page: Page, words: dict[str, Any], said: str) -> None:

@@ -15,6 +15,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.snapshot import ManeuverView
 
@@ -33,6 +34,7 @@ PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
 )
 """A PNG of one pixel."""
+EXPERIMENT = "what tells most"
 TOO_SMALL = """[...document.querySelectorAll('button,select,#seed,.pick,#reports a')].filter(one => one.offsetParent)
 .map(one => [one.textContent, one.getBoundingClientRect()])
 .filter(([_, size]) => size.width < 44 || size.height < 44)"""
@@ -102,6 +104,19 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.wait("document.querySelector('h1') !== null")
         assert seen.run("getComputedStyle(document.querySelector('h1')).color") == "rgb(1, 2, 3)"
         assert seen.run("window.ran") is None, "a report's script must not run with the rights of the page"
+
+
+def test_the_identification_node_chooses_the_legs_if_asked(tmp_path: Path) -> None:
+    with served(tmp_path) as page, browser(str(PROGRAM), tmp_path / "profile") as seen:
+        seen.open(f"{page.url}#{TOKEN}")
+        seen.wait(f"{text('armed')} === 'ARMED'")
+        seen.run(f"document.getElementById('excitation').value = {json.dumps(EXPERIMENT)}")
+        seen.run("document.getElementById('excitation').dispatchEvent(new Event('change'))")
+        seen.run("document.getElementById('until').value = 2; document.getElementById('minutes').value = 5")
+        seen.wait(f"{text('planned')}.includes('tell most')")
+        seen.run("document.getElementById('start').click()")
+        seen.wait("document.getElementById('flying').disabled")
+        assert page.vehicle.orders[-1] == ExperimentGoal(("surge",), Aim(0.02, 5.0), "hold")
 
 
 def test_a_camera_the_estimate_over_time_and_banners_that_go(tmp_path: Path) -> None:

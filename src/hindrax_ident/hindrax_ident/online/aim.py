@@ -35,6 +35,15 @@ class Aim:
 
 
 @dataclass(frozen=True, slots=True)
+class ExperimentGoal:
+    """What an operator asks of the identification node; `on_cancel`: hold or neutral."""
+
+    motions: tuple[str, ...]
+    aim: Aim
+    on_cancel: str = "hold"
+
+
+@dataclass(frozen=True, slots=True)
 class Choice:
     """What to fly: LEVELS of a motion, each out and back."""
 

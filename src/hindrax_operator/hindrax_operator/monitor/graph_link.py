@@ -14,6 +14,7 @@ from hindrax_bringup.stack_lock import StackLock
 from hindrax_control.maneuver.maneuver import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
+from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.connection import joined
 from hindrax_operator.monitor.snapshot import Snapshot, snapshot
@@ -90,8 +91,8 @@ class GraphLink(threading.Thread):
         """Order to cancel the maneuver."""
         self._urgent.put((_cancel, on_done))
 
-    def fly(self, goal: Goal, on_done: OnDone) -> None:
-        """Order a maneuver; `on_done` is called when it has ended."""
+    def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
+        """Order a maneuver or an experiment; `on_done` is called when it has ended."""
         self._orders.put((lambda operator: _fly(operator, goal), on_done))
 
     def frame(self, camera: str) -> Frame | None:
@@ -177,13 +178,19 @@ def _cancel(operator: Operator) -> str:
     return "the maneuver is cancelled" if operator.cancel_all() else "nothing was being flown"
 
 
-def _fly(operator: Operator, goal: Goal) -> str:
+def _fly(operator: Operator, goal: Goal | ExperimentGoal) -> str:
     from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # rclpy is loaded by then
 
     require_armed(operator)
-    aborted = operator.fly(
-        list(goal.motions), excitation=goal.excitation, seed=goal.seed, on_cancel=goal.on_cancel, seconds=FLY_S
-    )
+    motions, reached = list(goal.motions), ""
+    if isinstance(goal, ExperimentGoal):
+        aborted, reached = operator.experiment(
+            motions, until=goal.aim.until, minutes=goal.aim.minutes, on_cancel=goal.on_cancel, seconds=FLY_S
+        )
+    else:
+        aborted = operator.fly(
+            motions, excitation=goal.excitation, seed=goal.seed, on_cancel=goal.on_cancel, seconds=FLY_S
+        )
     if aborted:
-        raise HindraxError(f"the maneuver ended early, by {aborted}")
-    return f"flown: {', '.join(goal.motions)}"
+        raise HindraxError("; ".join(filter(None, (f"the maneuver ended early, by {aborted}", reached))))
+    return "; ".join(filter(None, (f"flown: {', '.join(motions)}", reached)))

@@ -233,7 +233,8 @@ function flight(update) {
         (found.wall === null ? "" : ", wall " + found.wall.toFixed(1) + " m ahead"), "soft"));
   }
   const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
-  at("planned").textContent = at("excitation").value === choices.excitations[0] ? picked.join("; ") : "";
+  at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then those that tell most" :
+    at("excitation").value === choices.excitations[0] ? picked.join("; ") : "";
   const busy = update.ordered || update.armed && !over;
   at("flying").disabled = !update.armed || busy;
   at("why").textContent = readOnly ? "" : busy ? "" : update.armed ? "" :
@@ -496,19 +497,27 @@ function begin(found) {
   watching = true;
 }
 const choices = JSON.parse(at("choices").textContent);
+/* The identification node chooses the legs, instead of the pilot's plan. */
+const EXPERIMENT = "what tells most";
+function experimenting() { return at("excitation").value === EXPERIMENT; }
 at("motions").append(...choices.motions.map(name => {
   const label = make("label", undefined, "pick"), box = make("input");
   Object.assign(box, {type: "checkbox", name: "motion", value: name, checked: name === "surge"});
   label.append(box, name);
   return label;
 }));
-at("excitation").append(...choices.excitations.map(name => make("option", name)));
+at("excitation").append(...choices.excitations.map(name => make("option", name)), make("option", EXPERIMENT));
+at("excitation").addEventListener("change", () => {
+  at("aim").hidden = !experimenting();
+  at("random").hidden = experimenting();
+});
 for (const name of ["stop", "disarm", "cancel"]) at(name).addEventListener("click", () => order(name));
 at("fly").addEventListener("submit", event => {
   event.preventDefault();
   const motions = [...document.querySelectorAll("[name=motion]:checked")].map(one => one.value);
-  const seed = Number(at("seed").value);
-  order("fly", {motions, excitation: at("excitation").value, seed, on_cancel: at("ending").value});
+  const how = experimenting() ? {until: Number(at("until").value) / 100, minutes: Number(at("minutes").value)} :
+    {excitation: at("excitation").value, seed: Number(at("seed").value)};
+  order("fly", {motions, on_cancel: at("ending").value, ...how});
 });
 at("ask").addEventListener("submit", event => { event.preventDefault(); begin(at("token").value); });
 /* Another token typed into the same window: begin anew with it. */

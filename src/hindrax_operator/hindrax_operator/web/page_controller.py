@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from hindrax_control.maneuver.maneuver import Goal, check_goal
 from hindrax_core.errors import UsageError
+from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.draw import SILENT_s
 from hindrax_operator.monitor.snapshot import Snapshot
@@ -24,6 +25,8 @@ VIEWER_LOST_S = 1.5
 """A page that has reported nothing for this long has no viewer, or no connection."""
 OUTCOMES = 8
 SEEDS = 1 << 32
+LARGEST = 1e9
+"""No number of an order is as large."""
 
 OnDone = Callable[[str, bool], None]
 """Outcome of an order: a sentence, and whether the order succeeded."""
@@ -46,8 +49,8 @@ class OperatedVehicle(Protocol):
     def cancel(self, on_done: OnDone) -> None:
         """End what is being flown."""
 
-    def fly(self, goal: Goal, on_done: OnDone) -> None:
-        """Fly; done when the maneuver has ended."""
+    def fly(self, goal: Goal | ExperimentGoal, on_done: OnDone) -> None:
+        """Fly; done when the maneuver or the experiment has ended."""
 
     def frame(self, camera: str) -> Frame | None:
         """Return the last frame of a camera of the snapshot; None before its first."""
@@ -129,7 +132,7 @@ class PageController:
         ends = {"stop": self._vehicle.stop, "disarm": self._vehicle.disarm, "cancel": self._vehicle.cancel}
         ends[name](lambda sentence, well: self._done(name, sentence, well))
 
-    def _fly(self, goal: Goal) -> None:
+    def _fly(self, goal: Goal | ExperimentGoal) -> None:
         view = self._vehicle.snapshot()
         if view.silent_s > SILENT_s:
             raise RefusedRequest(HTTPStatus.CONFLICT, "fly: the vehicle is silent; `./hindrax doctor` says why")
@@ -157,11 +160,13 @@ class PageController:
             self._outcomes.append({"number": self._number, "sentence": f"{name}: {sentence}", "well": well})
 
 
-def goal_of(words: Mapping[str, Any]) -> Goal:
-    """Read a goal from a request; Refused names the word that is wrong."""
-    strange = sorted(set(words) - {"motions", "excitation", "seed", "on_cancel"})
+def goal_of(words: Mapping[str, Any]) -> Goal | ExperimentGoal:
+    """Read a goal from a request, of an experiment where it has `until` or `minutes`; Refused names a wrong word."""
+    experiment = "until" in words or "minutes" in words
+    known = ("motions", *(("until", "minutes") if experiment else ("excitation", "seed")), "on_cancel")
+    strange = sorted(set(words) - set(known))
     if strange:
-        raise _wrong(f"found {', '.join(strange)}, wanted motions, excitation, seed, on_cancel")
+        raise _wrong(f"found {', '.join(strange)}, wanted {', '.join(known)}")
     motions, seed = words.get("motions"), words.get("seed", 1)
     if not isinstance(motions, list) or not all(isinstance(one, str) for one in motions):
         raise _wrong("motions: wanted a list of names")
@@ -172,9 +177,20 @@ def goal_of(words: Mapping[str, Any]) -> Goal:
     goal = Goal(tuple(motions), str(words.get("excitation", "plateaus")), seed, str(words.get("on_cancel", "hold")))
     try:
         check_goal(goal)
+        if experiment:
+            aim = Aim(_number(words, "until"), _number(words, "minutes"))
+            check_experiment(motions, aim)
+            return ExperimentGoal(goal.motions, aim, goal.on_cancel)
     except UsageError as error:
         raise _wrong(str(error)) from error
     return goal
+
+
+def _number(words: Mapping[str, Any], name: str) -> float:
+    found = words.get(name, 0.0)
+    if isinstance(found, bool) or not isinstance(found, (int, float)) or not abs(found) < LARGEST:
+        raise _wrong(f"{name}: wanted a number")
+    return float(found)
 
 
 def _wrong(sentence: str) -> RefusedRequest:
