@@ -40,7 +40,7 @@ REMEDIES: Mapping[str, str] = {
     "attitude": "bring it upright (`./hindrax hold roll 0`, `hold pitch 0`) and look at its trim",
     "speed": "let it come to rest, and see whether the DVL tells the truth (`./hindrax monitor`)",
     "sensor_age": "see what is wrong with the sensor (`./hindrax doctor`), then fly again",
-    "blocked": "look for a wall, a cable or a rope; start where the pilot's parameters say: dead reckoning drifts",
+    "blocked": "look for a wall, a cable or a rope, bring it to the middle of the pool and `./hindrax recentre` it",
     "dvl_lock": "give the DVL more water above a flat floor, or see what is wrong with it (`./hindrax doctor`)",
 }
 """What the operator can do about each guard."""
