@@ -13,6 +13,7 @@ from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
 from hindrax_sim.emulator_registry import EMULATORS, SERIAL
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
+from hindrax_sim.faults.true_state import TrueState
 from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import Conditions, World
 
@@ -63,6 +64,18 @@ class Hardware:
         self.world.advance(stamp)
         now_s = self._set_truths()
         return {name: device.step(now_s) for name, device in self.serial.items()}
+
+    def true_state(self) -> TrueState:
+        """Pose, velocity and pulses of now."""
+        world, pulses = self.world, self.output.pulses_us()
+        return TrueState(
+            to_s(world.stamp),
+            world.attitude_rad,
+            world.plant.velocity_over_ground,
+            world.depth_m,
+            world.box.wall_hits,
+            tuple(pulses[channel] or 0.0 for channel in self._channels),
+        )
 
     def _set_truths(self) -> float:
         now_s = to_s(self.world.stamp)

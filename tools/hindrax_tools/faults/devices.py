@@ -13,7 +13,6 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_sim.faults.true_state import TrueState
 from hindrax_sim.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.lockstep_rigs import BytesRig
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, WRENCH, Cell, Judge
@@ -111,11 +110,11 @@ class DeviceFlight:
         )
         assert isinstance(step.rig, BytesRig)
         hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
-        judge, lost, unhealthy = Judge(TrueState.of(hardware)), "", ""
+        judge, lost, unhealthy = Judge(hardware.true_state()), "", ""
 
         def watch(stamp: Stamp) -> dict[str, bytes]:
             nonlocal judge, lost, unhealthy
-            data, true = advance(stamp), TrueState.of(hardware)
+            data, true = advance(stamp), hardware.true_state()
             if step.elapsed_s < at_s:
                 judge = Judge(true)
                 lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from hindrax_core.events import Stamp, to_s
+from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec3
-from hindrax_sim.hardware import Hardware
 
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
 
@@ -24,19 +24,6 @@ class TrueState:
     depth_m: float
     wall_hits: int
     pulses_us: tuple[float, ...]
-
-    @classmethod
-    def of(cls, hardware: Hardware) -> Self:
-        """The state of now."""
-        world, pulses = hardware.world, hardware.output.pulses_us()
-        return cls(
-            to_s(world.stamp),
-            world.attitude_rad,
-            world.plant.velocity_over_ground,
-            world.depth_m,
-            world.box.wall_hits,
-            tuple(pulses[thruster.channel] or 0.0 for thruster in hardware.vehicle.thrusters),
-        )
 
     @classmethod
     def parse(cls, line: str) -> Self:
@@ -62,11 +49,11 @@ class TrueState:
 
 
 class TruthLog:
-    """Writes a line for each step of the hardware."""
+    """Writes a line for each step of the hardware; `state` gives that of now."""
 
-    def __init__(self, hardware: Hardware, file: Path) -> None:
-        self._hardware, self._out = hardware, file.open("w", buffering=1, encoding="ascii")
+    def __init__(self, state: Callable[[], TrueState], file: Path) -> None:
+        self._state, self._out = state, file.open("w", buffering=1, encoding="ascii")
 
     def write(self, _now: Stamp) -> None:
         """Write the state of now."""
-        self._out.write(TrueState.of(self._hardware).line())
+        self._out.write(self._state().line())

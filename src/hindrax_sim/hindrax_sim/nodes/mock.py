@@ -77,7 +77,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     vehicle = load_vehicle(words.vehicle)
     with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
         if words.truth:
-            mock.after_step.append(TruthLog(mock.hardware, Path(words.truth)).write)
+            mock.after_step.append(TruthLog(mock.hardware.true_state, Path(words.truth)).write)
         with contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace):
             facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
