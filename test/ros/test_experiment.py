@@ -18,6 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
+from hindrax_control.nodes.active_goal import result_of
 from hindrax_core.stamp_window import MOCK_ORDER
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
@@ -50,7 +51,7 @@ class StandInPilot:
 
     def _accept(self, handle: Any) -> None:
         if self.flying is not None:
-            handle.execute(partial(self._result, BUSY))
+            handle.execute(partial(result_of, BUSY))
             return
         self.flying = handle
         (motion,) = handle.request.motions
@@ -64,17 +65,7 @@ class StandInPilot:
             return
         self.flying = None
         handle.publish_feedback(FlyManeuver.Feedback(motion=handle.request.motions[0], phase="plateau"))
-        handle.execute(partial(self._result, CANCELLED if handle.is_cancel_requested else self.words.pop(0)))
-
-    @staticmethod
-    def _result(aborted: str, handle: Any) -> FlyManeuver.Result:
-        if not aborted:
-            handle.succeed()
-        elif handle.is_cancel_requested:
-            handle.canceled()
-        else:
-            handle.abort()
-        return FlyManeuver.Result(completed=not aborted, aborted=aborted)
+        handle.execute(partial(result_of, CANCELLED if handle.is_cancel_requested else self.words.pop(0)))
 
     def close(self) -> None:
         """Go; twice is once."""

@@ -1,4 +1,4 @@
-"""Publishers and subscriptions from the topics table, so that no node spells a topic name or a quality."""
+"""Publishers and subscriptions from the topics table, so that no node spells a topic or a quality; ends of goals."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hindrax_ros.deferred_publisher import DeferredPublisher
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
 
-__all__ = ["NAMESPACE", "message_class", "profile", "publisher", "publishers_of", "subscription"]
+__all__ = ["NAMESPACE", "end_goal", "message_class", "profile", "publisher", "publishers_of", "subscription"]
 
 
 @cache
@@ -79,3 +79,13 @@ def optional_class(type_name: str) -> Any:
         if (error.name or "").partition(".")[0] != type_name.partition("/")[0]:
             raise
         return None
+
+
+def end_goal(handle: Any, aborted: str) -> None:
+    """Bring the handle of an action's goal into its last state; `aborted` says why it ended, empty when it is done."""
+    if not aborted:
+        handle.succeed()
+    elif handle.is_cancel_requested:
+        handle.canceled()
+    else:
+        handle.abort()

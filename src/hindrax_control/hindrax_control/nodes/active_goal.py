@@ -11,6 +11,7 @@ from hindrax_control.nodes.pilot_messages import feedback_to_msg, goal_from_msg
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Estimate
 from hindrax_msgs.action import FlyManeuver
+from hindrax_ros.graph import end_goal
 
 ARMED_WITHIN = 25
 """Cycles for which a goal waits for the message that the thrusters are armed."""
@@ -64,10 +65,5 @@ class ActiveGoal:
 
 def result_of(aborted: str, handle: Any) -> Any:
     """Bring the handle of a goal into its last state and return the result."""
-    if not aborted:
-        handle.succeed()
-    elif handle.is_cancel_requested:
-        handle.canceled()
-    else:
-        handle.abort()
+    end_goal(handle, aborted)
     return FlyManeuver.Result(completed=not aborted, aborted=aborted)

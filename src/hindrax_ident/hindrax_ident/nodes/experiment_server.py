@@ -22,6 +22,7 @@ from hindrax_ident.online.session import Session
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.graph import end_goal
 
 RUN, FLY = "ident/run", "maneuver/fly"
 PLATEAUS, LATE = "plateaus", "late"
@@ -180,12 +181,7 @@ class _Run:
 
 def _result(handle: Any, aborted: str, ended: str, known: Mapping[str, Drag]) -> Any:
     """Bring the handle of a goal into its last state and return the result."""
-    if not aborted:
-        handle.succeed()
-    elif handle.is_cancel_requested:
-        handle.canceled()
-    else:
-        handle.abort()
+    end_goal(handle, aborted)
     found = RunExperiment.Result(completed=not aborted, aborted=aborted, ended=ended, known=list(known))
     found.noise, found.wanted = [drag.noise for drag in known.values()], [drag.wanted for drag in known.values()]
     return found
