@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from hindrax_control.hold.regulator import LoopTuning, Regulator, reference_speed
 from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6
@@ -23,7 +24,6 @@ STATION = "station"
 HOLDS = ("heading", "roll", "pitch", "depth", "altitude", STATION)
 """What can be held. The station belongs to the pilot, which knows the pool."""
 SNAME_OF = {"heading": "yaw", "roll": "roll", "pitch": "pitch", "depth": "heave", "altitude": "heave"}
-ALTIMETERS = ("ping1d", "ping2")
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class Holds:
         self._knobs, self._vehicle = knobs or HoldKnobs(), vehicle
         self._tilt_rad = math.radians(vehicle.limits.tilt_deg)
         self._depth_m = vehicle.depth_rating_m
-        self._altimeters = altimeters(vehicle)
+        self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._freedoms = prior_dynamics(vehicle)
         self._loops = {
             axis: _Loop(Regulator(self._freedoms[axis], one), limit)
@@ -279,11 +279,6 @@ class Holds:
 def wrapped(angle_rad: float) -> float:
     """The same angle within [-pi, pi]."""
     return math.remainder(angle_rad, math.tau)
-
-
-def altimeters(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the sensors that measure the altitude."""
-    return tuple(name for name, mount in vehicle.sensors.items() if mount.device in ALTIMETERS)
 
 
 def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:

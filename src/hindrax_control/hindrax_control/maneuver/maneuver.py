@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.hold.holds import Setpoint, altimeters, silence_s
+from hindrax_control.hold.holds import Setpoint, silence_s
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
 from hindrax_control.maneuver.leg import LegController
@@ -29,6 +29,7 @@ from hindrax_control.maneuver.stages import (
     StageOutput,
 )
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
+from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
@@ -120,7 +121,7 @@ class Maneuver:
         self.goal, self._box = goal, box
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
-        self._altimeters = altimeters(vehicle)
+        self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
         self.plans = tuple(self._planner.plan(motion, box, goal.levels) for motion in goal.motions)

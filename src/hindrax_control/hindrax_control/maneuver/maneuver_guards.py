@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
+from hindrax_control.sensor_kinds import DEPTH, INERTIAL, VELOCITY, sensors_of
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.vehicle import Vehicle
 
-INERTIAL = ("icm20948",)
-VELOCITY = ("dvl75",)
-DEPTH = ("ms5837",)
 MOVES_mps = 0.2
 """Thrust that the prior expects to move the vehicle this fast must move it: no current in a pool is faster."""
 BLOCKED_SHARE = 0.25
@@ -204,12 +202,6 @@ class ManeuverGuards:
     def _thrusters(self, situation: Situation) -> str:
         lost = [axis for axis in situation.needed_axes if axis in situation.lost_axes]
         return f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
-
-
-def sensors_of(vehicle: Vehicle, devices: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the vehicle's sensors that are such devices."""
-    mounts: Mapping[str, object] = vehicle.sensors
-    return tuple(name for name in mounts if vehicle.sensors[name].device in devices)
 
 
 def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:

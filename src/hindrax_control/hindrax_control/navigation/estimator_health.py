@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from hindrax_control.maneuver.maneuver_guards import DEPTH, sensors_of
+from hindrax_control.sensor_kinds import DEPTH, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.signals import Consistency, Navigation

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from hindrax_control.hold.holds import altimeters
 from hindrax_control.navigation.estimator_health import FASTEST
 from hindrax_control.navigation.sensor_mount import sensor_mount
+from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Navigation
@@ -32,7 +32,7 @@ class ForeignOdometry:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._fastest_mps = FASTEST * vehicle.limits.speed_mps
-        self._altimeters = altimeters(vehicle)
+        self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._mount = sensor_mount(vehicle.sensors[self._altimeters[0]]) if self._altimeters else None
         self._ages_s = {name: 0.0 for name in vehicle.sensors if name not in self._altimeters}
         self._range: Stamped[float] | None = None
