@@ -377,7 +377,7 @@ def _with_spread(pooled: Results, runs: Sequence[Results]) -> tuple[Results, dic
         own = [run.motions[name] for run in runs if name in run.motions]
         found = {key: spread for key in result.coefficients if (spread := _run_scatter(own, key)) is not None}
         spreads[name] = found
-        motions[name] = _widened(result, found)
+        motions[name] = widened_by_scatter(result, found)
     return replace(pooled, motions=motions), spreads
 
 
@@ -385,7 +385,7 @@ def _run_scatter(own: Sequence[MotionResult], key: str) -> RunScatter | None:
     return pool_runs([one.coefficients[key] for one in own if key in one.coefficients])
 
 
-def _widened(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionResult:
+def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionResult:
     """Widen each coefficient by what differs between the runs, and keep the correlations."""
     own = {key: one.std for key, one in result.coefficients.items()}
     ratio = {key: max(1.0, spreads[key].std / std) if key in spreads and std > 0.0 else 1.0 for key, std in own.items()}
@@ -399,9 +399,9 @@ def _widened(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionR
         return widened
     std = array([widened.drag_force(speed)[1] for speed in result.drag.speed.tolist()])
     added = np.maximum(0.0, std**2 - result.drag.std**2)
-    return replace(
-        widened, drag=replace(result.drag, std=std, std_calibrated=np.sqrt(result.drag.std_calibrated**2 + added))
-    )
+    step = result.next_step and replace(result.next_step, std=math.hypot(result.next_step.std, math.sqrt(added[-1])))
+    drag = replace(result.drag, std=std, std_calibrated=np.sqrt(result.drag.std_calibrated**2 + added))
+    return replace(widened, drag=drag, next_step=step)
 
 
 def _with_added(calibrated: float, std: float, ratio: float) -> float:
