@@ -43,7 +43,7 @@ DEVELOPMENT_MODULES = {
     re.match(r"[\w.-]+", line)[0].lower().replace("-", "_")
     for line in (ROOT / "setup/development.in").read_text(encoding="utf-8").splitlines()
     if line and not line.startswith("#")
-} | {"pymavlink", "quadprog"}
+}
 
 
 def modules_imported(package: Path) -> Iterator[tuple[str, Path]]:

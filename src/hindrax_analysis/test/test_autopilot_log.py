@@ -1,4 +1,4 @@
-"""Logs of ArduPilot, written here as the autopilot writes them: velocities in body axes, forces by the vehicle file."""
+"""Logs of ArduPilot and PX4, written here as the autopilots do: velocities in body axes, forces by the vehicle file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
+from ulog import ulog
 
 from hindrax_analysis.records.autopilot_log import CHANNELS, read_log
 from hindrax_analysis.records.recording import Recording
@@ -72,10 +73,36 @@ def dataflash() -> Iterator[bytes]:
         yield packed("BAT", at_us, 0, VOLTS)
 
 
-@pytest.fixture(params=["tlog", "bin"])
+def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """w, x, y, z of angles that are applied z-y-x. Fossen 2011 eq. 2.75 and following."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2.0), math.sin(angle / 2.0)) for angle in (roll, pitch, yaw))
+    return (cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy)  # fmt: skip
+
+
+def px4() -> Iterator[tuple[str, int, tuple[float, ...]]]:
+    """Two drivers of outputs: the thrusters are at the second. Velocities come once more where they are not valid."""
+    for step in range(STEPS):
+        at_us = 1_000_000 + 100_000 * step
+        late_us = at_us + 7_000
+        yield "vehicle_attitude", 0, (late_us, at_us, *quaternion(*ATTITUDE))
+        yield "vehicle_local_position", 0, (late_us, at_us, *NORTH_EAST_DOWN, True, True)
+        yield "vehicle_local_position", 0, (late_us, at_us + 1000, 9.0, 9.0, 9.0, False, True)
+        yield "vehicle_local_position", 0, (late_us, at_us - 1000, 9.0, 9.0, 9.0, True, True)
+        yield "vehicle_angular_velocity", 0, (late_us, at_us, *RATES)
+        yield "actuator_outputs", 0, (at_us, *[1500] * 16)
+        yield "actuator_outputs", 1, (at_us, *(PULSES if step else [1500] * 8), *[0] * 8)
+        yield "battery_status", 0, (at_us, VOLTS)
+        yield "battery_status", 1, (at_us, 11.0)
+
+
+LOGS = {"tlog": tlog, "bin": dataflash, "ulg": lambda: ulog(px4())}
+
+
+@pytest.fixture(params=list(LOGS))
 def log(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     file = tmp_path / f"dive.{request.param}"
-    file.write_bytes(b"".join(tlog() if request.param == "tlog" else dataflash()))
+    file.write_bytes(b"".join(LOGS[request.param]()))
     return file
 
 
@@ -107,12 +134,13 @@ def test_without_thrusters_the_remedy_is_named(log: Path) -> None:
         read_log(log, None)
 
 
-@pytest.mark.parametrize("ending", ["bin", "tlog"])
-@pytest.mark.parametrize("content", [b"", b"hello", bytes(range(256)) * 40, b"\xa3\x95\x80" + b"\xff" * 400])
+@pytest.mark.parametrize("ending", list(LOGS))
+@pytest.mark.parametrize("content", [b"", b"hello", bytes(range(256)) * 40, b"\xa3\x95\x80" + b"\xff" * 400,
+                                     b"ULog\x01\x12\x35\x01" + b"\xff" * 400, b"".join(ulog([]))])  # fmt: skip
 def test_what_is_no_log_is_refused_in_one_sentence(tmp_path: Path, ending: str, content: bytes) -> None:
     file = tmp_path / f"x.{ending}"
     file.write_bytes(content)
-    with pytest.raises(UsageError, match=r"x\.(bin|tlog): "):
+    with pytest.raises(UsageError, match=r"x\.(bin|tlog|ulg): "):
         read(file)
 
 

@@ -7,21 +7,24 @@ import json
 import math
 import re
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import ardusub
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 from synthetic_runs import Flight, back_and_forth, fly
+from ulog import ulog
 
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
-from hindrax_core.vehicle import load_vehicle
+from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
 
@@ -715,6 +718,38 @@ def test_velocities_in_the_axes_of_the_world_are_found_out(
     document = identified(capsys, bag, "--vehicle", small)
     assert is_true(document["motions"]["surge"])
     assert any("axes of the world" in one for one in document["assumptions"])
+
+
+# ---- logs of autopilots
+
+
+def px4_log(vehicle: Vehicle, surge: Drag, mass_kg: float) -> Iterator[tuple[str, int, tuple[float, ...]]]:
+    """Surge of a vehicle whose battery sags from 16.5 V to 13.5 V, heading north-east: 150 s of a log of PX4."""
+    rng, v, step_s = np.random.default_rng(5), 0.0, 0.05
+    for step in range(3000):
+        at_us, volts = 50_000 * step, 16.5 - 0.001 * step
+        pulses = ardusub.outputs("surge", (0.5, -0.5, 0.25, -0.25, -0.4, 0.4)[step // 80 % 6])
+        applied = AppliedWrench(vehicle, volts)
+        v += step_s * (applied.wrench(applied.forces_N(pulses))[0] - surge.k_q * abs(v) * v - surge.k_l * v) / mass_kg
+        seen, late_us = math.sqrt(0.5) * (v + rng.normal(0.0, 0.01)), at_us + 50_000
+        yield "vehicle_attitude", 0, (late_us, late_us, math.cos(math.pi / 8), 0.0, 0.0, math.sin(math.pi / 8))
+        yield "vehicle_local_position", 0, (late_us, late_us, seen, seen, 0.0, True, True)
+        yield "actuator_outputs", 0, (at_us, *pulses, *[0] * 8)
+        yield "battery_status", 0, (at_us, volts)
+
+
+def test_a_log_of_px4_is_identified_at_the_logged_voltage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vehicle, file = load_vehicle(ardusub.HEAVY), tmp_path / "dive.ulg"
+    water = vehicle.hydrodynamics
+    assert water is not None
+    file.write_bytes(b"".join(ulog(px4_log(vehicle, water.surge, vehicle.mass_kg + water.added_mass[0]))))
+    document = identified(capsys, file, "--vehicle", ardusub.HEAVY)
+    assert list(document["motions"]) == ["surge"], "rounding in sway was taken for motion"
+    surge = document["motions"]["surge"]
+    assert surge["identifiable"]
+    true = {"k_q": {"value": water.surge.k_q}, "k_l": {"value": water.surge.k_l}}
+    assert force_at(surge, 0.5) == pytest.approx(force_at(true, 0.5), rel=0.03)
+    assert any("13.5 to 16.5 V" in one for one in document["assumptions"])
 
 
 # ---- wrong use

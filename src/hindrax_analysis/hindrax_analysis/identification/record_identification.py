@@ -130,7 +130,7 @@ def _whole(source: RecordSource, recording: Recording) -> RecordSource:
 def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> RecordSource:
     bag = path / "bag" if (path / "bag").is_dir() else path
     if not bag.exists():
-        raise UsageError(f"{path}: does not exist; name a bag, a run folder, a CSV file or a log of ArduPilot")
+        raise UsageError(f"{path}: does not exist; name a bag, a run folder, a CSV file or a log of ArduPilot or PX4")
     if bag.suffix.lower() in CSV_ENDINGS:
         return RecordSource(bag, read_csv(_text(bag), str(bag), wanted.frame, part=part))
     if bag.suffix.lower() in ENDINGS:

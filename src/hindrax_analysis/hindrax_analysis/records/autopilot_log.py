@@ -1,8 +1,8 @@
-"""Logs of ArduPilot: velocities, attitude and pulses of a DataFlash log (.bin) or of recorded telemetry (.tlog).
+"""Logs of autopilots: velocities, attitude and pulses of ArduPilot (DataFlash .bin, telemetry .tlog) or PX4 (.ulg).
 
-Read by pymavlink. Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body
-axes by its attitude. Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage.
-Fields: ArduPilot's log messages XKF1, NKF1, ATT, IMU, RCOU, BAT; MAVLink common LOCAL_POSITION_NED, ATTITUDE,
+Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body axes by its attitude.
+Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage. ArduPilot's are read by
+pymavlink: its log messages XKF1, NKF1, ATT, IMU, RCOU, BAT; MAVLink common LOCAL_POSITION_NED, ATTITUDE,
 SERVO_OUTPUT_RAW, SYS_STATUS.
 """
 
@@ -18,29 +18,35 @@ from typing import Any
 
 import numpy as np
 
+from hindrax_analysis.records import px4_log
+from hindrax_analysis.records.px4_log import Quantity, Tables
 from hindrax_analysis.records.recording import Recording
 from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
-ENDINGS = (".bin", ".tlog")
-VELOCITY, ATTITUDE, RATE, PULSES, SUPPLY = "velocity", "attitude", "rate", "pulses", "supply"
+ENDINGS = (".bin", ".tlog", px4_log.ENDING)
 CHANNELS = 14
 DEGREE = math.pi / 180.0
-FIELDS: dict[str, tuple[tuple[str, float, tuple[str, ...]], ...]] = {
-    "XKF1": ((VELOCITY, 1.0, ("VN", "VE", "VD")),),
-    "NKF1": ((VELOCITY, 1.0, ("VN", "VE", "VD")),),
-    "ATT": ((ATTITUDE, DEGREE, ("Roll", "Pitch", "Yaw")),),
-    "IMU": ((RATE, 1.0, ("GyrX", "GyrY", "GyrZ")),),
-    "RCOU": ((PULSES, 1.0, tuple(f"C{n}" for n in range(1, CHANNELS + 1))),),
-    "BAT": ((SUPPLY, 1.0, ("Volt",)),),
-    "LOCAL_POSITION_NED": ((VELOCITY, 1.0, ("vx", "vy", "vz")),),
-    "ATTITUDE": ((ATTITUDE, 1.0, ("roll", "pitch", "yaw")), (RATE, 1.0, ("rollspeed", "pitchspeed", "yawspeed"))),
-    "SERVO_OUTPUT_RAW": ((PULSES, 1.0, tuple(f"servo{n}_raw" for n in range(1, CHANNELS + 1))),),
-    "SYS_STATUS": ((SUPPLY, 1e-3, ("voltage_battery",)),),
+FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
+    "XKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
+    "NKF1": (("velocity", 1.0, ("VN", "VE", "VD")),),
+    "ATT": (("attitude", DEGREE, ("Roll", "Pitch", "Yaw")),),
+    "IMU": (("rate", 1.0, ("GyrX", "GyrY", "GyrZ")),),
+    "RCOU": (("pulses", 1.0, tuple(f"C{n}" for n in range(1, CHANNELS + 1))),),
+    "BAT": (("supply", 1.0, ("Volt",)),),
+    "LOCAL_POSITION_NED": (("velocity", 1.0, ("vx", "vy", "vz")),),
+    "ATTITUDE": (("attitude", 1.0, ("roll", "pitch", "yaw")), ("rate", 1.0, ("rollspeed", "pitchspeed", "yawspeed"))),
+    "SERVO_OUTPUT_RAW": (("pulses", 1.0, tuple(f"servo{n}_raw" for n in range(1, CHANNELS + 1))),),
+    "SYS_STATUS": (("supply", 1e-3, ("voltage_battery",)),),
 }
 """Message -> quantities, their factor to SI, and their fields."""
+WANTED: dict[Quantity, str] = {
+    "velocity": "velocities (XKF1, LOCAL_POSITION_NED or vehicle_local_position)",
+    "attitude": "attitude (ATT, ATTITUDE or vehicle_attitude)",
+    "pulses": "pulses (RCOU, SERVO_OUTPUT_RAW or actuator_outputs)",
+}
 INSTANCES = ("C", "I", "Inst", "Instance", "port")
 """Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
 MOST_ROWS = 2_000_000
@@ -54,23 +60,21 @@ def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
     """Read a log in SNAME axes. UsageError names what is missing, or that the vehicle file is."""
     if vehicle is None or not vehicle.thrusters:
         raise UsageError(f"{path}: holds pulses; name a vehicle file with thrusters and curves by --vehicle")
-    # pymavlink prints each byte that it skips.
+    # pymavlink prints each byte that it skips, pyulog what is corrupt.
     with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        found = _tables(path)
-    tables = {name: (array(np.array(t)), array(np.array(rows))) for name, (t, rows) in found.items()}
-    for name, words in ((VELOCITY, "velocities (XKF1 or LOCAL_POSITION_NED)"), (ATTITUDE, "attitude (ATT, ATTITUDE)"),
-                        (PULSES, "pulses (RCOU or SERVO_OUTPUT_RAW)")):  # fmt: skip
+        tables = _tables(path, vehicle)
+    for name, words in WANTED.items():
         if name not in tables:
             there = ", ".join(sorted(tables)) or "nothing that is known"
             raise UsageError(f"{path}: found {there}, wanted the {words}")
     origin = min(float(t[0]) for t, _ in tables.values())
     tables = {name: (array(t - origin), rows) for name, (t, rows) in tables.items()}
-    attitude_t, attitude = tables[ATTITUDE]
-    velocity_t, world = tables[VELOCITY]
+    attitude_t, attitude = tables["attitude"]
+    velocity_t, world = tables["velocity"]
     moved = _in_body(world, _at(velocity_t, attitude_t, attitude))
     parts = [(velocity_t, array(np.column_stack([moved, np.full_like(moved, np.nan)])))]
-    if RATE in tables:
-        rate_t, rates = tables[RATE]
+    if "rate" in tables:
+        rate_t, rates = tables["rate"]
         parts.append((rate_t, array(np.column_stack([np.full_like(rates, np.nan), rates]))))
     t, rows = (array(np.concatenate(column)) for column in zip(*parts, strict=True))
     order = np.argsort(t, kind="stable")
@@ -82,9 +86,13 @@ def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
     )  # fmt: skip
 
 
-def _tables(path: Path) -> dict[str, tuple[list[float], list[list[float]]]]:
+def _tables(path: Path, vehicle: Vehicle) -> Tables:
     """Times [s since 1970, or since power-up] and rows of each quantity; times that step back are left out."""
-    tables: dict[str, tuple[list[float], list[list[float]]]] = {}
+    if not path.stat().st_size:
+        raise UsageError(f"{path}: is empty")
+    if path.suffix.lower() == px4_log.ENDING:
+        return px4_log.tables_of(path, [thruster.channel for thruster in vehicle.thrusters])
+    tables: dict[Quantity, tuple[list[float], list[list[float]]]] = {}
     for message in _messages(path):
         if any(getattr(message, name, 0) for name in INSTANCES):
             continue
@@ -96,7 +104,7 @@ def _tables(path: Path) -> dict[str, tuple[list[float], list[list[float]]]]:
                 rows.append([factor * float(getattr(message, name, 0) or 0) for name in fields])
             if len(times) > MOST_ROWS:
                 raise UsageError(f"{path}: found more than {MOST_ROWS} of {message.get_type()}; cut the log first")
-    return tables
+    return {name: (array(np.array(t)), array(np.array(rows))) for name, (t, rows) in tables.items()}
 
 
 def _messages(path: Path) -> Iterator[Any]:
@@ -104,8 +112,6 @@ def _messages(path: Path) -> Iterator[Any]:
         from pymavlink import mavutil  # noqa: PLC0415  # a vehicle does without it
     except ImportError as error:
         raise HindraxError(f"{path}: logs of ArduPilot need pymavlink, which a set-up for the desk brings") from error
-    if not path.stat().st_size:
-        raise UsageError(f"{path}: is empty")
     try:
         log = mavutil.mavlink_connection(str(path))
         while (message := log.recv_match(type=list(FIELDS))) is not None:
@@ -129,11 +135,11 @@ def _in_body(world: Array, attitude: Array) -> Array:
     return array(np.column_stack([cp * ahead - sp * down, cr * across + sr * up_tilted, cr * up_tilted - sr * across]))
 
 
-def _wrenches(path: Path, tables: dict[str, tuple[Array, Array]], vehicle: Vehicle) -> tuple[Array, Array, str]:
+def _wrenches(path: Path, tables: Tables, vehicle: Vehicle) -> tuple[Array, Array, str]:
     """Times (n,) [s], wrenches (n, 6) [N, N m], and what is said of the supply voltage."""
-    t, channels = tables[PULSES]
+    t, channels = tables["pulses"]
     volts, told = np.full(len(t), vehicle.supply_V), f"no supply voltage is logged: {vehicle.supply_V:g} V is assumed"
-    supply_t, supply = tables.get(SUPPLY, (array(np.zeros(0)), array(np.zeros((0, 1)))))
+    supply_t, supply = tables.get("supply", (array(np.zeros(0)), array(np.zeros((0, 1)))))
     connected = (supply[:, 0] >= LEAST_V) & (supply[:, 0] <= MOST_V)
     if connected.any():
         logged = supply[connected, 0]

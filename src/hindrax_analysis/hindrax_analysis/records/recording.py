@@ -23,6 +23,7 @@ from hindrax_ident.tuning import Tuning, for_foreign_records
 FEWEST = 20
 """Fewest velocity samples of an axis."""
 LEAST_RELATIVE = 1e-6
+"""Change below which it is rounding, of the largest value on any axis of the kind."""
 
 SLOWEST_S = 5.0
 """Median time between velocities above which the times are probably not in seconds."""
@@ -165,28 +166,37 @@ def _reasons_to_skip(recording: Recording, axis: int) -> Iterator[str]:
     late_s = float(recording.wrench_t[0]) - recording.end_s
     if late_s > 0.0:
         yield f"the first force comes {late_s:.3g} s after the last velocity: check the times of both"
-    if float(np.ptp(forces)) <= LEAST_RELATIVE * float(np.abs(forces).max()):
+    if float(np.ptp(forces)) <= _rounding(recording.wrench, axis):
         yield f"the thrust on {AXES[axis]} never changes{_axes_that_change(recording.wrench)}: nothing was excited"
-    if float(np.ptp(speeds)) == 0.0:
+    if float(np.ptp(speeds)) <= _rounding(recording.velocity, axis):
         where = _axes_that_change(recording.velocity)
         yield f"the velocity of {AXES[axis]} never changes{where}: it was not measured, or the vehicle did not move"
 
 
+def _rounding(table: Array, axis: int) -> float:
+    """Largest change of a column of velocities or forces (n, 6) that may be rounding."""
+    kind = _finite(table[:, :3] if axis < 3 else table[:, 3:])
+    return LEAST_RELATIVE * float(np.abs(kind).max(initial=0.0))
+
+
 def _axes_that_change(table: Array) -> str:
     """Note that names the axes with changes; empty without any."""
-    changing = [name for name, column in zip(AXES, table.T, strict=True) if _changes(column)]
+    changing = [name for axis, name in enumerate(AXES) if _changes(table, axis)]
     return f" (on {' and '.join(changing)} it does)" if changing else ""
 
 
-def _changes(column: Array) -> bool:
-    known = _finite(column)
-    return bool(len(known) and np.ptp(known) > 0.0)
+def _changes(table: Array, axis: int) -> bool:
+    known = _finite(table[:, axis])
+    return bool(len(known) and np.ptp(known) > _rounding(table, axis))
 
 
 def has_signal(recording: Recording, axis: int) -> bool:
-    """Whether an axis has both nonzero velocities and nonzero forces."""
+    """Whether an axis has both velocities and forces that are more than rounding."""
     speeds, forces = _speeds(recording, axis), _finite(recording.wrench[:, axis])
-    return bool(np.any(speeds != 0.0) and np.any(forces != 0.0))
+    return bool(
+        np.any(np.abs(speeds) > _rounding(recording.velocity, axis))
+        and np.any(np.abs(forces) > _rounding(recording.wrench, axis))
+    )
 
 
 def has_samples(recording: Recording, axis: int) -> bool:

@@ -39,7 +39,7 @@ from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.tuning import Tuning
 
 NAME = "identify"
-HELP = "the identification over recorded data: our bags, third-party bags, CSV, logs of ArduPilot"
+HELP = "the identification over recorded data: our bags, third-party bags, CSV, logs of ArduPilot and PX4"
 EXAMPLE = (
     "./hindrax identify pool.mcap --vehicle myrov.yaml --odometry /odom --wrench /thrust --dof surge --report pool.html"
 )
@@ -57,7 +57,8 @@ found as Odometry, TwistStamped or TwistWithCovarianceStamped, forces as WrenchS
 the name of the frame: *_fsd, *_frd or *_ned point down, others are REP-103 and are turned; --frame overrides. Where
 --wrench and --odometry name them, pulses (UInt16MultiArray, mavros RCOut and the like) become forces by the thrust
 curves of the vehicle file, and poses become velocities.
-Logs of ArduPilot (.bin, .tlog) give velocities and attitude of its estimator and the pulses of its outputs.
+Logs of ArduPilot (.bin, .tlog) and PX4 (.ulg) give velocities and attitude of its estimator and the pulses of the
+outputs, at the logged voltage.
 Several records of one vehicle are pooled, and the spread between them is shown. CSV files one after the other that
 hold different columns of the same time (one file per topic, as `rostopic echo -p` or PlotJuggler write them) are one
 record. What is no measurement is left out and told: zeros of a DVL without lock, values of a frozen or saturated
@@ -73,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     columns = "\n".join(f"  {name:<8} {meaning}" for name, meaning in COLUMNS.items())
     parser.description = f"{HELP}\n{ABOUT}{columns}"
     parser.add_argument(
-        "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin or .tlog"
+        "records", nargs="+", type=Path, metavar="BAG_OR_CSV", help="bag, run folder, CSV file, .bin, .tlog or .ulg"
     )
     add_vehicle(parser, "vehicle: its file, or its name; mass, volume and envelope are enough", default=False)
     add_selection(parser)
