@@ -12,6 +12,7 @@ from hindrax_analysis.records.prediction import parameters, predict_record
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
+from hindrax_ident.assess.quality import held_out
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.records.axis_record import Record, Series, Stretch
@@ -62,6 +63,16 @@ def test_depths_alone_are_predicted_as_depths() -> None:
     assert found.unit == "m"
     assert found.rmse(found.predicted) < 0.01 * found.rmse(found.still)
     assert found.rmse(found.predicted) < 0.01 * found.rmse(found.steady)
+
+
+def test_of_several_runs_the_last_is_held_out_and_of_one_its_last_quarter() -> None:
+    legs = [Stretch(start, start + 20.0, "surge", "excite") for start in (0.0, 20.5, 1041.0, 1061.5)]
+    assert held_out(tuple(legs)) == (tuple(legs[:2]), tuple(legs[2:]))
+    first, last = held_out((*legs[:1], legs[2], legs[3], replace(legs[3], start_s=1082.0, end_s=1102.0)))
+    assert sum(one.end_s - one.start_s for one in last) == pytest.approx(20.0), "the last run is most of all: a quarter"
+    assert first[-1].end_s <= last[0].start_s
+    (kept,), (left,) = held_out((replace(legs[0], end_s=80.0),))
+    assert (kept.start_s, kept.end_s, left.start_s, left.end_s) == (0.0, 60.0, 60.0, 80.0)
 
 
 def test_windows_longer_than_any_stretch_are_refused() -> None:

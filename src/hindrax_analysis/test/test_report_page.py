@@ -238,6 +238,19 @@ def test_on_a_phone_every_number_stands_under_its_heading() -> None:
     assert '<td><span class="head">k<sub>q</sub></span>66.5</td><td></td>' in page
 
 
+def test_what_was_not_fitted_is_predicted_beside_those_who_know_nothing(report: RunReport) -> None:
+    """The flight is exact but for the noise and rounding of the DVL: its model errs by no more than they do."""
+    text = re.sub(r"<span class=.head.>[^<]*</span>", "", run_page(report).replace("<code>", ""))
+    (row,) = re.findall(r"<td>2</td>" + r"<td>([\d.]+)</td>" * 3 + "<td>m/s</td>", text)
+    model, still, steady = map(float, row)
+    checked = report.assessments[0].validation
+    assert checked is not None
+    assert still == pytest.approx(np.sqrt(np.mean(checked.prediction.measured**2)), rel=0.01)
+    assert model < 0.02
+    assert min(still, steady) > 0.1
+    assert f"model {model:.2g}, stays still {still:.2g}" in text, "the plot tells the same"
+
+
 def test_the_page_needs_nothing_but_itself(report: RunReport) -> None:
     text = run_page(report)
     assert not re.search(r"(https?:)?//[a-z]", text.replace("data:,", ""))

@@ -21,8 +21,8 @@ from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.pendulum import PendulumFit
 from hindrax_analysis.experiments.step import Plant, StepTest
 from hindrax_analysis.experiments.towing import Towing
-from hindrax_analysis.records.prediction import Prediction
 from hindrax_core.vehicle import AXES
+from hindrax_ident.assess.prediction import Prediction
 
 MEASURED = "#33658a"
 MODEL = "#d1495b"

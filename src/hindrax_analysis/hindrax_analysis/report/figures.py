@@ -14,7 +14,7 @@ from hindrax_analysis.report.scale import data_range
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
-from hindrax_ident.assess.quality import Validation
+from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, Motion
 from hindrax_ident.model.sign_dependent import reported_parameters
@@ -22,6 +22,7 @@ from hindrax_ident.model.sign_dependent import reported_parameters
 TWO_SIDED_95 = 1.96
 CURVE_POINTS = 81
 BINS = 24
+PREDICTORS = ("model", "stays still", "keeps its speed")
 GAP_S = 1.0
 PAUSE_S, SHORTENED_S = 300.0, 5.0
 """Pauses longer than the first are drawn with the length of the second."""
@@ -69,7 +70,8 @@ def charts_of(figures: MotionFigures) -> list[Chart]:
         _motion_over_time(figures),
         _force_over_time(figures),
     ]
-    found += [_held_out(figures, checked) for checked in [figures.assessment.validation] if checked is not None]
+    checked = figures.assessment.validation
+    found += [_held_out(figures, checked.prediction)] if checked else []
     found += convergence(figures)
     found += [_residuals(figures), _whiteness(figures), _excitation(figures)]
     return found
@@ -254,20 +256,22 @@ def _force_over_time(figures: MotionFigures) -> Chart:
     )
 
 
-def _held_out(figures: MotionFigures, checked: Validation) -> Chart:
+def _held_out(figures: MotionFigures, found: Prediction) -> Chart:
     what, unit = _quantity(figures)
-    times = _clock(figures, checked.t_s)
+    times = _clock(figures, found.t)
+    errors = ", ".join(f"{name} {error:.2g}" for name, error in zip(PREDICTORS, found.errors.values(), strict=True))
+    begins = np.diff(found.window, prepend=found.window[:1]) != 0
     return Chart(
         title="Prediction of a held-out part",
         x_label="time [s]",
         y_label=f"{what} [{unit}]",
         caption=(
-            f"The last quarter of the run, predicted by a model fitted to the first three: "
-            f"it explains {max(0.0, checked.fit):.0%} of the motion (100 % is perfect)."
+            "The last quarter of the run (of several the last run), predicted anew over each window by a model that "
+            f"was not fitted to it; RMS errors: {errors} {unit}."
         ),
         layers=(
-            Points(times, checked.measured, "measured", "measured", small=True),
-            Line(times, _broken(times, checked.predicted), "model", "predicted"),
+            Points(times, found.measured, "measured", "measured", small=True),
+            Line(times, np.where(begins, math.nan, found.predicted), "model", "predicted"),
         ),
     )
 

@@ -6,10 +6,17 @@ import math
 from collections.abc import Mapping
 
 from hindrax_analysis.report.dimensionless import dimensionless, format_reynolds
-from hindrax_analysis.report.figures import METHODS, comparable_methods, has_restoring_moment, pretty_unit
+from hindrax_analysis.report.figures import (
+    METHODS,
+    PREDICTORS,
+    comparable_methods,
+    has_restoring_moment,
+    pretty_unit,
+)
 from hindrax_analysis.report.page import decimals, number, plus_minus, table
 from hindrax_analysis.report.published import published_of
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results
 from hindrax_ident.model.motion_model import MOTIONS, coefficients
 
@@ -96,6 +103,16 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
 
 def _range(low: float, high: float) -> str:
     return f"{format_reynolds(low)} to {format_reynolds(high)}"
+
+
+def table_predictions(assessments: Mapping[int, Assessment]) -> str:
+    """RMS errors over the held-out part of each axis; empty where none was long enough."""
+    checked = {axis: one.validation.prediction for axis, one in assessments.items() if one.validation}
+    rows = [
+        [AXES[axis].capitalize(), str(one.windows), *(f"{error:.3g}" for error in one.errors.values()), one.unit]
+        for axis, one in checked.items()
+    ]
+    return table(["axis", "windows", *PREDICTORS, "unit"], rows) if rows else ""
 
 
 def table_methods(result: MotionResult) -> str:

@@ -23,12 +23,25 @@ from hindrax_analysis.report.figures import (
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, definitions, page, plus_minus
 from hindrax_analysis.report.published import published_of
-from hindrax_analysis.report.report_tables import UNITS, table_3, table_4, table_budget, table_methods, title_of
+from hindrax_analysis.report.report_tables import (
+    UNITS,
+    table_3,
+    table_4,
+    table_budget,
+    table_methods,
+    table_predictions,
+    title_of,
+)
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
 from hindrax_ident.model.motion_model import MOTIONS
 
+PREDICTED = (
+    '<p class="soft">RMS errors over windows of the last quarter of the run, of several the last run, by a model that '
+    "was fitted to the rest and moves freely with the recorded thrust. Beside it two predictors that know nothing. "
+    "<code>./hindrax predict</code> does the same for any other record.</p>"
+)
 FOREST = ("k_q", "k_l", "b", "added_mass")
 
 
@@ -132,6 +145,9 @@ def _tables(report: RunReport) -> str:
     text = f'<h3>Coefficients (Table 3 of COB-2023-1394)</h3>{third}<p class="soft">{UNITS}</p>'
     if fourth:
         text += f"<h3>Drag coefficient and Reynolds number (Table 4)</h3>{fourth}{_what_is_c_d(report.vehicle)}"
+    predictions = table_predictions(report.assessments)
+    if predictions:
+        text += f"<h3>Prediction of what was not fitted</h3>{predictions}{PREDICTED}"
     return text
 
 
@@ -189,7 +205,7 @@ def _facts(result: MotionResult) -> str:
     if quality.get("plateaus"):
         words.append(f"{quality['plateaus']:.0f} plateaus")
     if math.isfinite(quality.get("held_out_fit", math.nan)):
-        words.append(f"held-out part predicted to {max(0.0, quality['held_out_fit']):.0%}")
+        words.append(f"{max(0.0, quality['held_out_fit']):.0%} of the held-out motion predicted")
     if "lag_s" in quality:
         words.append(f"thruster lag {quality['lag_s']:.3f} s")
     if quality.get("latency_s"):

@@ -373,6 +373,7 @@ def _quality(assessment: Assessment) -> dict[str, float]:
         out |= {"current_mps": current, "current_sigma_mps": sigma}
     if checked is not None:
         out |= {"held_out_fit": checked.fit, "held_out_excess": checked.excess}
+        out |= {f"held_out_{name}": error for name, error in checked.prediction.errors.items()}
     return out
 
 

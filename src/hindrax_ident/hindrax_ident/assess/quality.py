@@ -6,25 +6,16 @@ Each reason against a result is a sentence with the number behind it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hindrax_ident.arrays import Array, array
+from hindrax_ident.arrays import Array
+from hindrax_ident.assess.prediction import WINDOW_S, Prediction, predict, windows_of
 from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.autoregression import autocorrelation, ljung_box
 from hindrax_ident.fit.output_error import OutputErrorFit, retrained
-from hindrax_ident.fit.output_error_problem import (
-    LinearizedProblem,
-    OutputErrorProblem,
-    build_problem,
-    linearize,
-    restarted,
-    whitener_of,
-)
-from hindrax_ident.fit.whitening import Noise
 from hindrax_ident.model.prior import Prior
-from hindrax_ident.model.simulation import Trajectory
 from hindrax_ident.records.axis_record import Record, Stretch
 
 FEWEST_EFFECTIVE = 10.0
@@ -36,6 +27,10 @@ SAME_SPEED = 0.1
 ONE_SPEED_SHARE = 0.7
 LINEAR_SHARE = 0.1
 HELD_OUT_SHARE = 0.25
+MOST_HELD_OUT = 0.51
+"""Share of the time that the last of several runs may have; two runs are seldom of one length."""
+BETWEEN_RUNS_S = 300.0
+"""A longer pause divides runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,69 +92,54 @@ def whiteness(fit: OutputErrorFit) -> Whiteness:
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """Prediction of the last part of a run by a model fitted to the first: times [s], measured, predicted, (n,) each.
+    """Prediction of the last part of a record by a model fitted to the first, over windows of WINDOW_S.
 
-    `fit` is 1 minus the ratio of the error to the motion (root mean squares): 1 is perfect, 0 no better than the mean.
-    `excess` is the ratio of the error to that of the fitted part.
+    `fit` is 1 minus the ratio of the error to the motion (root mean squares), over whole stretches: 1 is perfect, 0 no
+    better than the mean. `excess` is the ratio of that error to that of the fitted part.
     """
 
-    t_s: Array
-    measured: Array
-    predicted: Array
+    prediction: Prediction
     fit: float
     excess: float
 
 
 def validation(record: Record, fit: OutputErrorFit, belief: Prior) -> Validation | None:
-    """Hold out the last quarter of the record's time; None when either part is too short."""
+    """Hold out the last run of several, or the last quarter of one; None when either part is too short."""
     first, last = held_out(record.stretches)
     try:
         theta, sigmas = retrained(fit, record.with_stretches(first), belief)
-        problem = build_problem(fit.model, record.with_stretches(last))
+        whole = predict(fit.model, theta, record.with_stretches(last))
+        windows = windows_of(last, WINDOW_S)
+        shown = predict(fit.model, theta, record.with_stretches(windows)) if windows else whole
     except ValueError:
         return None
-    white = whitener_of(problem, theta, problem.guess, Noise())
-    linear = linearize(problem, theta, problem.guess, white)
-    for _ in range(3):
-        if linear is None:
-            return None
-        linear = linearize(problem, theta, _settled_start(problem, linear), white)
-    if linear is None:
-        return None
-    own = problem.channel == problem.main
-    measured, error = problem.y[own], linear.raw[own]
-    motion = float(np.std(measured))
-    size = float(np.sqrt(np.mean(error**2)))
+    motion, error = float(np.std(whole.measured)), whole.rmse(whole.predicted)
     return Validation(
-        t_s=problem.t[own],
-        measured=measured,
-        predicted=array(measured - error),
-        fit=1.0 - size / motion if motion > 0.0 else 0.0,
-        excess=size / max(sigmas[problem.main], 1e-12),
+        shown,
+        fit=1.0 - error / motion if motion > 0.0 else 0.0,
+        excess=error / max(sigmas[1 if whole.of_position else 0], 1e-12),
     )
 
 
-def _settled_start(problem: OutputErrorProblem, linear: LinearizedProblem) -> Trajectory:
-    return restarted(problem, linear, np.zeros(linear.J.shape[1]))
-
-
 def held_out(stretches: tuple[Stretch, ...]) -> tuple[tuple[Stretch, ...], tuple[Stretch, ...]]:
-    """Stretches split so that the later part has a quarter of their time; a stretch may be cut."""
+    """Stretches split so that the later part has a quarter of their time; a stretch may be cut.
+
+    Of several runs the later part is the last run, where that is no more than half of the time.
+    """
     total = sum(one.end_s - one.start_s for one in stretches)
+    runs = [at for at in range(1, len(stretches)) if stretches[at].start_s - stretches[at - 1].end_s > BETWEEN_RUNS_S]
+    if runs and sum(one.end_s - one.start_s for one in stretches[runs[-1] :]) <= MOST_HELD_OUT * total:
+        return stretches[: runs[-1]], stretches[runs[-1] :]
     left = (1.0 - HELD_OUT_SHARE) * total
     first: list[Stretch] = []
     last: list[Stretch] = []
     for one in stretches:
-        span = one.end_s - one.start_s
-        if left >= span:
-            first.append(one)
-        elif left > 0.0:
-            cut = one.start_s + left
-            first.append(Stretch(one.start_s, cut, one.motion, one.phase))
-            last.append(Stretch(cut, one.end_s, one.motion, one.phase))
-        else:
-            last.append(one)
-        left -= span
+        cut = min(one.end_s, max(one.start_s, one.start_s + left))
+        if cut > one.start_s:
+            first.append(replace(one, end_s=cut))
+        if cut < one.end_s:
+            last.append(replace(one, start_s=cut))
+        left -= one.end_s - one.start_s
     return tuple(first), tuple(last)
 
 

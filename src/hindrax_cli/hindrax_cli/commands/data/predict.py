@@ -13,13 +13,14 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.records.prediction import Prediction, predict_record
+from hindrax_analysis.records.prediction import predict_record
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_ident.assess.prediction import WINDOW_S, Prediction
 
 NAME = "predict"
 HELP = "the motion that coefficients predict for records that they were not fitted to"
@@ -36,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = f"{HELP}\n{ABOUT}"
     parser.add_argument("coefficients", type=Path, metavar="COEFFICIENTS", help="coefficients.yaml, or a run folder")
     parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="bag, run folder or CSV, as `identify`")
-    parser.add_argument("--window", type=positive, default=10.0, metavar="S", help="length of a window (default 10 s)")
+    parser.add_argument(
+        "--window", type=positive, default=WINDOW_S, metavar="S", help="length of a window (default 10 s)"
+    )
     add_vehicle(parser, "vehicle: its file, or its name; default: the one in the bag", default=False)
     add_selection(parser)
     add_output(parser)
@@ -56,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
     save_plot(arguments.plot, "prediction", found)
     if arguments.json:
-        motions = {AXES[one.axis]: one.to_json() for one in found}
+        motions = {AXES[one.axis]: {"unit": one.unit, "windows": one.windows, **one.errors} for one in found}
         print_json({"window_s": arguments.window, "motions": motions, "left_out": reasons})
     else:
         _show(found, reasons, arguments.window)
@@ -92,8 +95,7 @@ def _show(found: list[Prediction], reasons: list[str], window_s: float) -> None:
     title = f"RMS error of the prediction over {window_s:g} s"
     table = make_table(title, ("motion",), ("windows", "model", "stays still", "keeps its speed", "unit"))
     for one in found:
-        errors = (f"{one.rmse(predictor):.3g}" for predictor in (one.predicted, one.still, one.steady))
-        table.add_row(AXES[one.axis], str(one.windows), *errors, one.unit)
+        table.add_row(AXES[one.axis], str(one.windows), *(f"{error:.3g}" for error in one.errors.values()), one.unit)
     print_table(table)
     for reason in reasons:
         print(f"left out: {reason}")

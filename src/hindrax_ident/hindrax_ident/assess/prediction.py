@@ -1,0 +1,115 @@
+"""Validation by prediction: the motion that coefficients predict for thrust that they were not fitted to.
+
+The model runs free over windows, from the velocity that fits the first second of each, with the measured thrust alone.
+Its errors stand beside those of two predictors that know nothing: the vehicle stays still, and it keeps its speed.
+Ljung 1999 section 16.4 (simulation over fresh data).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.fit.output_error_problem import OutputErrorProblem, build_problem
+from hindrax_ident.model.motion_model import Model
+from hindrax_ident.model.simulation import Trajectory, sensitivities, trajectory
+from hindrax_ident.records.axis_record import Record, Stretch
+
+WINDOW_S = 10.0
+START_S = 1.0
+"""The beginning of a window, whose measurements give its initial velocity and position."""
+GAUSS_NEWTON_STEPS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Predicted and measured motion on one axis: arrays (n,) over all windows.
+
+    Velocities [m/s, rad/s]; where only positions were measured (heave by depth) those [m].
+    """
+
+    axis: int
+    unit: str
+    t: Array
+    measured: Array
+    predicted: Array
+    still: Array
+    steady: Array
+    window: Index
+    """Number of the window of each sample: (n,)."""
+
+    @property
+    def of_position(self) -> bool:
+        """Whether positions are predicted, not velocities."""
+        return not self.unit.endswith("/s")
+
+    @property
+    def windows(self) -> int:
+        """Number of windows."""
+        return len(np.unique(self.window))
+
+    def rmse(self, predictor: Array) -> float:
+        """Root mean square error of a predictor (n,)."""
+        return float(np.sqrt(np.mean((predictor - self.measured) ** 2)))
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Errors of the model and of both predictors that know nothing, in `unit`."""
+        predictors = {"rmse": self.predicted, "rmse_stays_still": self.still, "rmse_keeps_speed": self.steady}
+        return {name: self.rmse(one) for name, one in predictors.items()}
+
+
+def windows_of(stretches: Iterable[Stretch], window_s: float) -> tuple[Stretch, ...]:
+    """Windows of one length, one after the other; the rest of a stretch is left out."""
+    return tuple(
+        # The sample at the end is the first of the next window.
+        replace(one, start_s=one.start_s + index * window_s, end_s=one.start_s + (index + 1) * window_s - 1e-6)
+        for one in stretches
+        for index in range(math.floor((one.end_s - one.start_s) / window_s + 1e-9))
+    )
+
+
+def predict(model: Model, theta: Array, record: Record) -> Prediction:
+    """Motion of each stretch of a record by itself, from the velocity and position that fit its first second.
+
+    ValueError where a stretch holds too few samples, or where no motion follows from the parameters.
+    """
+    problem = build_problem(model, record)
+    path = _moved(model, theta, problem, problem.guess)
+    for _ in range(GAUSS_NEWTON_STEPS):
+        path = _moved(model, theta, problem, _beginnings(model, theta, problem, path))
+    counts = problem.channel == problem.main
+    at, t = problem.index[counts], problem.t[counts]
+    window = np.cumsum(problem.grid.starts)[at] - 1
+    first = np.flatnonzero(problem.grid.starts)[window]
+    v0, unit = path.v[first], ("rad" if model.axis >= 3 else "m")
+    if problem.main:
+        still = path.s[first]
+        steady, predicted = still + v0 * (t - problem.grid.times_s[first]), path.s[at]
+    else:
+        still, steady, predicted, unit = np.zeros(len(t)), v0, path.v[at], f"{unit}/s"
+    return Prediction(model.axis, unit, t, problem.y[counts], predicted, array(still), array(steady), window)
+
+
+def _moved(model: Model, theta: Array, problem: OutputErrorProblem, start: Trajectory) -> Trajectory:
+    path = trajectory(model, theta, problem.grid, start)
+    if path is None:
+        raise ValueError("no motion follows from these coefficients and this thrust; are both of this vehicle?")
+    return path
+
+
+def _beginnings(model: Model, theta: Array, problem: OutputErrorProblem, path: Trajectory) -> Trajectory:
+    """The path with the initial velocity and position of each window that fit its first second best."""
+    by_start = sensitivities(model, theta, problem.grid, path)[:, :, -2:]
+    simulated = np.stack([path.v, path.s], axis=1)
+    v, s = path.v.copy(), path.s.copy()
+    for first, span in zip(np.flatnonzero(problem.grid.starts).tolist(), problem.spans, strict=True):
+        early = problem.t[span] <= problem.t[span][0] + START_S
+        at, channel = problem.index[span][early], problem.channel[span][early]
+        change, *_ = np.linalg.lstsq(by_start[at, channel], problem.y[span][early] - simulated[at, channel])
+        v[first], s[first] = v[first] + change[0], s[first] + change[1]
+    return Trajectory(v, s)
