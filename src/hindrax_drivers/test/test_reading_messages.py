@@ -9,12 +9,15 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 
+from sensor_msgs.msg import Range
+
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Echo, Inertial, Leak, Position, Reading
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_ros.serialization import deserialized
 
 TRACK = BottomTrack(True, 0.0, 0.0, 0.0, 1.5, (0.0, 0.0), (), "3333", 0)
 
@@ -26,7 +29,7 @@ def messages_of_dvl() -> ReadingMessages:
 def test_the_altitude_of_either_dvl_is_published() -> None:
     made = messages_of_dvl()
     said = [*made.of(Stamped(Stamp(0), TRACK)), *made.of(Stamped(Stamp(0), Echo(1.25, 0.9)))]
-    told = [message for name, message in said if name == "dvl75/altitude"]
+    told = [deserialized(data, Range) for name, data in said if name == "dvl75/altitude"]
     assert [one.range for one in told] == [1.5, 1.25]
 
 

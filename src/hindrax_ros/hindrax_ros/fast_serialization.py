@@ -1,8 +1,8 @@
-"""The inertial samples and the topics of every control cycle as CDR bytes, without message objects (see `cdr_layout`).
+"""The readings of the sensors and the topics of every control cycle as CDR bytes, without message objects.
 
-Writing the numbers into the bytes of the previous message takes 3 us, filling and serializing a message object up to
-50 (ADR 26 has the figures; slower topics are message objects). Each writer and reader names the function of `convert`
-that it replaces, and is tested against it.
+Writing the numbers into the bytes of the previous message (see `cdr_layout`) takes 3 us. Filling and serializing a
+message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer and
+reader is tested against the function of `convert` that it replaces.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from hindrax_ros.cdr_layout import CdrReader, CdrWriter
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO3 = (0.0, 0.0, 0.0)
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
-_NOTHING = Inertial(_ZERO3, _ZERO3, math.nan)
 _NOWHERE = Navigation(_ZERO3, _ZERO3, _ZERO3, 0.0, 0.0, (0.0, 0.0), dvl_locked=False)
 
 
@@ -53,16 +52,23 @@ _ODOMETRY = (
 )
 
 
-def inertial_writer(frame: str, sigma_force: float, sigma_rate: float) -> Callable[[Stamped[Inertial]], bytes]:
-    """Make the writer of one sensor: `convert.inertial_to_msg`."""
-    writer = CdrWriter(*_IMU)
-    writer.learn(None, convert.inertial_to_msg(Stamped(Stamp(0), _NOTHING), frame, sigma_force, sigma_rate))
+def in_place(
+    make: Callable[..., Any], paths: Sequence[str], values: Callable[..., Sequence[Any] | None]
+) -> Callable[..., bytes | None]:
+    """Make the writer of one topic of one sensor, called as `make` is, with a stamped reading first.
 
-    def write(stamped: Stamped[Inertial]) -> bytes:
-        reading = stamped.reading
-        return writer.write(
-            (*divmod(stamped.stamp, NS_PER_S), *reading.rate_radps, *reading.specific_force_mps2),
-        )
+    Of the messages of `make`, only stamp and the fields at `paths` differ. `values` gives these from the reading,
+    arrays flattened, or None if it has no message.
+    """
+    writer = CdrWriter(*_STAMP, *paths)
+
+    def write(stamped: Stamped[Any], *more: Any) -> bytes | None:
+        numbers = values(stamped.reading, *more)
+        if numbers is None:
+            return None
+        if writer.key is None:
+            writer.learn(make, make(stamped, *more))
+        return writer.write((*divmod(stamped.stamp, NS_PER_S), *numbers))
 
     return write
 

@@ -32,9 +32,10 @@ from hindrax_core.readings import (
 from hindrax_core.topics import TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.nodes import marine_acoustic
+from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS, Fields
 from hindrax_msgs.msg import PingProfile
 from hindrax_ros import convert
-from hindrax_ros.fast_serialization import inertial_writer
+from hindrax_ros.fast_serialization import in_place
 
 Write: TypeAlias = Callable[[Stamped[Any]], Any]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""
@@ -70,13 +71,14 @@ class ReadingMessages:
         self._writers: dict[type, list[tuple[str, Write]]] = {}
         frame = frame or frame_of(device)
         for quantity, topic in TOPICS_OF.get(device, {}).items():
-            self._add(topic, *_MAKERS[quantity], frame, vehicle)
+            readings, make = _MAKERS[quantity]
+            self._add(topic, readings, make(frame, vehicle), FIELDS.get(quantity))
             if quantity == "detail" and marine_acoustic.dvl_class() is not None:
-                self._add(marine_acoustic.topic_of(device), (BottomVelocity, BottomTrack), _copy, frame, vehicle)
+                self._add(marine_acoustic.topic_of(device), (BottomVelocity, BottomTrack), _copy(frame, vehicle))
 
-    def _add(self, topic: Topic, readings: tuple[type, ...], make: Make, frame: str, vehicle: Vehicle) -> None:
+    def _add(self, topic: Topic, readings: tuple[type, ...], make: Write, fields: Fields | None = None) -> None:
         self.topics.append(topic)
-        write = make(frame, vehicle)
+        write = make if fields is None else in_place(make, *fields)
         for reading in readings:
             self._writers.setdefault(reading, []).append((topic.name, write))
 
@@ -93,7 +95,7 @@ class ReadingMessages:
 
 
 def _inertial(frame: str, _vehicle: Vehicle) -> Write:
-    return inertial_writer(frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps)
+    return lambda one: convert.inertial_to_msg(one, frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps)
 
 
 def _magnetic(frame: str, _vehicle: Vehicle) -> Write:
@@ -193,7 +195,7 @@ def _position(frame: str, _vehicle: Vehicle) -> Write:
 
 def _detail(frame: str, vehicle: Vehicle) -> Write:
     sound_mps = vehicle.water.speed_of_sound_mps
-    return _with_track(lambda velocity, track: convert.dvl_to_msg(velocity, track, frame, sound_mps))
+    return _with_track(in_place(lambda one, track: convert.dvl_to_msg(one, track, frame, sound_mps), *DETAIL))
 
 
 def _copy(frame: str, vehicle: Vehicle) -> Write:
