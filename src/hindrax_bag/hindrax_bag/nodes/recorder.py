@@ -28,7 +28,7 @@ from hindrax_bag.software_version import software_version
 from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_bag.write.publication_gaps import PublicationGaps
-from hindrax_core.events import NS_PER_S
+from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
@@ -64,6 +64,7 @@ class Recorder(BatchedNode):
         self._gaps: dict[str, PublicationGaps] = {}
         self._invalid_stamps: Counter[str] = Counter()
         self._early: list[tuple[Channel, bytes, int]] = []
+        self._received = Stamp(0)
         self._flushes = 0
         for topic in TOPICS:
             if topic.recorded:
@@ -88,7 +89,7 @@ class Recorder(BatchedNode):
 
     def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         stamped = starts_with_stamp(topic)
-        write, now, early = self._bag.write, self.now, self._early
+        write, early = self._bag.write, self._early
         count, invalid = self._gaps[topic.name].count, self._invalid_stamps
         channel: Channel | None = None
 
@@ -102,7 +103,7 @@ class Recorder(BatchedNode):
             sent = valid_stamp(data) if stamped else None
             if stamped and sent is None:
                 invalid[topic.name] += 1
-            received = now()
+            received = self._received
             if not received:
                 # No /clock message yet: these messages wait for the first one.
                 early.append((channel, data, sent or 0))
@@ -112,6 +113,11 @@ class Recorder(BatchedNode):
             write(channel, data, received, received if sent is None else sent)
 
         return write_message
+
+    def drain(self) -> None:
+        """Write every waiting message; all that waited were received now."""
+        self._received = self.now()
+        super().drain()
 
     def _write_early(self, received: int) -> None:
         for channel, data, sent in self._early:

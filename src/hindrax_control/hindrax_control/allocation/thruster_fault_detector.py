@@ -23,6 +23,8 @@ from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import AXES, Vehicle
 
 LONGEST_STEP_S = 0.2
+JUDGED_S = 0.09
+"""Between two judgements: the balance is filtered at every step, its evidence over seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,7 @@ class ThrusterFaultDetector:
         self._slow_model: Matrix = np.zeros(6)
         self._along, self._power, self._residual, self._weight = np.zeros(count), np.zeros(count), 0.0, 0.0
         self._since_s: Matrix = np.zeros(count)
+        self._unjudged_s = 0.0
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> SuspectedFault | None:
         """Update with a state and the forces [N] commanded since the last; returns the suspected thruster, if any."""
@@ -86,7 +89,12 @@ class ThrusterFaultDetector:
             self._clear()
             return None
         drag = np.array([one.drag_force(rate) for one, rate in zip(self._freedoms, rates.tolist(), strict=True)])
-        return self._judge(self._residual_of(navigation, rates, drag, np.asarray(forces_N), dt), drag, dt)
+        residual = self._residual_of(navigation, rates, drag, np.asarray(forces_N), dt)
+        self._unjudged_s += dt
+        if self._unjudged_s < JUDGED_S:
+            return None
+        dt, self._unjudged_s = self._unjudged_s, 0.0
+        return self._judge(residual, drag, dt)
 
     def _residual_of(self, navigation: Navigation, rates: Matrix, drag: Matrix, forces_N: Matrix, dt: float) -> Matrix:
         """Residual wrench (6,) [N, Nm] of the filtered momentum balance, beyond model and thrust."""
