@@ -89,7 +89,7 @@ class Recorder(BatchedNode):
 
     def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         stamped = starts_with_stamp(topic)
-        write, early = self._bag.write, self._early
+        write, now, early = self._bag.write, self.now, self._early
         count, invalid = self._gaps[topic.name].count, self._invalid_stamps
         channel: Channel | None = None
 
@@ -103,7 +103,7 @@ class Recorder(BatchedNode):
             sent = valid_stamp(data) if stamped else None
             if stamped and sent is None:
                 invalid[topic.name] += 1
-            received = self._received
+            received = self._received = self._received or now()
             if not received:
                 # No /clock message yet: these messages wait for the first one.
                 early.append((channel, data, sent or 0))
@@ -115,8 +115,8 @@ class Recorder(BatchedNode):
         return write_message
 
     def drain(self) -> None:
-        """Write every waiting message; all that waited were received now."""
-        self._received = self.now()
+        """Write every waiting message; all that waited have one time of receipt, read after /clock."""
+        self._received = Stamp(0)
         super().drain()
 
     def _write_early(self, received: int) -> None:
