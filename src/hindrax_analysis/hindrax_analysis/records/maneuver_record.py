@@ -11,7 +11,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_core.signals import BLOCKED
 from hindrax_core.topics import MANEUVER, resolved
 
-FLOWN = ("transient", "plateau", "excite")
+FLOWN = ("transient", "plateau", "coast", "excite")
 """Phases that excite a motion; the others only lead there."""
 JOINED_S = 1.0
 """Longest time between two messages of one flight; the pilot publishes at 10 Hz."""

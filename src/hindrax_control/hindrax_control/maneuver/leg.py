@@ -1,4 +1,4 @@
-"""Flying one leg: boost, constant force until its end comes near, brake."""
+"""Flying one leg: boost, constant force until its end comes near, coast without thrust, brake."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ class LegController:
         if self._stretch == "boost":
             return self._boost(forward, time_s)
         if self._stretch == "hold":
-            return self._hold(rate, time_s, trusted=trusted)
+            return self._hold(coordinate, rate, time_s, trusted=trusted)
+        if self._stretch == "coast":
+            return self._coast(time_s)
         return self._brake(forward, time_s)
 
     def _at_an_end(self, coordinate: float, forward: float) -> bool:
@@ -78,7 +80,12 @@ class LegController:
             return LegOutput(leg.level, "transient")
         return LegOutput(leg.sign * leg.boost, "transient")
 
-    def _hold(self, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
+    def _hold(self, coordinate: float, rate: float, time_s: float, *, trusted: bool) -> LegOutput:
+        leg = self.leg
+        way, left = leg.coast(rate * leg.sign)
+        if leg.coast_s and (leg.end - coordinate) * leg.sign <= way + stopping(left, self._braking):
+            self._enter("coast", time_s)
+            return self._coast(time_s)
         if self._elapsed_s(time_s) > PATIENCE * self.leg.seconds + 1.0:
             self._enter("brake", time_s)
         if not trusted:
@@ -86,6 +93,11 @@ class LegController:
             return LegOutput(self.leg.level, "transient")
         steady = self._steadiness.push(time_s, rate)
         return LegOutput(self.leg.level, "plateau" if steady else "transient")
+
+    def _coast(self, time_s: float) -> LegOutput:
+        if self._elapsed_s(time_s) >= self.leg.coast_s:
+            self._enter("brake", time_s)
+        return LegOutput(0.0, "coast")
 
     def _brake(self, forward: float, time_s: float) -> LegOutput:
         leg = self.leg

@@ -1,15 +1,15 @@
 """What to fly: legs of constant force, planned from pool, limits and prior so that plateaus fit.
 
 A leg drives one degree of freedom in one direction: a boost up to the speed that the prior expects, then the constant
-force, then braking before its end. Forward and backward legs alternate, so the vehicle never has to turn around, and
-each backward leg ends where the next forward one begins.
+force, a coast without it, then braking before its end. Forward and backward legs alternate, so the vehicle never has to
+turn around, and each backward leg ends where the next forward one begins.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.maneuver.servable import require_servable
@@ -50,6 +50,7 @@ class PlanKnobs:
     yaw_radps: tuple[float, float] = knob((0.4, 1.2), 0.02, 3.0, "slowest and fastest yaw plateau [rad/s]")
     hover_s: float = knob(8.0, 0.0, 120.0, "time at rest before heave, in which net buoyancy shows [s]")
     plateau_s: float = knob(10.0, 1.0, 120.0, "longest plateau of surge and sway [s]")
+    coast_s: float = knob(2.0, 0.0, 30.0, "time without thrust at the end of a leg, but in roll and pitch [s]")
     turns: float = knob(0.5, 0.1, 10.0, "length of a yaw leg [turns]")
     roll_deg: float = knob(30.0, 2.0, 80.0, "largest roll angle [deg]")
     pitch_deg: float = knob(40.0, 2.0, 80.0, "largest pitch angle [deg]")
@@ -105,8 +106,14 @@ class Leg:
     """Acceleration that the boost makes against the prior's inertia [m/s^2, rad/s^2]."""
     inertia: float
     """Rigid body and added mass of the prior [kg, kg m^2]."""
+    coast_s: float
+    """Longest time without thrust between plateau and braking [s]."""
     seconds: float
     """Expected duration [s]."""
+
+    def coast(self, forward: float) -> tuple[float, float]:
+        """Way of a coast from a plateau at this rate ahead, and the rate that is left."""
+        return coasting(forward, abs(self.level) / self.inertia, self.coast_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +245,9 @@ class Planner:
         """Where a leg of this rate begins and ends: about the middle, as long as its plateau needs."""
         if motion not in ALONG:
             return low, high
-        wanted_m = rate * (self.knobs.plateau_s + CHARACTERS[motion].boost_s) + stopping(rate, PACE_LEAST)
+        freedom = self.freedoms[motion]
+        coast_m, _ = coasting(rate, freedom.drag_force(rate) / freedom.inertia, self.knobs.coast_s)
+        wanted_m = rate * (self.knobs.plateau_s + CHARACTERS[motion].boost_s) + coast_m + stopping(rate, PACE_LEAST)
         half_m, middle_m = 0.5 * min(wanted_m, high - low), 0.5 * (low + high)
         return middle_m - half_m, middle_m + half_m
 
@@ -247,7 +256,7 @@ class Planner:
         freedom = self.freedoms[motion]
         start, end, back = stretch
         boost, pace = self._boost(motion, freedom, rate)
-        return Leg(
+        leg = Leg(
             axis=motion,
             name=motion_name(motion, rate),
             sign=math.copysign(1.0, rate),
@@ -259,9 +268,12 @@ class Planner:
             boost=boost,
             pace=pace,
             inertia=freedom.inertia,
+            coast_s=0.0 if freedom.restoring else self.knobs.coast_s,
             # On the way up to speed half of the way is lost; braking ends before the leg does.
             seconds=abs((end - start) / rate) + 0.5 * abs(rate) / pace,
         )
+        way, _ = leg.coast(abs(rate))
+        return replace(leg, seconds=leg.seconds + leg.coast_s - way / abs(rate))
 
     def _boost(self, motion: str, freedom: PriorDynamics, rate: float) -> tuple[float, float]:
         """Force that accelerates to a rate in the character's time, within the limit, and the acceleration it makes."""
@@ -286,3 +298,17 @@ def motion_name(axis: str, rate: float) -> str:
 def stopping(rate: float, pace: float, lag_s: float = LAG_S) -> float:
     """Way [m, rad] from full speed to rest: the lag of thrusters and senses, then an even deceleration."""
     return abs(rate) * lag_s + 0.5 * rate * rate / pace
+
+
+def coasting(rate: float, slowing: float, coast_s: float, lag_s: float = LAG_S) -> tuple[float, float]:
+    """Way [m, rad] of a coast from a steady rate ahead, and the rate that is left: v' = -k v |v| after a lag.
+
+    `slowing`: the force of the plateau over the inertia [m/s^2, rad/s^2]; at that rate it is the drag, whatever the
+    prior believes.
+    """
+    if rate <= 0.0:
+        return 0.0, rate
+    lag_s = min(lag_s, coast_s)
+    slowed = slowing * (coast_s - lag_s) / rate
+    share = math.log1p(slowed) / slowed if slowed else 1.0
+    return rate * (lag_s + (coast_s - lag_s) * share), rate / (1.0 + slowed)

@@ -35,6 +35,8 @@ INFLOW_mps, INFLOW_N = 0.5, 10.0
 SAG_S = 900.0
 EDGE = 0.1
 """Share of the largest thrust from which a thruster works on its curve [-]."""
+COASTS_FROM, COAST_S = 0.5, 1.0
+"""Share of the highest speed at which a coast begins at least [-], and how long it lasts at least [s]."""
 MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
 TETHER = 0.04
@@ -164,7 +166,8 @@ class Influence:
     """One row. `sigma`: prior standard deviation in `unit`, 0 where the influence cannot act.
 
     `effect`: per unit, impulses over each step (grid, k), or with `of_readings` errors of each measurement (n, k).
-    `considered`: the record may not judge it, because it would do so by details that other rows explain as well.
+    `considered`: the record may not judge it, because it would do so by details that other rows explain as well;
+    unless it was flown so that they do not: `shown`.
     `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
@@ -178,6 +181,7 @@ class Influence:
     remedy: str
     of_readings: bool = False
     considered: bool = False
+    shown: Callable[[Case], bool] = lambda _case: False
     drag: Callable[[Case, Array], Array] | None = None
     near: float = 1.0
     loss: bool = False
@@ -245,6 +249,15 @@ def _inflow(case: Case) -> Array:
         force = np.abs(share * case.thrust + hold * held_N)
         lost += per_newton**2 * np.sqrt(force * reference_N) * case.v / INFLOW_mps
     return case.of_force(array(-lost))
+
+
+def _coasts(case: Case) -> bool:
+    """Whether the thrust was taken away at speed, and for a while: beside plateaus, that tells inflow from drag."""
+    idle = np.abs(case.thrust) < EDGE * case.pull
+    fast = np.abs(case.v) > COASTS_FROM * case.speed
+    begins = np.flatnonzero(np.diff(idle, prepend=False) | case.fit.problem.grid.starts)
+    lasts_s = np.add.reduceat(np.where(case.fit.problem.grid.starts, 0.0, case.steps_s), begins)
+    return bool(np.any(idle[begins] & fast[begins] & (lasts_s > COAST_S)))
 
 
 def _drift(case: Case) -> Array:
@@ -397,7 +410,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
-        considered=True, near=NEAR, loss=True,
+        considered=True, shown=_coasts, near=NEAR, loss=True,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,
