@@ -13,7 +13,7 @@ from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, check_experiment
-from hindrax_sim.conditions.world_table import IDEAL, sizes_of
+from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.rehearsal import Rehearsal, rehearse
 
 OF_THE_STACK = ("mock", "fault", "rate", "out", "params", "set")
@@ -25,7 +25,7 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     unfit = [f"--{name}" for name in OF_THE_STACK if getattr(arguments, name)]
     if unfit:
         raise UsageError(f"--plan: found {', '.join(unfit)}, wanted no options of the stack, which it does not start")
-    vehicle, world = load_vehicle(Path(arguments.vehicle)), arguments.world or IDEAL
+    vehicle, world = load_vehicle(Path(arguments.vehicle)), arguments.world or POOL
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)
     print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)

@@ -18,7 +18,7 @@ from hindrax_sim.physics.pool import PoolWalls
 
 
 def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["pool-test", "--plan", "--dof", "roll", "yaw", "--json"]) == 0
+    assert main(["pool-test", "--plan", "--world", "ideal", "--dof", "roll", "yaw", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     rows = found["timetable"]
     assert [row["motion"] for row in rows] == [plan["motion"] for plan in found["plan"]] == ["roll", "yaw"]

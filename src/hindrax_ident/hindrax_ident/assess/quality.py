@@ -19,7 +19,8 @@ from hindrax_ident.model.prior import Prior
 from hindrax_ident.records.axis_record import Record, Stretch
 
 FEWEST_EFFECTIVE = 10.0
-FORCE_SHARE = 0.10
+FORCE_SHARE = 0.20
+"""Deviation of an identified drag, as a share of it: twice as good as a guess from the envelope [-]."""
 SPLIT_SHARE = 0.25
 LEAST_FIT = 0.5
 OFFSET_SHARE = 0.2

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=pace, default=0.0, help="mock: times real time at most; default: as fast as the stack follows"
     )
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
-    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: ideal")
+    parser.add_argument("--world", default="", help=f"{WORLD_HELP}. Default: pool")
     parser.add_argument("--excitation", default=PLATEAUS, choices=(PLATEAUS, *EXCITATIONS), help="default: plateaus")
     parser.add_argument(
         "--on-cancel",
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         predicted = predicted_of(arguments, aim)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "ideal")
+    options = MockOptions(arguments.seed, arguments.rate, tuple(arguments.fault), arguments.world or "pool")
     return run_pool_test(
         PoolOptions(
             motions=tuple(arguments.dof),
