@@ -25,8 +25,8 @@ TRUTH = {"k_q": 66.48, "k_l": 1.25, "b": 0.0, "added_mass": 12.08}
 
 
 @pytest.fixture(scope="module")
-def run(tutorial_flight: tuple[Path, Any]) -> tuple[Path, Any]:
-    return tutorial_flight
+def run(ideal_flight: tuple[Path, Any]) -> tuple[Path, Any]:
+    return ideal_flight
 
 
 def test_the_document_has_the_agreed_shape(run: tuple[Path, Any]) -> None:
@@ -55,6 +55,14 @@ def test_truth_lies_within_three_deviations(run: tuple[Path, Any], name: str) ->
 
 def test_added_mass_is_within_five_percent(run: tuple[Path, Any]) -> None:
     assert run[1]["motions"]["surge"]["added_mass"]["value"] == pytest.approx(TRUTH["added_mass"], rel=0.05)
+
+
+def test_in_a_pool_the_drag_lies_within_its_calibrated_band(tutorial_flight: tuple[Path, Any]) -> None:
+    surge = tutorial_flight[1]["motions"]["surge"]
+    speed, force, std = (surge["drag_force"][name][-1] for name in ("speed", "force", "std_calibrated"))
+    truth = surge["k_q"]["truth"] * speed**2 + surge["k_l"]["truth"] * speed
+    assert abs(force - truth) < 3.0 * std
+    assert std > 0.05 * force
 
 
 def test_no_wall_was_touched(run: tuple[Path, Any]) -> None:

@@ -116,7 +116,7 @@ BLOCKED = "blocked"
 PHASES = ("settle", "hover", "transit", "transient", "plateau", "coast", "excite", BLOCKED)
 """Phases of a maneuver: "settle" (holds only), "transit" (turning back, approaching), "transient" (force applied, speed
 still changing), "plateau" (speed steady), "coast" (force taken away at speed), "hover" (at rest: its thrust weighs it),
-"excite" (information-rich excitation), "blocked" (thrust without motion, as against a wall: no data, nor what led to it)."""
+"excite" (information-rich excitation), "blocked" (thrust without motion: no data, nor what led to it)."""
 
 
 @dataclass(frozen=True, slots=True)

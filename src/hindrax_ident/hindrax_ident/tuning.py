@@ -52,7 +52,9 @@ class Tuning:
     )
     current_sigma_mps: float = knob(0.02, 0.0, 1.0, "unmeasured steady current, calibrated band and verdict [m/s]")
     plateaus_only: bool = knob(False, meaning="learn only from the plateaus of a maneuver")
-    phases: tuple[str, ...] = choice(("hover", "transient", "plateau", "coast", "excite"), PHASES, "phases used for learning")
+    phases: tuple[str, ...] = choice(
+        ("hover", "transient", "plateau", "coast", "excite"), PHASES, "phases used for learning"
+    )
 
 
 def for_foreign_records(tuning: Tuning) -> Tuning:

@@ -51,7 +51,7 @@ MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS
 }
 STATES: Mapping[str, str] = {
     "thrusters": f"`thrusters/state`: {', '.join(Phase)}",
-    "pilot": "`maneuver/status`: no motion; settle, hover, transit, transient, plateau, coast or excite; done or aborted. "
+    "pilot": "`maneuver/status`: no motion; settle, hover, transit, transient, plateau, coast, excite, done, aborted. "
     "`holds/status`: each hold engaged or not, and why it does not act",
     "estimator_health": "ERROR while the state is implausible: then nothing arms",
     "allocator": "obeys one commander, or says in `/diagnostics` why none",
