@@ -108,6 +108,17 @@ def test_a_dead_band_that_nobody_told_is_within_the_band() -> None:
     assert wide.budget["k_l"][0].influence == "dead band of the thrust"
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.2, 2.0])
+def test_a_thrust_of_another_law_is_suspected(exponent: float) -> None:
+    """The record tells a thrust of another power than the true one; the same at the largest command."""
+    flown = flight(lag_s=0.1)
+    told = 45.0 * np.sign(flown.commands) * np.abs(flown.commands / 45.0) ** (1.0 / exponent)
+    found = surge(recorded(flown, wrench=told))
+    assert max(off(found, name) for name in TRUTH) < 3.0
+    suspected = any("exponent of the thrust" in one for one in found.warnings)
+    assert (suspected, found.identifiable) == (exponent > 1.0, exponent == 1.0)
+
+
 def test_forces_that_wander_slowly_are_noticed() -> None:
     rng = np.random.default_rng(3)
     flown = flight(lag_s=0.1)

@@ -15,6 +15,7 @@ from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.plausibility import (
+    with_doubt_of_inertia,
     with_plausibility_check,
     with_reason,
     with_weight_check,
@@ -311,7 +312,9 @@ def _identify_recordings(
     if not motions:
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
     if task.mass_known:
-        motions = {name: with_weight_check(one, vehicle) for name, one in motions.items()}
+        motions = {
+            name: with_doubt_of_inertia(with_weight_check(one, vehicle), vehicle) for name, one in motions.items()
+        }
     else:
         motions = {name: _without_mass(one) for name, one in motions.items()}
     results = Results(motions, vehicle)

@@ -11,7 +11,7 @@ import numpy as np
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.assess.results import Contribution, MotionResult
 from hindrax_ident.model.motion_model import MOTIONS, rigid_mass
 from hindrax_ident.model.thrust_lag import LaggedThrust
 
@@ -24,6 +24,10 @@ FASTEST = (10.0, 12.0)
 REMEDY = "check the units of force and velocity, and the vehicle file"
 CONTRADICTED, LEAST_OFF = 3.0, 0.005
 """Least difference of the net buoyancy that is reported: in its deviations, and as a share of the weight."""
+INERTIA_SHARE = 0.3
+"""Standard deviation of a body's moment of inertia about that of a homogeneous box [-]. Published ones of one BlueROV2
+differ by as much."""
+INERTIA_REMEDY = "name inertia_kgm2 in the vehicle file; a pendulum measures it"
 USUAL_S = 0.7
 """Usual time constant of a small vehicle."""
 AGAINST = -0.6
@@ -77,6 +81,21 @@ def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
         f"{vehicle.net_buoyancy_N:.3g} N: check mass_kg, volume_m3 and the density of the water"
     )
     return replace(result, warnings=(*result.warnings, told))
+
+
+def with_doubt_of_inertia(result: MotionResult, vehicle: Vehicle) -> MotionResult:
+    """The result, whose added mass of a rotation holds no better than a moment of inertia that nobody named."""
+    found, axis = result.coefficients.get("added_mass"), MOTIONS[result.motion].axis
+    if axis < 3 or vehicle.inertia_kgm2 is not None or found is None:
+        return result
+    doubt = Contribution("inertia of the body", INERTIA_SHARE * rigid_mass(vehicle, axis), INERTIA_REMEDY)
+    wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, doubt.std))
+    rows = sorted([doubt, *result.budget.get("added_mass", ())], key=lambda row: -row.std)
+    return replace(
+        result,
+        coefficients={**result.coefficients, "added_mass": wider},
+        budget={**result.budget, "added_mass": rows},
+    )
 
 
 def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:

@@ -41,6 +41,8 @@ MEMORY_S, WAKE_S = 1.0, 4.0
 """Time constants of fluid memory, and of the vehicle's own wake."""
 TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
+STUCK = 0.02
+"""Share of the highest speed below which dry friction is less than that of motion [-]."""
 HEAVE, YAW = 2, 5
 NEAR = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
@@ -284,6 +286,13 @@ def _dead_band(case: Case) -> Array:
     )
 
 
+def _thrust_exponent(case: Case) -> Array:
+    """Change of the thrust per unit of its exponent over what was told, the same at the largest."""
+    y, pull = case.record.thrust.y, max(1e-9, case.pull)
+    x = np.abs(y) / pull
+    return case.of_commands((pull * np.sign(y) * x * np.log(np.maximum(x, 1e-9)))[:, None])
+
+
 def _edges(case: Case) -> Array:
     edge = max(1e-9, EDGE * case.pull)
     return case.of_commands(
@@ -331,6 +340,11 @@ def _tether(case: Case) -> Array:
 def _tether_drag(case: Case) -> Array:
     x = case.v / max(1e-9, case.speed)
     return case.of_force(array(-np.abs(x) * x))
+
+
+def _friction(case: Case) -> Array:
+    """A rope that drags over the floor or an edge: against the motion, and the same at every speed."""
+    return case.of_force(-np.tanh(case.v / max(1e-9, STUCK * case.speed)))
 
 
 def _seiche(case: Case) -> Array:
@@ -430,6 +444,11 @@ INFLUENCES: tuple[Influence, ...] = (
         "describe the dead band in the vehicle file",
     ),
     Influence(
+        "exponent of the thrust", "-", MODEL,
+        lambda case: (0.05 if _gains(case) else 0.15) if case.tuning.thrust_doubt > 0.0 else 0.0, _thrust_exponent,
+        "describe the thrusters in the vehicle file, or measure the thrust at several commands", near=NEAR,
+    ),
+    Influence(
         LAG, "s", RUN, lambda case: case.delay_sigma_s, _lag,
         "measure the thrust lag with `hindrax step`",
     ),
@@ -459,6 +478,10 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "drag of the tether", "N", MODEL, lambda case: max(TETHER, case.tuning.thrust_doubt) * case.pull, _tether_drag,
         "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
+    ),
+    Influence(
+        "friction of the tether", "N", MODEL, lambda case: case.tuning.thrust_doubt * case.pull, _friction,
+        "keep the tether off the floor and the edge", near=NEAR,
     ),
     Influence(
         "fluid memory", "-", MODEL, _always(0.06), _memory,

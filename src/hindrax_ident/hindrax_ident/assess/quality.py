@@ -33,6 +33,8 @@ MOST_HELD_OUT = 0.51
 BETWEEN_RUNS_S = 300.0
 """A longer pause divides runs."""
 
+OTHER_LAW = "other forces than drag act, or the thrust obeys another law than the record tells"
+
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
@@ -211,10 +213,10 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
     out = []
     sigma = math.sqrt(max(0.0, float(evidence.covariance[0, 0])))
     if evidence.k[0] < -3.0 * sigma:
-        out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): the record contains other forces than drag")
+        out.append(f"k_q is negative ({evidence.k[0]:.3g} +- {sigma:.2g}): {OTHER_LAW}")
     sigma = math.sqrt(max(0.0, float(evidence.covariance[1, 1])))
     if evidence.k[1] < -3.0 * sigma and -evidence.k[1] * evidence.excitation.high > LINEAR_SHARE * force:
-        out.append(f"k_l is negative ({evidence.k[1]:.3g} +- {sigma:.2g}): the record contains other forces than drag")
+        out.append(f"k_l is negative ({evidence.k[1]:.3g} +- {sigma:.2g}): {OTHER_LAW}")
     if evidence.added_mass_sigmas < -3.0:
         below = f"the total mass is {-evidence.added_mass_sigmas:.3g} standard deviations below the body's own"
         out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")
