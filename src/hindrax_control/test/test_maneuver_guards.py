@@ -154,6 +154,8 @@ def test_battery_leak_time_and_thrusters(look: Callable[..., tuple[str, ...]]) -
     assert look(WELL, 110.0, deadline_s=100.0)[0].startswith("time_out: 10 s later than it should long be over; look")
     assert look(WELL, lost_axes=("sway",), needed_axes=("surge", "heave")) == ()
     assert look(WELL, lost_axes=("sway",), needed_axes=("sway",))[0].startswith("thrusters: sway cannot be served")
+    twice = look(WELL, lost_axes=("heave",), needed_axes=("heave", "heave"))[0]
+    assert twice.startswith("thrusters: heave cannot be served")
 
 
 def test_vehicle_without_those_sensors_is_not_asked_for_them(hindrax: Vehicle) -> None:

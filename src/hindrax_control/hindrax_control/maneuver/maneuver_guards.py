@@ -200,7 +200,7 @@ class ManeuverGuards:
         return f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
 
     def _thrusters(self, situation: Situation) -> str:
-        lost = [axis for axis in situation.needed_axes if axis in situation.lost_axes]
+        lost = [axis for axis in dict.fromkeys(situation.needed_axes) if axis in situation.lost_axes]
         return f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
 
 
