@@ -13,6 +13,7 @@ from pathlib import Path
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.camera_frame import Frame
@@ -57,6 +58,7 @@ ESTIMATE = Estimate(
     learning=True,
     reason="",
 )
+PLANS = {motion: f"{motion}: 0.45, 0.10 m/s, each out and back; 60 s" for motion in MOTIONS}
 ARMED = Snapshot(
     time_s=123.0,
     silent_s=0.1,
@@ -69,6 +71,7 @@ ARMED = Snapshot(
     flight=ManeuverView("surge", "done", "", 1.0),
     health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},
+    plans=PLANS,
 )
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
 

@@ -17,15 +17,17 @@ pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_core.topics import ESTIMATE, THRUSTER_STATE
+from hindrax_core.topics import ESTIMATE, PLANS, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.output.output_guard import ASK_AGAIN
 from hindrax_msgs.action import FlyManeuver
@@ -34,7 +36,7 @@ from hindrax_msgs.srv import Arm
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_operator.nodes.orders import recentre
 from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
-from hindrax_ros.graph import publisher
+from hindrax_ros.graph import publisher, subscription
 
 pytestmark = pytest.mark.ros
 
@@ -128,6 +130,28 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(be
         recentre(bench.operator, 5.0, 3.0, math.nan)
     place = bench.pilot._pilot.pool.place(ADRIFT)
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
+
+
+def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(bench: Bench) -> None:
+    def plans() -> dict[str, str]:
+        found = bench.operator.plans
+        return dict(zip(found.motions, found.plans, strict=True)) if found else {}
+
+    pilot = bench.pilot
+    bench.until(plans)
+    default = {motion: str(plans_of(load_vehicle(default_vehicle()), (motion,))[0]) for motion in MOTIONS}
+    assert plans() == default
+    pilot.set_parameters([Parameter("plan.surge_mps", value=[0.1, 0.3])])
+    bench.until(lambda: plans()["surge"] != default["surge"])
+    assert plans()["surge"].startswith("surge: 0.30, 0.10, 0.20 m/s")
+    assert plans() | {"surge": default["surge"]} == default
+    pilot._publish_disabled(dict.fromkeys(("T1", "T2", "T3", "T4"), "weed"), Stamp(bench.operator.now()))
+    bench.until(lambda: "without T1" in plans()["surge"])
+    assert math.isnan(bench.operator.plans.seconds[0])
+    late: list[Any] = []
+    subscription(bench.operator.node, PLANS, late.append)
+    bench.until(lambda: late)
+    assert late[0].plans == bench.operator.plans.plans
 
 
 def estimate(stamp: Stamp, **changes: str | tuple[float, float]) -> Stamped[Estimate]:

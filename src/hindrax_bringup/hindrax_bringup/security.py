@@ -36,6 +36,7 @@ from hindrax_core.topics import (
     NAVIGATION,
     ODOMETRY,
     OPERATOR_WRENCH,
+    PLANS,
     PRESSURE,
     RAW_FRAMES,
     ROBOT_DESCRIPTION,
@@ -107,7 +108,7 @@ def _raw(source: str) -> Topic:
     return next(topic for topic in RAW_FRAMES if topic.name == f"raw/{source}")
 
 
-_STATE = (NAVIGATION, THRUSTER_STATE, MANEUVER, ALLOCATION, HOLD_STATUS, THRUSTER_HEALTH, ESTIMATE, DIAGNOSTICS)
+_STATE = (NAVIGATION, THRUSTER_STATE, MANEUVER, PLANS, ALLOCATION, HOLD_STATUS, THRUSTER_HEALTH, ESTIMATE, DIAGNOSTICS)
 """What an operator watches: about a megabit a second over the tether; raw frames are not among it."""
 
 ROLES: tuple[Role, ...] = (
@@ -132,7 +133,7 @@ ROLES: tuple[Role, ...] = (
     Role(
         "pilot",
         "control",
-        publishes=(WRENCH, HOLD_STATUS, MANEUVER, THRUSTER_HEALTH, DIAGNOSTICS),
+        publishes=(WRENCH, HOLD_STATUS, MANEUVER, PLANS, THRUSTER_HEALTH, DIAGNOSTICS),
         subscribes=(
             *(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
             *(ODOMETRY, ALTITUDE, ALLOCATION, LEAK),

@@ -16,7 +16,7 @@ from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Set
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverKnobs, ManeuverOutput, check_goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
-from hindrax_control.maneuver.plan import PlanKnobs
+from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
 from hindrax_control.maneuver.servable import require_servable
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
@@ -150,6 +150,18 @@ class Pilot:
         """UsageError that says why a goal cannot be flown by this vehicle with the thrusters that are enabled."""
         check_goal(goal)
         require_servable(goal.motions, self._vehicle, self._disabled)
+
+    def plans(self) -> dict[str, Plan | str]:
+        """What each motion would fly now, or a sentence that says why it cannot; first word: its name."""
+        planner = Planner(self._vehicle, self._allocator, self._knobs.plan, self._disabled)
+        pool = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds)
+        found: dict[str, Plan | str] = {}
+        for motion in MOTIONS:
+            try:
+                found[motion] = planner.plan(motion, pool)
+            except UsageError as error:
+                found[motion] = str(error)
+        return found
 
     def disable(self, disabled: frozenset[str]) -> None:
         """Set the thrusters that must not be used."""

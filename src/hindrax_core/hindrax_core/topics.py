@@ -118,6 +118,7 @@ ALLOCATION = Topic(
     "wanted, achieved, shortfall, forces",
 )
 MANEUVER = Topic("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10, True, "motion, phase, progress")
+PLANS = Topic("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, True, "what each motion would fly now")
 THRUSTER_COMMAND = Topic("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, True, "pulses wanted")
 THRUSTER_STATE = Topic("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, True, "armed, pulses applied")
 THRUSTER_HEALTH = Topic(
@@ -155,6 +156,7 @@ TOPICS: tuple[Topic, ...] = (
     WRENCH,
     ALLOCATION,
     MANEUVER,
+    PLANS,
     THRUSTER_COMMAND,
     THRUSTER_STATE,
     THRUSTER_HEALTH,

@@ -64,6 +64,12 @@ class PoolOptions:
     start: tuple[float, float, float] | None = None
     """Where in the pool it is before it is armed, as `recentre` has it; none: as the pilot's parameters say."""
 
+    @property
+    def plan_is_the_pilots(self) -> bool:
+        """Whether only the pilot knows what it will fly: it has parameters of its own."""
+        own = self.tuning != Tuning(self.tuning.namespace)
+        return own and self.aim is None and self.excitation == PLATEAUS
+
 
 @dataclass(slots=True)
 class FlownManeuver:
@@ -123,10 +129,8 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
     """What will be flown, a line for each motion; UsageError when the pool leaves no room for it."""
     if options.aim is not None:
         return [f"plan: {plan_text(options.motions, options.aim)}"]
-    if options.excitation != PLATEAUS:
+    if options.excitation != PLATEAUS or options.plan_is_the_pilots:
         return []
-    if options.tuning != Tuning(options.tuning.namespace):
-        return ["plan: by the parameters given; the log of the control process tells its length"]
     return [f"plan: {plan}" for plan in plans_of(vehicle, options.motions)]
 
 
@@ -209,6 +213,11 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
         progress.report("sensors and thrusters are up; arming, which holds neutral for the time that the ESCs need")
+        if options.plan_is_the_pilots:
+            operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the pilot to tell its plans")
+            plans = dict(zip(operator.plans.motions, operator.plans.plans, strict=True))
+            for motion in options.motions:
+                progress.report(f"plan: {plans[motion]}")
         if options.start is not None:
             recentre(operator, *options.start)
         with deferred_interrupt(), disarmed_at_the_end(operator):

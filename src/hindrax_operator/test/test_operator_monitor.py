@@ -260,6 +260,7 @@ def test_a_picture_is_copied_out_of_messages() -> None:
         ),
         holds=Message(axes=["depth"], engaged=[True], setpoints=[1.0], errors=[0.1], notes=[""]),
         maneuver=None,
+        plans=Message(motions=["yaw"], plans=["yaw: 1.20 rad/s, each out and back; 24 s"]),
         diagnostics={
             "hindrax: dvl75": Message(level=b"\x01", message="slow", values=[Message(key="rate [Hz]", value="7.5")])
         },
@@ -272,4 +273,5 @@ def test_a_picture_is_copied_out_of_messages() -> None:
     assert found.holds == (HoldState("depth", True, 1.0, 0.1),)
     assert found.health == {"dvl75": NodeHealth("warning", "slow", 7.5)}
     assert found.flight is None
+    assert found.plans == {"yaw": "yaw: 1.20 rad/s, each out and back; 24 s"}
     assert found.estimates["surge"] is ESTIMATE

@@ -22,10 +22,11 @@ def test_the_plan_is_told_as_the_pilot_has_it() -> None:
     assert planned(vehicle, OPTIONS) == [f"plan: {plan}" for plan in plans_of(vehicle, ("surge", "yaw"))]
 
 
-def test_of_another_plan_and_of_signals_no_plan_is_told() -> None:
+def test_before_the_start_no_plan_is_told_that_only_the_pilot_knows_nor_of_signals() -> None:
     vehicle = load_vehicle(default_vehicle())
-    (line,) = planned(vehicle, replace(OPTIONS, tuning=Tuning(settings=("pilot.plan.levels:=6",))))
-    assert line.startswith("plan: by the parameters given")
+    tuned = replace(OPTIONS, tuning=Tuning(settings=("pilot.plan.levels:=6",)))
+    assert tuned.plan_is_the_pilots
+    assert planned(vehicle, tuned) == []
     assert planned(vehicle, replace(OPTIONS, excitation="chirp")) == []
 
 

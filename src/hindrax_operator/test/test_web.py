@@ -27,9 +27,9 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.maneuver import Goal
-from hindrax_control.maneuver.plan import MOTIONS, plans_of
+from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.vehicle import Pool, load_vehicle
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.graph_link import GraphLink
@@ -443,11 +443,10 @@ def test_every_number_of_the_news_is_json() -> None:
     assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
 
 
-def test_the_page_tells_what_each_motion_flies_or_why_it_cannot() -> None:
-    vehicle = load_vehicle(default_vehicle())
-    plans = Chart(replace(vehicle, pool=Pool(length_m=2.0))).plans
-    assert plans["surge"].startswith("surge: the pool leaves -0.19 m of room")
-    assert plans["yaw"] == str(plans_of(vehicle, ("yaw",))[0])
+def test_the_page_tells_the_plans_of_the_pilot() -> None:
+    plans = {"surge": "surge: the pool leaves -0.19 m of room", "yaw": "yaw: 1.20 rad/s, each out and back; 24 s"}
+    assert summary(replace(ARMED, plans=plans))["plans"] == plans
+    assert summary(Snapshot())["plans"] == {}
 
 
 def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed() -> None:

@@ -9,12 +9,9 @@ from pathlib import Path
 
 import pytest
 from browser import browser, browser_at_hand
-from web_rig import ARMED, DISARMED, ESTIMATE, TOKEN, served
+from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.maneuver import Goal
-from hindrax_control.maneuver.plan import plans_of
-from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.snapshot import ManeuverView
@@ -65,9 +62,8 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         colored = "[...document.querySelector('canvas').getContext('2d').getImageData(0,0,200,130).data].some(v => v)"
         assert seen.run(colored)
 
-        # What is picked is told as the rehearsal and the flight tell it.
-        (plan,) = plans_of(load_vehicle(default_vehicle()), ("surge",))
-        seen.wait(f"{text('planned')} === {json.dumps(str(plan))}")
+        # What is picked is told as the pilot tells it.
+        seen.wait(f"{text('planned')} === {json.dumps(PLANS['surge'])}")
 
         # Orders: one maneuver at a time, its outcome, an end at any time.
         seen.run("document.querySelector('[value=yaw]').click()")

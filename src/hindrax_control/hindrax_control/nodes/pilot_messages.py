@@ -8,11 +8,11 @@ from typing import Any
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
-from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_control.maneuver.plan import MOTIONS, Plan
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.signals import UNKNOWN6, Allocation, Estimate
+from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import HoldStatus, ManeuverStatus
+from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans
 from hindrax_ros.convert import stamp_to_msg
 
 LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
@@ -81,6 +81,17 @@ def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
         wall_distance=output.wall_distance_m,
         force=output.force,
         velocity=output.velocity,
+    )
+    message.header.stamp = stamp_to_msg(stamp)
+    return message
+
+
+def plans_to_msg(plans: Mapping[str, Plan | str], stamp: Stamp) -> MotionPlans:
+    """MotionPlans of every motion."""
+    message = MotionPlans(
+        motions=list(plans),
+        plans=[str(one) for one in plans.values()],
+        seconds=[one.seconds if isinstance(one, Plan) else NAN for one in plans.values()],
     )
     message.header.stamp = stamp_to_msg(stamp)
     return message

@@ -23,6 +23,7 @@ from hindrax_control.nodes.pilot_messages import (
     goal_from_msg,
     holds_to_msg,
     maneuver_to_msg,
+    plans_to_msg,
     unfit_estimate,
 )
 from hindrax_control.pilot import BUSY, SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
@@ -43,6 +44,7 @@ from hindrax_core.topics import (
     MANEUVER,
     ODOMETRY,
     OPERATOR_WRENCH,
+    PLANS,
     THRUSTER_HEALTH,
     THRUSTER_HEALTH_ORDER,
     THRUSTER_STATE,
@@ -120,6 +122,7 @@ class PilotNode(BatchedNode):
         self._wrench = publisher(self, WRENCH)
         self._holds = publisher(self, HOLD_STATUS)
         self._maneuver = publisher(self, MANEUVER)
+        self._plans, self._planned = publisher(self, PLANS), False
         self._reporter = DiagnosticsPublisher(self)
         self._wrench_bytes = wrench_writer()
         subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
@@ -141,10 +144,11 @@ class PilotNode(BatchedNode):
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
-        self.every(CHECK_S, self._check_navigator)
+        self.every(CHECK_S, self._check)
 
     def _tune(self, tuned: PilotKnobs) -> None:
         self._pilot.tune(tuned)
+        self._planned = False
 
     def close(self) -> None:
         """Take the action away before the node."""
@@ -257,6 +261,7 @@ class PilotNode(BatchedNode):
         """Put a list of thrusters out of use in force and publish it; only the pilot does."""
         self._disabled, self._listed_at = reasons, stamp
         self._pilot.disable(frozenset(reasons))
+        self._planned = False
         message = ThrusterHealth(disabled=list(reasons), reasons=list(reasons.values()))
         message.header.stamp = stamp_to_msg(stamp)
         self._health.publish(message)
@@ -383,6 +388,10 @@ class PilotNode(BatchedNode):
         self.get_logger().info(f"maneuver aborted by {aborted}" if aborted else "maneuver done")
         goal.finish(aborted)
 
+    def _check(self) -> None:
+        self._check_navigator()
+        self._publish_plans()
+
     def _check_navigator(self) -> None:
         """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
         silent_s = seconds_between(self._last_state, self.now())
@@ -395,6 +404,13 @@ class PilotNode(BatchedNode):
         self._finish_goal(self._goal, reason)
 
     # ---- published
+
+    def _publish_plans(self) -> None:
+        """Plan anew what parameters and thrusters changed; not in flight, since it takes half a cycle."""
+        if self._planned or self._goal is not None:
+            return
+        self._planned = True
+        self._plans.publish(plans_to_msg(self._pilot.plans(), self.now()))
 
     def _publish_status(self, output: PilotOutput, stamp: Stamp) -> None:
         self._turn += 1

@@ -64,6 +64,8 @@ class Snapshot:
     health: Mapping[str, NodeHealth] = field(default_factory=dict)
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
+    plans: Mapping[str, str] = field(default_factory=dict)
+    """What the pilot would fly of each motion, or why it cannot."""
 
 
 def snapshot(operator: Any) -> Snapshot:
@@ -77,6 +79,7 @@ def snapshot(operator: Any) -> Snapshot:
         flight=_flight(operator.maneuver),
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
+        plans=dict(zip(operator.plans.motions, operator.plans.plans, strict=False)) if operator.plans else {},
     )
 
 

@@ -29,6 +29,7 @@ from hindrax_core.topics import (
     MANEUVER,
     NAMESPACE,
     NAVIGATION,
+    PLANS,
     THRUSTER_HEALTH,
     THRUSTER_STATE,
     Topic,
@@ -77,6 +78,7 @@ class Operator:
         self._allocation: Any = None
         self._allocations: Any = None
         self.holds: Any = None
+        self.plans: Any = None
         self.health: Any = None
         self.diagnostics: dict[str, Any] = {}
         self._subscribe()
@@ -103,6 +105,7 @@ class Operator:
             NAVIGATION: self._on_navigation,
             THRUSTER_STATE: lambda message: setattr(self, "thrusters", message),
             MANEUVER: lambda message: setattr(self, "maneuver", message),
+            PLANS: lambda message: setattr(self, "plans", message),
             HOLD_STATUS: lambda message: setattr(self, "holds", message),
             THRUSTER_HEALTH: lambda message: setattr(self, "health", message),
         }

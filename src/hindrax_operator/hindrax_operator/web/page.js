@@ -234,7 +234,7 @@ function flight(update) {
   }
   const picked = [...document.querySelectorAll("[name=motion]:checked")].map(one => update.plans[one.value]);
   at("planned").textContent = experimenting() ? "the fastest and the slowest legs of each, then those that tell most" :
-    at("excitation").value === choices.excitations[0] ? picked.join("; ") : "";
+    at("excitation").value === choices.excitations[0] ? picked.filter(Boolean).join("; ") : "";
   const busy = update.ordered || update.armed && !over;
   at("flying").disabled = !update.armed || busy;
   at("why").textContent = readOnly ? "" : busy ? "" : update.armed ? "" :

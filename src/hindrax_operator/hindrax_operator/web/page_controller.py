@@ -102,7 +102,6 @@ class PageController:
                     "read_only": self.read_only,
                     "ordered": self._flying,
                     "pool": self._chart.step(view),
-                    "plans": self._chart.plans,
                     "outcomes": list(self._outcomes),
                 }
                 self._update = json.dumps(finite(found), allow_nan=False, separators=(",", ":"))

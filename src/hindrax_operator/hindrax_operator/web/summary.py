@@ -8,9 +8,7 @@ from typing import Any
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, walls_after_braking_m
-from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.pool_bounds import PoolBounds
-from hindrax_core.errors import UsageError
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.monitor.draw import ANGLES, BAND
@@ -26,8 +24,6 @@ class Chart:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self.plans = {motion: _planned(vehicle, motion) for motion in MOTIONS}
-        """What each motion flies by the pilot's default parameters, or why it cannot be flown."""
         self._box: PoolBounds | None = None
         self._was_armed = self._guessed = False
 
@@ -54,13 +50,6 @@ class Chart:
         }
 
 
-def _planned(vehicle: Vehicle, motion: str) -> str:
-    try:
-        return str(plans_of(vehicle, (motion,))[0])
-    except UsageError as error:
-        return str(error)
-
-
 def summary(view: Snapshot) -> Json:
     """Return everything in a snapshot except the pool."""
     found = view.thrusters
@@ -73,6 +62,7 @@ def summary(view: Snapshot) -> Json:
         "navigation": _navigation(view.navigation),
         "thrusters": _thrusters(found),
         "lost": found.lost_axes,
+        "plans": dict(view.plans),
         "holds": [_hold(one) for one in view.holds],
         "flight": _flight(view.flight),
         "health": [
