@@ -67,6 +67,24 @@ def test_a_stack_that_is_refused_leaves_no_folder_behind(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("command", ["up", "pool-test"])
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--params", "nofile"], "parameter file nofile: cannot be read"),
+        (["--set", "pilot"], "--set 'pilot': wanted node.name:=value"),
+        (["--set", "pilo.plan.levels:=2"], "the nearest is 'pilot'"),
+    ],
+)
+def test_parameters_that_cannot_be_read_leave_no_folder_behind(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str, words: list[str], sentence: str
+) -> None:
+    out = tmp_path / "run"
+    assert command_line.main([command, "--mock", "--out", str(out), *words]) == 2
+    assert sentence in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_a_motion_that_the_vehicle_cannot_serve_is_refused_before_anything_starts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
