@@ -84,7 +84,8 @@ class AxisEstimator:
         self._rows: list[tuple[float, ...]] = []
         self._blocks: list[Array] = []
         self._length = SHORTEST_BLOCK
-        self._widening: Array = np.ones((known, known))
+        self._widening: Array | None = None
+        """None after a block was added, until somebody asks for the covariance."""
 
     @property
     def samples(self) -> int:
@@ -209,7 +210,7 @@ class AxisEstimator:
         if len(self._blocks) == MOST_BLOCKS:
             self._blocks = [one + other for one, other in zip(self._blocks[::2], self._blocks[1::2], strict=True)]
             self._length *= 2
-        self._widening = self._measured_widening()
+        self._widening = None
 
     def _adapt_filter(self, sample: Sample) -> None:
         """Set the filter's pole so that residuals are white: drag slope over mass, plus a margin for disturbances."""
@@ -222,6 +223,8 @@ class AxisEstimator:
         """Parameters in the model's order and their covariance: (p,), (p, p)."""
         if self._filter and self._filter.started:
             return self._filter.estimate()
+        if self._widening is None:
+            self._widening = self._measured_widening()
         covariance = self._rls.unit_covariance * self._noise_variance * self._widening
         values = np.array(self._rls.values)
         if self._fixed_mass:
@@ -234,13 +237,23 @@ class AxisEstimator:
         return variance if variance > 0.0 else NOISE**2
 
     def _measured_widening(self) -> Array:
-        """Ratios of the scatter between blocks to the covariance, never below one: (n, n) [-]."""
+        """Ratios of the scatter between blocks to the covariance, never below one: (n, n) [-].
+
+        The scatter is that of the estimates without one block each (jackknife; CR3 of Bell and McCaffrey, Survey
+        Methodology 2002): a block on which the estimate leans has smaller residuals than errors. Where forgetting left
+        less information than a block had, the residuals are taken as they are.
+        """
         n, blocks = self._rls.n, len(self._blocks)
         if blocks < 2 * n:
             return np.ones((n, n))
         unit, squares = self._rls.unit_covariance, np.array(self._blocks)
         gradients = squares[:, :n, n] - squares[:, :n, :n] @ np.array(self._rls.values)
-        scatter = np.sum((gradients @ unit) ** 2, axis=0) * blocks / (blocks - 1)
+        information = array(np.linalg.inv(unit))
+        others = array(information - squares[:, :n, :n])
+        if np.linalg.eigvalsh(others).min() <= 0.0:
+            others = information
+        without = np.linalg.solve(others, gradients[:, :, None])[:, :, 0]
+        scatter = np.sum(without**2, axis=0) * (blocks - 1) / blocks
         ratio = np.sqrt(np.maximum(1.0, scatter / (np.diag(unit) * self._noise_variance)))
         return np.outer(ratio, ratio)
 
