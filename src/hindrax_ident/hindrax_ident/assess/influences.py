@@ -419,12 +419,12 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
-        MEASURED_THRUST, considered=True, near=0.38, loss=True,
+        MEASURED_THRUST, considered=True, near=0.42, loss=True,
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=NEAR, loss=True,
+        considered=True, shown=_coasts, near=0.05, loss=True,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,
