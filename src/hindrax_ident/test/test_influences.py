@@ -107,6 +107,19 @@ def test_a_tether_turns_a_vehicle_that_turns(vehicle: Vehicle) -> None:
     assert any("tether" in warning for warning in budget_of(case).warnings())
 
 
+def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
+    budget = budget_of(flown)
+    names = [one.name for one in budget.influences]
+    at = budget.rows[names.index("sag over the run")].start
+    for times, words in ((-5.0, "the record shows sag over the run (-0.5"), (-59.0, "what no influence explains")):
+        mean = np.zeros(len(budget.mean))
+        mean[at] = times
+        covariance = 0.01 * np.eye(len(mean))
+        (told,) = replace(budget, mean=mean, covariance=covariance).warnings()
+        assert words in told
+    assert "59 times what a pool has" in told
+
+
 @pytest.mark.parametrize(
     ("name", "tuning", "sigma"),
     [

@@ -29,7 +29,7 @@ LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
 GREAT = 10.0
-"""Scale from which the search for one great influence begins, in prior deviations."""
+"""Scale at which the search for one great influence begins, beyond which it explains nothing [prior deviations]."""
 SAME_EXPLANATION = 0.1
 """Difference of two explanations, in prior deviations, below which they are one."""
 MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
@@ -137,8 +137,14 @@ class Budget:
             surprise = float(self._surprise[at])
             if surprise > SURPRISE and abs(self.mean[at]) > 1.0:
                 value, spread = sigma * float(self.mean[at]), sigma * math.sqrt(self.covariance[at, at])
-                size = f"{value:.2g} +- {spread:.1g} {influence.unit}"
-                out.append((surprise, f"the record shows {influence.name} ({size}): {influence.remedy}"))
+                shown = f"{influence.name} ({value:.2g} +- {spread:.1g} {influence.unit})"
+                told = f"the record shows {shown}: {influence.remedy}"
+                if (times := abs(float(self.mean[at]))) > GREAT:
+                    told = (
+                        f"the record shows what no influence explains; the nearest, {shown}, is {times:.0f} times "
+                        "what a pool has: it is in the band, but hardly the cause"
+                    )
+                out.append((surprise, told))
         return tuple(text for _, text in sorted(out, reverse=True))
 
     @property
