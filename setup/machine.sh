@@ -52,7 +52,11 @@ setup_command() {
   case ${1-} in
     '') set_up_or_repair ;;
     --check) check ;;
-    --vehicle) { mkdir -p "$state" && : >"$state/vehicle"; } 2>/dev/null || fail "$(unwritable)"; set_up_or_repair ;;
+    --vehicle)
+      { mkdir -p "$state" && : >"$state/vehicle"; } 2>/dev/null || fail "$(unwritable)"
+      set_up_or_repair
+      compile_modules
+      ;;
     --all) rm -f "$state/vehicle"; set_up_or_repair ;;
     -h | --help) setup_help ;;
     *)
@@ -402,6 +406,12 @@ make_everything() {
 
 # What does not work although it was made is not kept.
 forget() { rm -f "$state/ready" "$env/complete" "$workspace/build/complete"; }
+
+# The service of a vehicle may not write here: what is not compiled now, every one of its starts would compile again.
+# Of the installed packages some hold templates that are no Python.
+compile_modules() {
+  "$env/bin/python" -m compileall -q -j 0 "$env/lib" "$workspace/install" "$root/src" >>"$log" 2>&1 || true
+}
 
 set_up_or_repair() {
   if is_ready && ! works; then

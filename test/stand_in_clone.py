@@ -55,6 +55,8 @@ case "$(basename "$0") $*" in
     rm build/half; echo 'export ROS_DISTRO=jazzy PYTHONPATH=/from/the/workspace' >install/local_setup.bash ;;
   python*' -c import '*)
     begin try; [ -e "$(dirname "$(dirname "$0")")/rclpy" ] ;;
+  python*' -m compileall '*)
+    begin compile ;;
   python*' -P -m hindrax_cli.command_line'*)
     echo "the tool got: ${*:4}; ROS is $ROS_DISTRO, discovery $ROS_AUTOMATIC_DISCOVERY_RANGE" ;;
   *)

@@ -161,7 +161,7 @@ def test_a_vehicle_installs_less_until_all_is_wanted(clone: Clone) -> None:
     clone.run("setup")
     clone.steps()
     assert clone.run("setup", "--vehicle").returncode == 0
-    assert clone.steps() == ["uv-venv", "install", "colcon", "try"]
+    assert clone.steps() == ["uv-venv", "install", "colcon", "try", "compile"]
     assert (clone.root / ".hindrax/vehicle.lock").read_text(encoding="utf-8") == "of-a-vehicle==1\n"
     assert "/vehicle.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8").splitlines()[-1]
     assert clone.run("up").returncode == 0
@@ -169,6 +169,14 @@ def test_a_vehicle_installs_less_until_all_is_wanted(clone: Clone) -> None:
     assert clone.run("setup", "--all").returncode == 0
     assert clone.steps() == ["try", "uv-venv", "install", "colcon", "try"][1:]
     assert "/wheels.lock" in Path(f"{clone.calls}.details").read_text(encoding="utf-8").splitlines()[-1]
+
+
+def test_new_sources_on_a_vehicle_are_compiled_though_nothing_has_to_be_made(clone: Clone) -> None:
+    clone.run("setup", "--vehicle")
+    clone.steps()
+    clone.edit("src/hindrax_bringup/vehicles/second.yaml")
+    assert clone.run("setup", "--vehicle").returncode == 0
+    assert clone.steps()[-1] == "compile"
 
 
 @pytest.mark.parametrize("name", ["wheels.lock", "native.lock"])
