@@ -119,6 +119,26 @@ def test_a_second_one_removes_what_is_gone_and_keeps_what_was_made_there(place: 
     assert done_there(place) == ["hindrax setup --vehicle", "hindrax setup --vehicle"]
 
 
+def test_a_machine_without_a_clock_does_not_complain_of_every_file(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("GIT_COMMITTER_DATE", "2099-01-01T00:00:00Z")
+    (place / "clone/src/new.py").write_text("later")
+    commit(place / "clone")
+    folder = place / "opt/hindrax"
+    folder.mkdir(parents=True)
+    assert main(["deploy", "pi@rov", "--no-system", "--folder", str(folder)]) == 0
+    assert "in the future" not in capfd.readouterr().err
+
+
+def test_the_wait_for_health_ends_by_the_clock_and_says_what_was_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hindrax_cli.deployment.steps.HEALTHY_S", 1)
+    script = plan(Target("rov"))[-1].script.replace("sudo -u hindrax", "env").replace("sudo ", "echo ")
+    script = script.replace("/opt/hindrax/hindrax", "/bin/false no device;")
+    done = subprocess.run(["sh", "-c", f"set -e\n{script}"], capture_output=True, timeout=30, check=False)
+    assert done.returncode == 1
+
+
 def test_what_is_not_committed_is_said(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (place / "clone/src/new.py").write_text("changed")
     assert main(["deploy", "pi@rov", "--dry-run"]) == 0
