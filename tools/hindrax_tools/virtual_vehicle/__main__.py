@@ -1,0 +1,67 @@
+"""Build, boot, deploy, harm: one line per check, 0 when all are good, 1 when one is not, 2 for wrong use."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from hindrax_bringup.clone import clone_root
+from hindrax_core.errors import HindraxError
+from hindrax_tools.virtual_vehicle.checks import CHECKS, Trial, deployment
+from hindrax_tools.virtual_vehicle.evidence import Finding
+from hindrax_tools.virtual_vehicle.image import image_of, missing_packages
+from hindrax_tools.virtual_vehicle.machine import Machine
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments of the tool."""
+    made = argparse.ArgumentParser(prog="python -m hindrax_tools.virtual_vehicle", description=__doc__)
+    made.add_argument("cache", type=Path, metavar="DIR", help="where images are kept, 2 GB each")
+    made.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS), help="checks after the deployment")
+    made.add_argument("--cuts", type=int, default=8, help="number of power cuts; default 8")
+    made.add_argument("--seed", type=int, default=1, help="of the times of the power cuts; default 1")
+    return made
+
+
+def main() -> int:
+    """Run the checks, print each finding as it comes."""
+    words = parser().parse_args()
+    began = time.monotonic()
+
+    def report(sentence: str) -> None:
+        print(f"[{time.monotonic() - began:5.0f} s] {sentence}", file=sys.stderr, flush=True)
+
+    if missing := missing_packages():
+        report(f"found no programs of {len(missing)} Debian packages; sudo apt install {' '.join(missing)}")
+        return HindraxError.exit_code
+    bad = 0
+    try:
+        clone = clone_root()
+        image = image_of(clone, words.cache, report)
+        with tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder, Machine(image, Path(folder)) as machine:
+            for finding in findings(Trial(machine, clone, words.cuts, words.seed), words.only):
+                report(finding.line())
+                bad += not finding.good
+    except HindraxError as error:
+        report(str(error))
+        return error.exit_code
+    report("all good" if not bad else f"{bad} bad")
+    return 1 if bad else 0
+
+
+def findings(trial: Trial, names: list[str]) -> Iterator[Finding]:
+    """Findings of the deployment and the checks of these names; a check that ends early is a bad finding."""
+    yield from deployment(trial)
+    for name in [one for one in CHECKS if one in names]:
+        try:
+            yield from CHECKS[name](trial)
+        except HindraxError as error:
+            yield Finding(name, good=False, figure=str(error))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

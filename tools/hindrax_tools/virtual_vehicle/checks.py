@@ -1,0 +1,239 @@
+"""What the virtual vehicle has to survive, each check with its findings. Times are those of the machine."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hindrax_bag.read.survey import survey
+from hindrax_core.events import NS_PER_S
+from hindrax_tools.virtual_vehicle.evidence import Finding, Seen, seen_in, thrust_after_s
+from hindrax_tools.virtual_vehicle.machine import HOST, Machine
+
+RUNS = "/var/lib/hindrax/runs"
+HINDRAX = "cd /tmp && sudo -u hindrax HINDRAX_RUNTIME_DIR=/run/hindrax /opt/hindrax/hindrax"
+CGROUP = "/sys/fs/cgroup/system.slice/hindrax.service"
+SECONDS = "from time import monotonic as now"
+LONG_S, NEUTRAL_S, LOST_S, STEP_S = 900.0, 15.0, 2.0, 3600
+"""Longest wait [s of this machine]; until neutral by a new process, at most; what a power cut may lose; a step."""
+RECORDED_BYTES = 30_000
+LEFT_BYTES = 50_000_000
+"""What is left free on a full disk: less than the recorder keeps free."""
+DEVICES = """[Unit]
+Description=emulated devices of the virtual vehicle
+Before=hindrax.service
+[Service]
+ExecStartPre=/sbin/modprobe fuse
+ExecStart=/bin/sh -c '. /opt/hindrax/.hindrax/environment.sh; exec /opt/hindrax/.hindrax/env/bin/python /opt/virtual-devices/hardware.py 0.02'
+ExecStopPost=/bin/sh -c 'umount -l /dev/i2c-1; rm -rf /dev/i2c-1 /dev/hindrax'
+[Install]
+WantedBy=multi-user.target
+"""
+SLOW = """[Service]
+ExecStart=
+ExecStart=/opt/hindrax/hindrax up --record --set icm20948.divider:=44 --set icm20948.period_s:=0.04 --set navigator.rate_Hz:=25.0
+"""
+"""The emulated processor has a billion instructions a second, half of what the stack takes at the rates of a vehicle."""
+
+
+@dataclass(slots=True)
+class Trial:
+    """A machine that is on, and the clone that was deployed to it."""
+
+    machine: Machine
+    clone: Path
+    cuts: int = 8
+    seed: int = 1
+
+    def deploy(self) -> subprocess.CompletedProcess[str]:
+        """Run the project's own command."""
+        return subprocess.run(  # noqa: S603  # our own words
+            [str(self.clone / "hindrax"), "deploy", HOST],
+            env=self.machine.environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+
+    def seen(self) -> list[Seen]:
+        """What was on the wires since the power came on."""
+        return seen_in(self.machine.witness())
+
+    def runs(self) -> set[str]:
+        """Names of the runs on the vehicle."""
+        return set(self.machine.asked(f"sudo ls {RUNS} 2>/dev/null || true").split())
+
+    def recording(self, before: set[str]) -> str:
+        """Wait for a run that was not there before, and until it is recorded; returns its name."""
+        found = ""
+
+        def recorded() -> bool:
+            nonlocal found
+            found = max(self.runs() - before, default="")
+            return bool(found) and self.recorded_bytes(found) > RECORDED_BYTES
+
+        self.machine.until("a new run that is recorded", recorded, LONG_S)
+        return found
+
+    def recorded_bytes(self, run: str) -> int:
+        """Size of the bag of a run."""
+        return int(self.machine.asked(f"sudo sh -c 'cat {RUNS}/{run}/bag/*.mcap 2>/dev/null | wc -c'"))
+
+    def health(self) -> tuple[bool, str]:
+        """Whether the stack says that it is well, and its sentence."""
+        done = self.machine.run(f"{HINDRAX} health")
+        return done.returncode == 0, (done.stdout + done.stderr).strip()
+
+    def says(self, seconds: float = LONG_S, wanted: Callable[[bool, str], bool] = lambda well, _: well) -> str:
+        """Wait until health says what is wanted; returns its sentence."""
+        sentence = ""
+
+        def heard() -> bool:
+            nonlocal sentence
+            well, sentence = self.health()
+            return wanted(well, sentence)
+
+        self.machine.until("health to say so", heard, seconds)
+        return sentence
+
+    def thrust(self) -> None:
+        """Arm, push, and wait until it is on the wires."""
+        began = len(self.seen())
+        self.machine.started(f"{HINDRAX} arm && {HINDRAX} wrench 8 0 0 0 0 0 --for 600")
+        self.machine.until("thrust", lambda: any(one.thrust for one in self.seen()[began:]), LONG_S)
+
+    def at(self, script: str) -> float:
+        """Run a script there as root, and return the time of the monotonic clock just before it [s]."""
+        return float(self.machine.asked(f"sudo sh -c 'cut -d \" \" -f 1 /proc/uptime; {script}'").split()[0])
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass there."""
+        until_s = self.seen()[-1].monotonic_s + seconds
+        self.machine.until("time", lambda: self.seen()[-1].monotonic_s > until_s, LONG_S)
+
+    def neutral(self, check: str, since_s: float) -> Finding:
+        """Wait for neutral that stays until a stack is up again, and judge how long it took."""
+        self.machine.until("neutral", lambda: not self.seen()[-1].thrust, LONG_S)
+        self.wait(1.0)
+        took_s = thrust_after_s(self.seen(), since_s)
+        good = took_s is not None and took_s < NEUTRAL_S
+        return Finding(check, good, "thrust for good" if took_s is None else f"neutral after {took_s:.2f} s")
+
+
+def deployment(trial: Trial) -> Iterator[Finding]:
+    """Deploy onto a fresh machine with devices, and find the stack well."""
+    machine = trial.machine
+    began = time.monotonic()
+    machine.power_on()
+    machine.wait_for_login()
+    yield Finding("boot", good=True, figure=f"login after {machine.asked('cat /proc/uptime').split()[0]} s of the machine")
+    machine.put("/opt/virtual-devices/hardware.py", Path(__file__).with_name("hardware.py").read_text(encoding="utf-8"))
+    machine.put("/etc/systemd/system/virtual-devices.service", DEVICES)
+    machine.put("/etc/systemd/system/hindrax.service.d/slow.conf", SLOW)
+    machine.asked("sudo systemctl daemon-reload && sudo systemctl -q enable --now virtual-devices")
+    done = trial.deploy()
+    last = (done.stderr.strip().splitlines() or [""])[-1]
+    yield Finding("deploy", done.returncode == 0, f"exit {done.returncode}, {last!r}, {time.monotonic() - began:.0f} s here")
+
+
+def kills(trial: Trial) -> Iterator[Finding]:
+    """Kill the tool, then all of the service, with thrust on the wires; who judges is in another group."""
+    for check, script in (
+        ("SIGKILL of the main process, armed", "kill -9 $(systemctl show -P MainPID hindrax)"),
+        ("SIGKILL of the whole service, armed", f"echo 1 >{CGROUP}/cgroup.kill"),
+    ):
+        before = trial.runs()
+        trial.thrust()
+        killed_s = trial.at(script)
+        yield trial.neutral(check, killed_s)
+        trial.recording(before)
+        again = thrust_after_s(trial.seen(), killed_s)
+        yield Finding(f"{check}: up again", again is not None and again < NEUTRAL_S, trial.says())
+
+
+def clock_steps(trial: Trial) -> Iterator[Finding]:
+    """Set the wall clock back and forward, disarmed and with thrust."""
+    for armed in (False, True):
+        for way, sign in (("back", "-"), ("forward", "+")):
+            check = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}"
+            before = trial.runs()
+            if armed:
+                trial.thrust()
+            stepped_s = trial.at(f"date -s @$(( $(date +%s) {sign} {STEP_S} ))")
+            if armed:
+                yield trial.neutral(check, stepped_s)
+            trial.recording(before)
+            up_s = trial.seen()[-1].monotonic_s
+            sentence = trial.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
+            yield Finding(f"{check}: a new run", "set" in sentence, f"recorded after {up_s - stepped_s:.0f} s: {sentence}")
+            trial.says()
+
+
+def full_disk(trial: Trial) -> Iterator[Finding]:
+    """Fill the disk while it records, start on the full disk, and make room again."""
+    machine = trial.machine
+    pid = machine.asked("systemctl show -P MainPID hindrax")
+    room = f"$(( $(df --output=avail -B1 / | tail -1) - {LEFT_BYTES} ))"
+    machine.asked(f"sudo fallocate -l {room} /var/fill")
+    sentence = trial.says(wanted=lambda _, said: "recorder" in said)
+    same = machine.asked("systemctl show -P MainPID hindrax") == pid
+    yield Finding("disk full while recording: goes on, says so", same, sentence)
+    before = trial.runs()
+    machine.asked("sudo systemctl restart hindrax")
+    sentence = trial.says(wanted=lambda _, said: "recorder" in said and "heartbeat" not in said)
+    restarts = machine.asked("systemctl show -P NRestarts hindrax")
+    yield Finding("start on a full disk: up, says so", restarts == "0", f"{restarts} restarts; {sentence}")
+    machine.asked("sudo rm /var/fill")
+    run = trial.recording(before)
+    yield Finding("room again: it records", good=True, figure=f"{run}: {trial.recorded_bytes(run)} bytes; {trial.says()}")
+
+
+def power_cuts(trial: Trial) -> Iterator[Finding]:
+    """Cut the power at random times while it records; the next boot completes the bag, and records by itself."""
+    rng = random.Random(trial.seed)  # noqa: S311  # no secret
+    machine = trial.machine
+    known: set[str] = set()
+    run = max(trial.runs(), default="")
+    for number in range(1, trial.cuts + 1):
+        trial.wait(rng.uniform(0.5, 6.0))
+        known = trial.runs()
+        machine.cut_power()
+        cut = trial.seen()[-1]
+        machine.power_on()
+        machine.wait_for_login()
+        after = trial.recording(known)
+        machine.until("the bag to be completed", lambda: "ended" in machine.asked(COMPLETION), LONG_S)
+        bag = machine.folder / f"cut_{number}" / "bag"
+        machine.fetch(f"{RUNS}/{run}/bag", bag)
+        found = survey(bag)
+        lost_s = cut.wall_s - found.last / NS_PER_S
+        whole = not found.damage.unfinished and not found.damage.notes
+        figure = f"{lost_s:.2f} s lost of {found.seconds + lost_s:.1f} s, {found.messages} messages; up by itself"
+        yield Finding(f"power cut {number}", whole and lost_s < LOST_S, figure)
+        run = after
+
+
+COMPLETION = "pgrep -f hindrax_bag.read.completion >/dev/null || echo ended"
+
+
+def no_device(trial: Trial) -> Iterator[Finding]:
+    """Deploy to a machine without any device: an honest end."""
+    trial.machine.asked("sudo systemctl -q disable --now virtual-devices")
+    done = trial.deploy()
+    last = (done.stderr.strip().splitlines() or [""])[-1]
+    yield Finding("deploy without any device: refused", done.returncode == 1 and "failed" in last, f"exit {done.returncode}: {last}")
+
+
+CHECKS: dict[str, Callable[[Trial], Iterator[Finding]]] = {
+    "power-cuts": power_cuts,
+    "clock-steps": clock_steps,
+    "kills": kills,
+    "full-disk": full_disk,
+    "no-device": no_device,
+}
+"""After the deployment, in this order; each leaves a stack that is up, but for the last."""

@@ -1,0 +1,161 @@
+"""The disk of the virtual vehicle: Debian, its kernel, and the set-up of this commit, made once and kept.
+
+The emulated processor would take an hour to compile the message packages. So the first set-up runs in the disk's folder
+before it becomes a disk, on the real processor; a deployment then finds it done.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from hindrax_core.errors import HindraxError
+
+TOOLS = {
+    "qemu-system-x86_64": "qemu-system-x86",
+    "qemu-img": "qemu-utils",
+    "mmdebstrap": "mmdebstrap",
+    "mke2fs": "e2fsprogs",
+    "ssh": "openssh-client",
+    "git": "git",
+}
+"""Programs that are needed here, and the Debian packages that bring them."""
+DEBIAN = "bookworm"
+PACKAGES = (
+    *("linux-image-cloud-amd64", "initramfs-tools", "systemd-sysv", "udev", "kmod", "procps", "iproute2", "sudo"),
+    *("openssh-server", "ca-certificates", "python3", "python3-venv", "python3-dev", "g++"),
+)
+DISK_SIZE = "8G"
+CLONE, USER, USER_ID = "opt/hindrax", "pilot", 1000
+BUILD_INPUTS = ("setup", "src/*/package.xml", "src/*/setup.py", "src/*/setup.cfg", "src/hindrax_msgs")
+"""Paths whose change makes another set-up, so another image."""
+CERTIFICATES = "etc/ssl/certs/ca-certificates.crt"
+FILES = {
+    "etc/hostname": "vehicle\n",
+    "etc/hosts": "127.0.0.1 localhost vehicle\n",
+    "etc/fstab": "/dev/vda / ext4 errors=remount-ro 0 1\n",
+    "etc/systemd/network/ether.network": "[Match]\nName=en* eth*\n[Network]\nDHCP=ipv4\n",
+    "etc/sudoers.d/pilot": f"{USER} ALL=(ALL) NOPASSWD: ALL\n",
+    # Names of addresses are asked for at every login, and nobody answers here.
+    "etc/ssh/sshd_config.d/vehicle.conf": "UseDNS no\nUsePAM no\n",
+    "etc/initramfs-tools/conf.d/vehicle": "MODULES=list\n",
+}
+UNUSED = ("apt-daily.timer", "apt-daily-upgrade.timer", "dpkg-db-backup.timer", "e2scrub_all.timer", "fstrim.timer")
+MODULES = "virtio_pci\nvirtio_blk\next4\n"
+"""All that the kernel needs to reach its disk."""
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """What a machine boots from. The disk is never written: each machine has an overlay of its own."""
+
+    disk: Path
+    kernel: Path
+    initrd: Path
+    key: Path
+    """Private key of the user `USER`."""
+
+
+def missing_packages() -> list[str]:
+    """Debian packages whose programs are not on this machine."""
+    return [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
+
+
+def identity(listing: str) -> str:
+    """Name of an image: of its packages, of what is written to it, and of `git ls-tree` of BUILD_INPUTS."""
+    return hashlib.sha256(f"{DEBIAN} {PACKAGES} {DISK_SIZE} {FILES} {UNUSED} {listing}".encode()).hexdigest()[:12]
+
+
+def image_of(clone: Path, cache: Path, report: Callable[[str], None]) -> Image:
+    """The image of the last commit of a clone, made unless it is in the cache. Root only where it has to be made."""
+    files = _run("git", "ls-files", *BUILD_INPUTS, cwd=clone).split()
+    folder = cache.resolve() / identity(_run("git", "ls-tree", "-r", "HEAD", *files, cwd=clone))
+    image = Image(folder / "disk.ext4", folder / "vmlinuz", folder / "initrd", folder / "key")
+    if not image.disk.exists():
+        _make(image, clone, report)
+    return image
+
+
+def _make(image: Image, clone: Path, report: Callable[[str], None]) -> None:
+    if os.geteuid():
+        raise HindraxError("the image is not in the cache and only root can make it: owners of files, and chroot")
+    folder = image.disk.parent
+    root = folder / "root"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    _run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(image.key))
+    report(f"unpacking Debian {DEBIAN} into {root}")
+    hook = f'mkdir -p "$1/etc/initramfs-tools"; printf "{MODULES}" >>"$1/etc/initramfs-tools/modules"'
+    _run("mmdebstrap", "--variant=minbase", f"--include={','.join(PACKAGES)}", f"--essential-hook={hook}", DEBIAN, str(root))
+    report("setting hindrax up in it")
+    _configure(root, image.key.with_suffix(".pub").read_text(encoding="ascii"))
+    _set_up(root, clone)
+    for name, kept in (("vmlinuz", image.kernel), ("initrd.img", image.initrd)):
+        shutil.copyfile(next((root / "boot").glob(f"{name}-*")), kept)
+    report("writing the disk")
+    unfinished = image.disk.with_suffix(".unfinished")
+    _run("mke2fs", "-q", "-t", "ext4", "-d", str(root), str(unfinished), DISK_SIZE)
+    unfinished.rename(image.disk)
+    shutil.rmtree(root)
+
+
+def _configure(root: Path, public_key: str) -> None:
+    _run("chroot", str(root), "useradd", "--create-home", "--password", "*", "--shell", "/bin/bash", "--uid", str(USER_ID), USER)
+    home = f"home/{USER}/.ssh"
+    for name, text in {**FILES, f"{home}/authorized_keys": public_key}.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text, encoding="ascii")
+    _run("chown", "-R", f"{USER_ID}:{USER_ID}", str(root / home))
+    _run("chroot", str(root), "systemctl", "--quiet", "enable", "systemd-networkd", "ssh")
+    _run("chroot", str(root), "systemctl", "--quiet", "mask", *UNUSED)
+    _run("chroot", str(root), "update-initramfs", "-u")
+
+
+def _set_up(root: Path, clone: Path) -> None:
+    """Run the set-up of a vehicle in the folder, as its user, with this machine's settings of the package index."""
+    place = root / CLONE
+    place.mkdir(parents=True)
+    with subprocess.Popen(["git", "archive", "HEAD"], cwd=clone, stdout=subprocess.PIPE) as archive:  # noqa: S607  # the user's git
+        subprocess.run(["tar", "-x", "-C", place], stdin=archive.stdout, check=True)  # noqa: S603, S607  # our own words
+    _run("chown", "-R", f"{USER_ID}:{USER_ID}", str(place))
+    for name in ("etc/resolv.conf", CERTIFICATES):
+        shutil.copyfile(Path("/") / name, root / name)
+    settings = [f"{key}={value}" for key, value in os.environ.items() if _of_the_index(key)]
+    as_user = ["setpriv", f"--reuid={USER_ID}", f"--regid={USER_ID}", "--clear-groups", "env", "-i", *settings]
+    with _proc(root):
+        _run(
+            *("chroot", str(root), *as_user, f"HOME=/home/{USER}", "PATH=/usr/bin:/bin"),
+            *(f"SSL_CERT_FILE=/{CERTIFICATES}", f"/{CLONE}/hindrax", "setup", "--vehicle"),
+        )
+    (root / "etc/resolv.conf").unlink()
+
+
+def _of_the_index(key: str) -> bool:
+    return key.startswith(("PIP_", "UV_")) or key.lower() in ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
+
+
+@contextmanager
+def _proc(root: Path) -> Iterator[None]:
+    _run("mount", "-t", "proc", "proc", str(root / "proc"))
+    try:
+        yield
+    finally:
+        _run("umount", str(root / "proc"))
+
+
+def _run(*words: str, cwd: Path | None = None) -> str:
+    done = _completed(words, cwd)
+    if done.returncode:
+        last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+        raise HindraxError(f"{words[0]} ended with code {done.returncode}: {last}")
+    return done.stdout
+
+
+def _completed(words: Sequence[str], cwd: Path | None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)  # noqa: S603  # our own words

@@ -1,0 +1,189 @@
+"""The virtual machine: qemu without KVM, reached by ssh on loopback, its power cut by killing qemu.
+
+Its time is that of its processor: an instruction takes a nanosecond (`-icount`), however busy this machine is. So it is a
+vehicle with one slow core whose deadlines mean something, and every figure is in its seconds.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+from hindrax_core.errors import HindraxError
+from hindrax_tools.virtual_vehicle.image import USER, Image
+
+HOST = "vehicle"
+MEMORY_MB = 2048
+DISK = "overlay.qcow2"
+WITNESS = "witness.log"
+BOOT_S, TURN_S = 900.0, 1.0
+"""Longest wait for a login, and time between two looks, in seconds of this machine."""
+KERNEL_WORDS = "root=/dev/vda rw console=ttyS0 quiet mitigations=off nokaslr tsc=reliable random.trust_cpu=on"
+FIRST_DATE = "2020-01-01T00:00:00"
+"""No battery clock: every boot begins at the same time, long ago."""
+
+
+@dataclass(slots=True)
+class Machine:
+    """One machine with a disk of its own in a folder. Use it as a context manager: it then ends with the tool."""
+
+    image: Image
+    folder: Path
+    port: int = field(default_factory=lambda: free_port())
+    _qemu: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Self:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        disk = self.folder / DISK
+        disk.unlink(missing_ok=True)
+        words = ["qemu-img", "create", "-q", "-f", "qcow2", "-b", str(self.image.disk), "-F", "raw", str(disk)]
+        subprocess.run(words, check=True)  # noqa: S603  # our own words
+        self._write_ssh()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cut_power()
+
+    def power_on(self) -> None:
+        """Start the machine; it boots by itself."""
+        log = (self.folder / "qemu.log").open("ab")
+        self._qemu = subprocess.Popen(qemu_words(self.image, self.folder, self.port), stdout=log, stderr=log)  # noqa: S603  # our own words
+
+    def cut_power(self) -> None:
+        """Kill the machine in the midst of what it does."""
+        if self._qemu is not None:
+            self._qemu.kill()
+            self._qemu.wait()
+            self._qemu = None
+        subprocess.run([*self.ssh_words(), "-O", "exit", HOST], capture_output=True, check=False)  # noqa: S603  # our own words
+
+    def wait_for_login(self) -> None:
+        """Wait until ssh answers."""
+        self.until("a login", lambda: self.run("true").returncode == 0, BOOT_S)
+
+    def until(self, what: str, seen: Callable[[], bool], seconds: float) -> None:
+        """Wait for something, in seconds of this machine. HindraxError when it does not come, or the machine ends."""
+        deadline = time.monotonic() + seconds
+        while not seen():
+            if self._qemu is None or self._qemu.poll() is not None:
+                raise HindraxError(f"qemu has ended; {self.folder / 'qemu.log'} says why")
+            if time.monotonic() > deadline:
+                raise HindraxError(f"waited {seconds:.0f} s in vain for {what}")
+            time.sleep(TURN_S)
+
+    def run(self, script: str, seconds: float = 600.0) -> subprocess.CompletedProcess[str]:
+        """Run a script there, and wait for its end."""
+        words = [*self.ssh_words(), HOST, script]
+        try:
+            return subprocess.run(  # noqa: S603  # our own words
+                words, capture_output=True, text=True, check=False, timeout=seconds, stdin=subprocess.DEVNULL
+            )
+        except subprocess.TimeoutExpired:
+            return subprocess.CompletedProcess(words, 124, "", f"no end within {seconds:.0f} s")
+
+    def asked(self, script: str) -> str:
+        """What a script says. HindraxError when it fails."""
+        done = self.run(script)
+        if done.returncode:
+            raise HindraxError(f"{script.splitlines()[0]}: code {done.returncode}; {done.stderr.strip()[-300:]}")
+        return done.stdout.strip()
+
+    def started(self, script: str) -> subprocess.Popen[bytes]:
+        """Start a script there; what it says goes to a log."""
+        log = (self.folder / "started.log").open("ab")
+        return subprocess.Popen([*self.ssh_words(), HOST, script], stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # noqa: S603  # our own words
+
+    def put(self, name: str, text: str) -> None:
+        """Write a file there, as root."""
+        script = f"sudo mkdir -p {shlex.quote(str(Path(name).parent))} && sudo tee {shlex.quote(name)} >/dev/null"
+        subprocess.run([*self.ssh_words(), HOST, script], input=text, text=True, check=True)  # noqa: S603  # our own words
+
+    def fetch(self, folder: str, target: Path) -> None:
+        """Copy the files of a folder there into a new one here."""
+        target.mkdir(parents=True)
+        packed = subprocess.run([*self.ssh_words(), HOST, f"sudo tar -c -C {folder} ."], capture_output=True, check=True)  # noqa: S603  # our own words
+        subprocess.run(["tar", "-x", "-C", str(target)], input=packed.stdout, check=True)  # noqa: S603, S607  # our own words
+
+    def witness(self) -> list[str]:
+        """What the emulated devices wrote to their serial line, since the power came on. It outlives the machine."""
+        return (self.folder / WITNESS).read_text(encoding="ascii", errors="replace").splitlines()
+
+    def environment(self) -> dict[str, str]:
+        """Environment in which a plain `ssh vehicle` reaches the machine: what `deploy` calls."""
+        runtime = self.folder / "runtime"
+        runtime.mkdir(mode=0o700, exist_ok=True)
+        path = f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        return os.environ | {"PATH": path, "HINDRAX_RUNTIME_DIR": str(runtime)}
+
+    def ssh_words(self) -> list[str]:
+        """Begin of every call of ssh."""
+        return ["ssh", "-F", str(self.folder / "ssh_config")]
+
+    def _write_ssh(self) -> None:
+        config = self.folder / "ssh_config"
+        config.write_text(ssh_config(self.image.key, self.port, self.folder), encoding="ascii")
+        wrapper = self.folder / "bin/ssh"
+        wrapper.parent.mkdir(exist_ok=True)
+        wrapper.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {config} "$@"\n', encoding="ascii")
+        wrapper.chmod(0o755)
+
+
+def qemu_words(image: Image, folder: Path, port: int) -> list[str]:
+    """Return the machine as qemu takes it: one core, one disk, a network that ends at a port on loopback."""
+    options = {
+        "machine": "q35",
+        "accel": "tcg",
+        "icount": "shift=0",
+        "cpu": "Nehalem",
+        "smp": "1",
+        "m": str(MEMORY_MB),
+        "rtc": f"base={FIRST_DATE},clock=vm",
+        "kernel": str(image.kernel),
+        "initrd": str(image.initrd),
+        "append": KERNEL_WORDS,
+        "drive": f"file={folder / DISK},if=virtio,format=qcow2",
+        "nic": f"user,model=virtio-net-pci,restrict=on,hostfwd=tcp:127.0.0.1:{port}-:22",
+        "display": "none",
+        "monitor": "none",
+    }
+    words = [word for name, value in options.items() for word in (f"-{name}", value)]
+    serial = ["-serial", f"file:{folder / 'console.log'}", "-serial", f"file:{folder / WITNESS}"]
+    return ["qemu-system-x86_64", "-nodefaults", "-no-reboot", "-device", "virtio-rng-pci", *words, *serial]
+
+
+def ssh_config(key: Path, port: int, folder: Path) -> str:
+    """Return the settings of ssh: only this machine, only this key, one connection for all."""
+    settings = {
+        "HostName": "127.0.0.1",
+        "Port": str(port),
+        "User": USER,
+        "IdentityFile": str(key),
+        "IdentitiesOnly": "yes",
+        "StrictHostKeyChecking": "no",
+        "UserKnownHostsFile": "/dev/null",
+        "LogLevel": "ERROR",
+        "ConnectTimeout": "60",
+        "ControlMaster": "auto",
+        "ControlPersist": "3600",
+        "ControlPath": str(folder / "ssh-%C"),
+    }
+    return f"Host {HOST}\n" + "".join(f"  {name} {value}\n" for name, value in settings.items())
+
+
+def free_port() -> int:
+    """A port on loopback that nobody uses now."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def end_quietly() -> None:
+    """Let Ctrl-C reach only the tool: it ends the machine itself."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
