@@ -1,1 +1,1 @@
-"""A Debian machine under emulation on which the project is deployed and harmed: `python -m hindrax_tools.virtual_vehicle`."""
+"""A Debian machine under emulation, deployed to and then harmed: `python -m hindrax_tools.virtual_vehicle`."""

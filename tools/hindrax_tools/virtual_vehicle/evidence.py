@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,7 @@ class Seen:
 def seen_in(lines: Sequence[str]) -> list[Seen]:
     """What the devices wrote; the last line may be cut off."""
     words = [line.split() for line in lines]
-    whole = [one for one in words if len(one) == 3 and one[2] in ("neutral", "thrust")]  # noqa: PLR2004  # three columns
+    whole = [one for one in words if len(one) == 3 and one[2] in ("neutral", "thrust")]
     return [Seen(float(wall), float(monotonic), word == "thrust") for wall, monotonic, word in whole]
 
 
@@ -40,5 +41,5 @@ def thrust_after_s(seen: Sequence[Seen], since_s: float) -> float | None:
     after = [one for one in seen if one.monotonic_s >= since_s]
     if not after or after[-1].thrust:
         return None
-    ends = [now.monotonic_s for before, now in zip(after, after[1:], strict=False) if before.thrust and not now.thrust]
+    ends = [now.monotonic_s for before, now in pairwise(after) if before.thrust and not now.thrust]
     return max(ends, default=since_s) - since_s

@@ -1,13 +1,12 @@
 """The devices of the virtual vehicle, run there in a service of their own: `python hardware.py SECONDS_PER_STEP`.
 
-The bus is the file that the vehicle file names, the serial ports are ptys. What is on the wires goes to the second serial
-line of the machine, ten times a second and at once when it changes between neutral and thrust: the pulses as the emulated
-PCA9685 gives them, whatever was killed, with the times of both clocks. The line ends in a file outside of the machine.
+The bus is the file that the vehicle file names, the serial ports are ptys. What is on the wires goes to the second
+serial line of the machine, ten times a second and whenever it changes between neutral and thrust: the pulses as the
+emulated PCA9685 gives them, whatever was killed, with the times of both clocks. The line ends in a file outside.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
@@ -18,7 +17,7 @@ from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.mock_vehicle import MockVehicle
 
-FOLDER, LINE, NOTIFY_READY = Path("/run/virtual-devices"), "/dev/ttyS1", "READY=1"
+FOLDER, LINE = Path("/run/virtual-devices"), Path("/dev/ttyS1")
 PERIOD_S = 0.1
 
 
@@ -53,7 +52,11 @@ def main() -> None:
     file = load_vehicle(default_vehicle())
     FOLDER.mkdir(parents=True, exist_ok=True)
     Devices.step_s = float(sys.argv[1])
-    with Devices(file, FOLDER, seed=1, rate=1.0) as vehicle, vehicle.offer_file(file.output.port), Path(LINE).open("w") as line:
+    with (
+        Devices(file, FOLDER, seed=1, rate=1.0) as vehicle,
+        vehicle.offer_file(file.output.port),
+        LINE.open("w") as line,
+    ):
         for name, mount in file.sensors.items():
             if name in vehicle.hardware.serial:
                 _link(Path(mount.port), FOLDER / name)
@@ -63,12 +66,11 @@ def main() -> None:
 
 
 def _link(port: Path, pty: Path) -> None:
-    """Put a pty where the vehicle file looks for a port; its group is that of the ports of a real machine."""
+    """Put a pty where the vehicle file looks for a port; all users may open it."""
     port.parent.mkdir(parents=True, exist_ok=True)
     port.unlink(missing_ok=True)
     port.symlink_to(pty)
     pty.resolve().chmod(0o666)
-    os.sync()
 
 
 if __name__ == "__main__":

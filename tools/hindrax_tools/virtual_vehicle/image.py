@@ -92,7 +92,14 @@ def _make(image: Image, clone: Path, report: Callable[[str], None]) -> None:
     _run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(image.key))
     report(f"unpacking Debian {DEBIAN} into {root}")
     hook = f'mkdir -p "$1/etc/initramfs-tools"; printf "{MODULES}" >>"$1/etc/initramfs-tools/modules"'
-    _run("mmdebstrap", "--variant=minbase", f"--include={','.join(PACKAGES)}", f"--essential-hook={hook}", DEBIAN, str(root))
+    _run(
+        "mmdebstrap",
+        "--variant=minbase",
+        f"--include={','.join(PACKAGES)}",
+        f"--essential-hook={hook}",
+        DEBIAN,
+        str(root),
+    )
     report("setting hindrax up in it")
     _configure(root, image.key.with_suffix(".pub").read_text(encoding="ascii"))
     _set_up(root, clone)
@@ -106,7 +113,19 @@ def _make(image: Image, clone: Path, report: Callable[[str], None]) -> None:
 
 
 def _configure(root: Path, public_key: str) -> None:
-    _run("chroot", str(root), "useradd", "--create-home", "--password", "*", "--shell", "/bin/bash", "--uid", str(USER_ID), USER)
+    _run(
+        "chroot",
+        str(root),
+        "useradd",
+        "--create-home",
+        "--password",
+        "*",
+        "--shell",
+        "/bin/bash",
+        "--uid",
+        str(USER_ID),
+        USER,
+    )
     home = f"home/{USER}/.ssh"
     for name, text in {**FILES, f"{home}/authorized_keys": public_key}.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -124,6 +143,7 @@ def _set_up(root: Path, clone: Path) -> None:
     with subprocess.Popen(["git", "archive", "HEAD"], cwd=clone, stdout=subprocess.PIPE) as archive:  # noqa: S607  # the user's git
         subprocess.run(["tar", "-x", "-C", place], stdin=archive.stdout, check=True)  # noqa: S603, S607  # our own words
     _run("chown", "-R", f"{USER_ID}:{USER_ID}", str(place))
+    (root / "dev/shm").chmod(0o1777)  # for compilers that work side by side
     for name in ("etc/resolv.conf", CERTIFICATES):
         shutil.copyfile(Path("/") / name, root / name)
     settings = [f"{key}={value}" for key, value in os.environ.items() if _of_the_index(key)]

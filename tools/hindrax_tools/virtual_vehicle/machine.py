@@ -1,34 +1,37 @@
 """The virtual machine: qemu without KVM, reached by ssh on loopback, its power cut by killing qemu.
 
-Its time is that of its processor: an instruction takes a nanosecond (`-icount`), however busy this machine is. So it is a
-vehicle with one slow core whose deadlines mean something, and every figure is in its seconds.
+Its time is that of its processor: an instruction takes a nanosecond (`-icount`), however busy this machine is. So it is
+a vehicle with one slow core whose deadlines mean something, and every figure is in its seconds.
 """
 
 from __future__ import annotations
 
 import os
 import shlex
-import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import IO, Any, Self
 
 from hindrax_core.errors import HindraxError
 from hindrax_tools.virtual_vehicle.image import USER, Image
 
 HOST = "vehicle"
-MEMORY_MB = 2048
-DISK = "overlay.qcow2"
-WITNESS = "witness.log"
-BOOT_S, TURN_S = 900.0, 1.0
-"""Longest wait for a login, and time between two looks, in seconds of this machine."""
+DISK, WITNESS = "overlay.qcow2", "witness.log"
+BOOT_S, TURN_S, LONGEST_S = 900.0, 2.0, 900.0
+"""Longest wait for a login, time between two looks, and longest script, in seconds of this machine."""
 KERNEL_WORDS = "root=/dev/vda rw console=ttyS0 quiet mitigations=off nokaslr tsc=reliable random.trust_cpu=on"
 FIRST_DATE = "2020-01-01T00:00:00"
 """No battery clock: every boot begins at the same time, long ago."""
+
+
+def free_port() -> int:
+    """A port on loopback that nobody uses now."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
 
 
 @dataclass(slots=True)
@@ -37,16 +40,18 @@ class Machine:
 
     image: Image
     folder: Path
-    port: int = field(default_factory=lambda: free_port())
+    port: int = field(default_factory=free_port)
     _qemu: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
-        disk = self.folder / DISK
-        disk.unlink(missing_ok=True)
-        words = ["qemu-img", "create", "-q", "-f", "qcow2", "-b", str(self.image.disk), "-F", "raw", str(disk)]
-        subprocess.run(words, check=True)  # noqa: S603  # our own words
-        self._write_ssh()
+        base = ["-b", str(self.image.disk), "-F", "raw", str(self.folder / DISK)]
+        _call(["qemu-img", "create", "-q", "-f", "qcow2", *base], check=True)
+        config, wrapper = self.folder / "ssh_config", self.folder / "bin/ssh"
+        config.write_text(ssh_config(self.image.key, self.port, self.folder), encoding="ascii")
+        wrapper.parent.mkdir()
+        wrapper.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {config} "$@"\n', encoding="ascii")
+        wrapper.chmod(0o755)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -54,8 +59,7 @@ class Machine:
 
     def power_on(self) -> None:
         """Start the machine; it boots by itself."""
-        log = (self.folder / "qemu.log").open("ab")
-        self._qemu = subprocess.Popen(qemu_words(self.image, self.folder, self.port), stdout=log, stderr=log)  # noqa: S603  # our own words
+        self._qemu = _started(qemu_words(self.image, self.folder, self.port), self._log("qemu.log"))
 
     def cut_power(self) -> None:
         """Kill the machine in the midst of what it does."""
@@ -63,13 +67,13 @@ class Machine:
             self._qemu.kill()
             self._qemu.wait()
             self._qemu = None
-        subprocess.run([*self.ssh_words(), "-O", "exit", HOST], capture_output=True, check=False)  # noqa: S603  # our own words
+        _call([*self._ssh, "-O", "exit", HOST], capture_output=True)
 
     def wait_for_login(self) -> None:
         """Wait until ssh answers."""
         self.until("a login", lambda: self.run("true").returncode == 0, BOOT_S)
 
-    def until(self, what: str, seen: Callable[[], bool], seconds: float) -> None:
+    def until(self, what: str, seen: Callable[[], bool], seconds: float = LONGEST_S) -> None:
         """Wait for something, in seconds of this machine. HindraxError when it does not come, or the machine ends."""
         deadline = time.monotonic() + seconds
         while not seen():
@@ -79,15 +83,13 @@ class Machine:
                 raise HindraxError(f"waited {seconds:.0f} s in vain for {what}")
             time.sleep(TURN_S)
 
-    def run(self, script: str, seconds: float = 600.0) -> subprocess.CompletedProcess[str]:
+    def run(self, script: str) -> subprocess.CompletedProcess[str]:
         """Run a script there, and wait for its end."""
-        words = [*self.ssh_words(), HOST, script]
+        nothing = subprocess.DEVNULL
         try:
-            return subprocess.run(  # noqa: S603  # our own words
-                words, capture_output=True, text=True, check=False, timeout=seconds, stdin=subprocess.DEVNULL
-            )
+            return _call([*self._ssh, HOST, script], capture_output=True, text=True, timeout=LONGEST_S, stdin=nothing)
         except subprocess.TimeoutExpired:
-            return subprocess.CompletedProcess(words, 124, "", f"no end within {seconds:.0f} s")
+            return subprocess.CompletedProcess(script, 124, "", f"no end within {LONGEST_S:.0f} s")
 
     def asked(self, script: str) -> str:
         """What a script says. HindraxError when it fails."""
@@ -96,21 +98,20 @@ class Machine:
             raise HindraxError(f"{script.splitlines()[0]}: code {done.returncode}; {done.stderr.strip()[-300:]}")
         return done.stdout.strip()
 
-    def started(self, script: str) -> subprocess.Popen[bytes]:
+    def start(self, script: str) -> None:
         """Start a script there; what it says goes to a log."""
-        log = (self.folder / "started.log").open("ab")
-        return subprocess.Popen([*self.ssh_words(), HOST, script], stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # noqa: S603  # our own words
+        _started([*self._ssh, HOST, script], self._log("started.log"))
 
     def put(self, name: str, text: str) -> None:
         """Write a file there, as root."""
         script = f"sudo mkdir -p {shlex.quote(str(Path(name).parent))} && sudo tee {shlex.quote(name)} >/dev/null"
-        subprocess.run([*self.ssh_words(), HOST, script], input=text, text=True, check=True)  # noqa: S603  # our own words
+        _call([*self._ssh, HOST, script], input=text, text=True, check=True)
 
     def fetch(self, folder: str, target: Path) -> None:
         """Copy the files of a folder there into a new one here."""
         target.mkdir(parents=True)
-        packed = subprocess.run([*self.ssh_words(), HOST, f"sudo tar -c -C {folder} ."], capture_output=True, check=True)  # noqa: S603  # our own words
-        subprocess.run(["tar", "-x", "-C", str(target)], input=packed.stdout, check=True)  # noqa: S603, S607  # our own words
+        packed = _call([*self._ssh, HOST, f"sudo tar -c -C {folder} ."], capture_output=True, check=True)
+        _call(["tar", "-x", "-C", str(target)], input=packed.stdout, check=True)
 
     def witness(self) -> list[str]:
         """What the emulated devices wrote to their serial line, since the power came on. It outlives the machine."""
@@ -118,22 +119,23 @@ class Machine:
 
     def environment(self) -> dict[str, str]:
         """Environment in which a plain `ssh vehicle` reaches the machine: what `deploy` calls."""
-        runtime = self.folder / "runtime"
-        runtime.mkdir(mode=0o700, exist_ok=True)
         path = f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
-        return os.environ | {"PATH": path, "HINDRAX_RUNTIME_DIR": str(runtime)}
+        return os.environ | {"PATH": path, "HINDRAX_RUNTIME_DIR": str(self.folder)}
 
-    def ssh_words(self) -> list[str]:
-        """Begin of every call of ssh."""
+    @property
+    def _ssh(self) -> list[str]:
         return ["ssh", "-F", str(self.folder / "ssh_config")]
 
-    def _write_ssh(self) -> None:
-        config = self.folder / "ssh_config"
-        config.write_text(ssh_config(self.image.key, self.port, self.folder), encoding="ascii")
-        wrapper = self.folder / "bin/ssh"
-        wrapper.parent.mkdir(exist_ok=True)
-        wrapper.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {config} "$@"\n', encoding="ascii")
-        wrapper.chmod(0o755)
+    def _log(self, name: str) -> IO[bytes]:
+        return (self.folder / name).open("ab")
+
+
+def _call(words: Sequence[str], **options: Any) -> subprocess.CompletedProcess[Any]:
+    return subprocess.run(words, **{"check": False, **options})  # noqa: S603, PLW1510  # our own words
+
+
+def _started(words: Sequence[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=log, stderr=log)  # noqa: S603  # our own words
 
 
 def qemu_words(image: Image, folder: Path, port: int) -> list[str]:
@@ -142,9 +144,9 @@ def qemu_words(image: Image, folder: Path, port: int) -> list[str]:
         "machine": "q35",
         "accel": "tcg",
         "icount": "shift=0",
-        "cpu": "Nehalem",
+        "cpu": "Nehalem",  # wheels want SSE4; emulated AVX is slower than none
         "smp": "1",
-        "m": str(MEMORY_MB),
+        "m": "2048",
         "rtc": f"base={FIRST_DATE},clock=vm",
         "kernel": str(image.kernel),
         "initrd": str(image.initrd),
@@ -161,29 +163,17 @@ def qemu_words(image: Image, folder: Path, port: int) -> list[str]:
 
 def ssh_config(key: Path, port: int, folder: Path) -> str:
     """Return the settings of ssh: only this machine, only this key, one connection for all."""
-    settings = {
-        "HostName": "127.0.0.1",
-        "Port": str(port),
-        "User": USER,
-        "IdentityFile": str(key),
-        "IdentitiesOnly": "yes",
-        "StrictHostKeyChecking": "no",
-        "UserKnownHostsFile": "/dev/null",
-        "LogLevel": "ERROR",
-        "ConnectTimeout": "60",
-        "ControlMaster": "auto",
-        "ControlPersist": "3600",
-        "ControlPath": str(folder / "ssh-%C"),
-    }
-    return f"Host {HOST}\n" + "".join(f"  {name} {value}\n" for name, value in settings.items())
-
-
-def free_port() -> int:
-    """A port on loopback that nobody uses now."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
-
-
-def end_quietly() -> None:
-    """Let Ctrl-C reach only the tool: it ends the machine itself."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    return f"""Host {HOST}
+  HostName 127.0.0.1
+  Port {port}
+  User {USER}
+  IdentityFile {key}
+  IdentitiesOnly yes
+  StrictHostKeyChecking no
+  UserKnownHostsFile /dev/null
+  LogLevel ERROR
+  ConnectTimeout 60
+  ControlMaster auto
+  ControlPersist 3600
+  ControlPath {folder}/ssh-%C
+"""
