@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -68,8 +69,14 @@ def contents_of(file: Path) -> Contents:
 
 
 def write_metadata(folder: Path, known: Mapping[str, Contents]) -> None:
-    """Write metadata.yaml for the complete files of a bag; those in `known`, by name, are not read again."""
+    """Write metadata.yaml for the complete files of a bag; those in `known`, by name, are not read again.
+
+    It is on the disk before it has its name: a power cut leaves none, or a whole one.
+    """
     whole = [known.get(file.name) or contents_of(file) for file in parts(folder) if is_whole(file)]
     fresh = folder / f"{NAME}.fresh"
-    fresh.write_text(metadata_text(whole), encoding="utf-8")
+    with fresh.open("w", encoding="utf-8") as out:
+        out.write(metadata_text(whole))
+        out.flush()
+        os.fsync(out.fileno())
     fresh.replace(folder / NAME)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from itertools import islice
@@ -14,7 +15,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.bag_index import is_whole
+from hindrax_bag.bag_index import is_whole, write_metadata
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.completion import complete, unfinished_files
 from hindrax_bag.read.survey import find_bags
@@ -151,3 +152,14 @@ def test_the_budget_counts_and_drops_the_files_of_the_recorder_before(tmp_path: 
     bag.close()
     assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
     assert not path.exists()
+
+
+def test_metadata_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power cut soon after the recovery left a metadata.yaml of no bytes, in a bag that nobody completes again."""
+    small_bag(tmp_path / "bag")
+    synced: dict[int, int] = {}
+    monkeypatch.setattr(os, "fsync", lambda number: synced.update({os.fstat(number).st_ino: os.fstat(number).st_size}))
+    write_metadata(tmp_path / "bag", {})
+    found = (tmp_path / "bag" / "metadata.yaml").stat()
+    assert found.st_size > 0
+    assert synced[found.st_ino] == found.st_size
