@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_tools.virtual_vehicle import image
+from hindrax_tools.virtual_vehicle import image, machine
 from hindrax_tools.virtual_vehicle.evidence import Finding, seen_in, thrust_after_s
 from hindrax_tools.virtual_vehicle.image import Image, identity, missing_packages
-from hindrax_tools.virtual_vehicle.machine import qemu_words, ssh_config
+from hindrax_tools.virtual_vehicle.machine import kvm_works, qemu_words, ssh_config
 
+IMAGE = Image(*map(Path, ("disk", "kernel", "initrd", "key")))
 LINES = ["1000.0 10.0 neutral", "1000.1 10.1 thrust", "1000.2 10.2 thrust", "1000.3 10.3 neutral", "1000.4 10.4 neut"]
 
 
@@ -45,7 +46,24 @@ def test_another_set_up_is_another_image() -> None:
 
 
 def test_nobody_but_this_machine_reaches_the_vehicle_and_it_reaches_nobody() -> None:
-    words = " ".join(qemu_words(Image(*map(Path, ("disk", "kernel", "initrd", "key"))), Path("/f"), 2222))
+    words = " ".join(qemu_words(IMAGE, Path("/f"), 2222, kvm=True))
     assert "restrict=on,hostfwd=tcp:127.0.0.1:2222-:22" in words
-    assert "kvm" not in words
     assert "HostName 127.0.0.1" in ssh_config(Path("key"), 2222, Path("/f"))
+
+
+def test_only_an_emulated_machine_has_the_time_of_its_instructions() -> None:
+    assert "-icount" in qemu_words(IMAGE, Path("/f"), 2222, kvm=False)
+    assert "-icount" not in qemu_words(IMAGE, Path("/f"), 2222, kvm=True)
+    assert "kvm" not in qemu_words(IMAGE, Path("/f"), 2222, kvm=False)
+
+
+@pytest.mark.parametrize(("does", "works"), [("printf 'Linux version 6'", True), ("exit 1", False), ("sleep 9", False)])
+def test_kvm_is_used_where_a_kernel_speaks(
+    does: str, works: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    qemu = tmp_path / "qemu"
+    qemu.write_text(f'#!/bin/sh\nfor word; do :; done\nexec >"${{word#file:}}"\n{does}\n[ $? = 0 ] && exec sleep 9\n')
+    qemu.chmod(0o755)
+    monkeypatch.setattr(machine, "QEMU", str(qemu))
+    monkeypatch.setattr(machine, "KVM_TRY_S", 1.0)
+    assert kvm_works(IMAGE, tmp_path / "console") is works

@@ -14,7 +14,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_tools.virtual_vehicle.checks import CHECKS, Trial, deployment
 from hindrax_tools.virtual_vehicle.evidence import Finding
 from hindrax_tools.virtual_vehicle.image import image_of, missing_packages
-from hindrax_tools.virtual_vehicle.machine import Machine
+from hindrax_tools.virtual_vehicle.machine import Machine, kvm_works
 
 
 def parser() -> argparse.ArgumentParser:
@@ -42,7 +42,11 @@ def main() -> int:
     try:
         clone = clone_root()
         image = image_of(clone, words.cache, report)
-        with tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder, Machine(image, Path(folder)) as machine:
+        with (
+            tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder,
+            Machine(image, Path(folder), kvm_works(image, Path(folder) / "kvm.console")) as machine,
+        ):
+            report(f"processor: {machine.processor}")
             for finding in findings(Trial(machine, clone, words.cuts, words.seed), words.only):
                 report(finding.line())
                 bad += not finding.good
