@@ -115,13 +115,24 @@ def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
 
 def stacks() -> list[StackLock]:
     """Every stack of this user that runs now, the oldest first."""
-    files = sorted(runtime_folder().glob("*.json"), key=lambda path: path.stat().st_mtime)
+    try:
+        folder = runtime_folder()
+    except OSError:  # systemd takes the folder of a service away while it restarts, and nobody else may make it
+        return []
+    files = sorted(folder.glob("*.json"), key=_written_s)
     return [found for path in files if (found := _read(path)) is not None]
 
 
 def vehicle_stack() -> StackLock | None:
     """Return the stack of this user that has the real output in hand; a mock has none."""
     return next((one for one in stacks() if not one.mock), None)
+
+
+def _written_s(path: Path) -> float:
+    """When a file was written; long ago if its stack has just taken it away."""
+    with contextlib.suppress(FileNotFoundError):
+        return path.stat().st_mtime
+    return 0.0
 
 
 def _read(path: Path) -> StackLock | None:
