@@ -456,6 +456,23 @@ def test_a_velocity_that_repeats_itself_is_no_bottom_lock_but_for_rest(velocity:
     assert any(one.reading.dvl_locked for one in ride.out)
 
 
+@pytest.mark.parametrize(("noise_mps", "believed"), [(0.0, False), (0.001, True)])
+def test_a_velocity_against_the_accelerometer_is_believed_in_the_end_unless_it_repeats_itself(
+    noise_mps: float, believed: bool
+) -> None:
+    ride = Ride()
+    for number in range(1, 1340):
+        t = number * 0.005
+        ahead = 0.8 if t > 6.0 else 0.0
+        ride.tell(t, Inertial((ahead, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
+        if number % 10 == 0 and t > 4.0:
+            velocity = (0.01 + noise_mps * (number % 3), 0.0, 0.0)
+            ride.tell(t, BottomVelocity(velocity if t > 5.9 else (0.0, 0.0, 0.0), 0.01, 1.0, 0.05, number), "dvl75")
+    state = ride.out[-1].reading
+    assert state.dvl_locked is believed
+    assert (state.velocity_mps[0] < 0.2) is believed
+
+
 def test_after_a_gap_in_the_imu_it_starts_anew() -> None:
     ride = Ride(position=surging).run(6.0)
     ride.tell(8.0, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")

@@ -29,3 +29,8 @@ class SoleSource:
             return f"found {listed}, wanted {self.name}, as when the thrusters were armed; disarm first"
         self.name = listed
         return ""
+
+    def is_contested(self, publishers: Collection[str]) -> bool:
+        """Whether somebody else publishes whom the graph knows: no news of it will end that, only he or the operator."""
+        known = {one for one in publishers if UNKNOWN not in one}
+        return bool(known - {self.name}) and (bool(self.name) or len(known) > 1)

@@ -19,6 +19,17 @@ def test_of_two_or_none_nobody_is_obeyed() -> None:
     assert source.name == ""
 
 
+def test_contested_is_what_only_somebody_can_end_and_not_a_graph_that_is_still_learning() -> None:
+    source = SoleSource()
+    assert source.is_contested({ONE, OTHER})
+    assert not source.is_contested({ONE}), "there may be a first one"
+    source.judge({ONE}, armed=False)
+    assert source.is_contested({ONE, OTHER})
+    assert source.is_contested({OTHER})
+    for transient in ((), {ONE}, {ONE, f"/{UNKNOWN}"}, {f"/{UNKNOWN}"}):
+        assert not source.is_contested(transient)
+
+
 def test_another_one_takes_over_only_while_disarmed() -> None:
     source = SoleSource()
     source.judge({ONE}, armed=False)

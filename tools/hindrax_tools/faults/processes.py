@@ -66,7 +66,9 @@ ROWS = (
     *(ProcessFault(DEAD_MAN, what, 1.5) for what in SIGNALS),
     # Nobody is left who could write neutral: a new process must start.
     *(ProcessFault(BOTH, what, NEW_PROCESS_S) for what in SIGNALS),
-    *(ProcessFault(who, LYING) for who in LIES),
+    # Of two commanders none is obeyed; what thrusters tell of themselves steers nothing.
+    ProcessFault(CONTROL.name, LYING, 0.5),
+    ProcessFault(THRUSTERS.name, LYING),
     ProcessFault(OUTPUT, RESTARTED),
 )
 

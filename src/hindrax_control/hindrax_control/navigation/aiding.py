@@ -86,18 +86,19 @@ class Aiding:
         way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
         u, v, w = seat.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
-        if self._repeats(reading.velocity_mps, valid_s) or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
+        repeated_s = self._repeated_s(reading.velocity_mps, valid_s)
+        if repeated_s > self._knobs.repeated_s or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
         by_rotation = cross(way.rate_radps, seat.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
-        return self._horizontal.fuse(u, v, reading.sigma_mps, way)
+        return self._horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
 
-    def _repeats(self, velocity_mps: Vec3, valid_s: float) -> bool:
-        """Whether a DVL measures no more: in motion its noise shows in the last digits, which at rest may hide it."""
-        if velocity_mps != self._said:
+    def _repeated_s(self, velocity_mps: Vec3, valid_s: float) -> float:
+        """Time for which a DVL says the very same: in motion its noise shows in the last digits, at rest it may not."""
+        if velocity_mps != self._said or not any(velocity_mps):
             self._said, self._said_s = velocity_mps, valid_s
-        return any(velocity_mps) and valid_s - self._said_s > self._knobs.repeated_s
+        return valid_s - self._said_s
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare what the DVL says of the way down with what pressure and accelerometer say."""

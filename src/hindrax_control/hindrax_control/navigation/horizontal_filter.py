@@ -101,15 +101,20 @@ class HorizontalFilter:
         a, b, c, d, e, f, g, h = (low + share * (high - low) for low, high in zip(row, later, strict=True))
         return (a, b, c, d, e, f, g, h)
 
-    def fuse(self, u_mps: float, v_mps: float, sigma_mps: float, way: PredictedInterval) -> bool:
-        """Fuse a velocity of the body origin that was the mean over a way; False when it is refused."""
+    def fuse(
+        self, u_mps: float, v_mps: float, sigma_mps: float, way: PredictedInterval, *, repeated: bool = False
+    ) -> bool:
+        """Fuse a velocity of the body origin that was the mean over a way; False when it is refused.
+
+        Many refused ones in a row say that the filter is wrong, unless they are one and the same, `repeated`.
+        """
         delay = way.delay_s
         p, cross, offset = self._p, self._p_cross, self._p_offset
         at_u, at_offset = p - delay * cross, cross - delay * offset
         variance = at_u - delay * at_offset + sigma_mps * sigma_mps
         off_u, off_v = u_mps - (self.u_mps - way.du_mps), v_mps - (self.v_mps - way.dv_mps)
         if self.known and max(off_u * off_u, off_v * off_v) > self._knobs.gate**2 * variance:
-            return self._refuse(off_u, off_v)
+            return self._refuse(off_u, off_v, repeated=repeated)
         self.known = True
         self._refused, self.refused = 0, max(0, self.refused - 1)
         k, k_offset = at_u / variance, at_offset / variance
@@ -119,8 +124,9 @@ class HorizontalFilter:
         self._p, self._p_cross, self._p_offset = p - k * at_u, cross - k * at_offset, offset - k_offset * at_offset
         return True
 
-    def _refuse(self, off_u: float, off_v: float) -> bool:
-        self._refused, self.refused = self._refused + 1, self.refused + 1
+    def _refuse(self, off_u: float, off_v: float, *, repeated: bool) -> bool:
+        self.refused += 1
+        self._refused += not repeated
         if self._refused >= self._knobs.patience:
             self._refused = 0
             self._p += max(off_u * off_u, off_v * off_v)

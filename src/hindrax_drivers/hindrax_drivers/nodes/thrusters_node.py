@@ -66,7 +66,7 @@ class ThrustersNode(DeviceNode):
         guard = OutputGuard(len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), fixed)
         self._phase: Phase | None = None
         self._commander, self._unfit, self._look_s = SoleSource(), "", 0.0
-        self._inhibited_by = {"dead man": "", "lifecycle": ""}
+        self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
         self._battery = None
@@ -91,6 +91,8 @@ class ThrustersNode(DeviceNode):
         self._inhibit("dead man", "" if answers else "the dead man does not answer")
 
     def _inhibit(self, who: str, reason: str) -> None:
+        if self._inhibited_by[who] == reason:
+            return
         self._inhibited_by[who] = reason
         self._thread.inhibit("; ".join(filter(None, self._inhibited_by.values())))
 
@@ -154,11 +156,18 @@ class ThrustersNode(DeviceNode):
         """Why the sender of commands is not obeyed, as the graph was at most `LOOK_S` ago; empty when it is."""
         if (now_s := time.monotonic()) >= self._look_s:
             self._look_s = now_s + LOOK_S
-            armed = self._phase is Phase.ARMED
-            self._unfit = self._commander.judge(publishers_of(self, THRUSTER_COMMAND), armed=armed)
+            self._look_for_commanders()
         return self._unfit
 
+    def _look_for_commanders(self) -> None:
+        """Judge the publishers of commands; disarm and refuse to arm while somebody else than the one obeyed is known."""
+        publishers = publishers_of(self, THRUSTER_COMMAND)
+        self._unfit = self._commander.judge(publishers, armed=self._phase is Phase.ARMED)
+        contested = self._commander.is_contested(publishers)
+        self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
+
     def _on_arm(self, request: Any, response: Any) -> Any:
+        self._look_for_commanders()  # who disturbed may have gone, and nobody have commanded since
         asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)
         future = self._thread.arm(asked) if request.arm else self._thread.disarm(asked)
         try:

@@ -177,7 +177,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
     if not evidence.converged:
         out.append("the fit did not converge")
     if evidence.effective_samples < FEWEST_EFFECTIVE:
-        out.append(f"{evidence.effective_samples:.0f} independent samples, wanted {FEWEST_EFFECTIVE:.0f}")
+        out.append(f"{evidence.effective_samples:.1f} independent samples, wanted {FEWEST_EFFECTIVE:.0f}")
     if not high > evidence.noise:
         return [*out, f"it hardly moved: speed at most {high:.2g}, below the noise of one measurement"]
     if not force > 0.0:
