@@ -31,6 +31,6 @@ class SoleSource:
         return ""
 
     def is_contested(self, publishers: Collection[str]) -> bool:
-        """Whether somebody else publishes whom the graph knows: no news of it will end that, only he or the operator."""
+        """Whether another one publishes whose name the graph knows: that does not end by itself."""
         known = {one for one in publishers if UNKNOWN not in one}
         return bool(known - {self.name}) and (bool(self.name) or len(known) > 1)

@@ -42,6 +42,9 @@ LIES = {CONTROL.name: THRUSTER_COMMAND, THRUSTERS.name: THRUSTER_STATE}
 LIE_PERIOD_s = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
+ABSENT_EVERY_S, ABSENT_S = 30.0, 2.0
+ABSENCES = tuple(f"absent:thrusters@{ABSENT_EVERY_S * number:g}+{ABSENT_S:g}" for number in range(1, 60))
+"""A chip cannot be pulled out from another process: the mock does it again and again, for so long."""
 SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 180.0
 """A fault comes within this time of the first thrust and is seen for so long; then the longest wait [wall time]."""
 NEW_PROCESS_S = 60.0
@@ -56,6 +59,8 @@ class ProcessFault:
     who: str
     what: str
     within_s: float = math.inf
+    by_mock: bool = False
+    """Whether the mock does it at its own times, see `ABSENCES`; then no other row may fly with this stack."""
 
 
 GOING_ON = (IDENTIFIER.name, SAFETY_MONITOR.name, RECORDER.name, SENSORS.name)
@@ -70,6 +75,8 @@ ROWS = (
     ProcessFault(CONTROL.name, LYING, 0.5),
     ProcessFault(THRUSTERS.name, LYING),
     ProcessFault(OUTPUT, RESTARTED),
+    # Without hardware that helps, a chip that nobody reaches repeats its last pulses until it is there again.
+    ProcessFault(OUTPUT, DIED, ABSENT_S + 1.5, by_mock=True),
 )
 
 
@@ -86,6 +93,7 @@ class FaultyStack:
         truth = stack.folder.path / TRUTH
         self._log, self._cut = truth.open(encoding="ascii"), ""
         self.last: TrueState | None = None
+        self._start_s = math.nan
         self.believed: dict[float, Navigation] = {}
         """Every state of the vehicle since the cell began, by its time: a busy tool may be late, its judgement not."""
         self._tick: Callable[[Sequence[TrueState]], None] = lambda _: None
@@ -106,7 +114,18 @@ class FaultyStack:
         *lines, self._cut = (self._cut + self._log.read()).split("\n")
         found = [TrueState.parse(line) for line in lines]
         self.last = found[-1] if found else self.last
+        if found and math.isnan(self._start_s):
+            self._start_s = found[0].now_s
         return found
+
+    def since_absence_s(self, now_s: float) -> float:
+        """Time of the mock since it last began to do what it does at its own times."""
+        return (now_s - self._start_s) % ABSENT_EVERY_S if now_s - self._start_s >= ABSENT_EVERY_S else math.inf
+
+    @property
+    def _now_s(self) -> float:
+        self._read()
+        return self.last.now_s if self.last else -math.inf
 
     @property
     def neutral(self) -> bool:
@@ -133,6 +152,9 @@ class FaultyStack:
                 yield lambda: True
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
                 operator.arm(arm=False, seconds=PATIENT_S)
+            return
+        if (who, what) == (OUTPUT, DIED):
+            yield lambda: True
             return
         if who == OUTPUT:
             ports = self.stack.mock_facts["ports"]
@@ -228,6 +250,8 @@ class FaultyStack:
         """Fly, harm, and judge. A cell that does not end well by its own deadline says what never came."""
         self.believed.clear()
         self.wait(lambda: bool(self._read()), "the mock")
+        if row.by_mock:  # what it does now must not come before there is thrust
+            self.wait(lambda: ABSENT_S < self.since_absence_s(self._now_s) - 1.0 < ABSENT_S + 2.0, "the mock's fault")
         assert self.last is not None
         seen = _Seen(self, row, mode, random.Random(f"{row} {mode} {seed}").uniform(0.0, SOON_S))  # noqa: S311  # no secret
         try:
@@ -275,6 +299,8 @@ class _Seen:
             self._thrust_since_s = None
             return False
         self._thrust_since_s = one.now_s if self._thrust_since_s is None else self._thrust_since_s
+        if self._row.by_mock:
+            return self._stack.since_absence_s(one.now_s) < ABSENT_S
         return one.now_s - self._thrust_since_s >= self._wait_s
 
     def _ended(self) -> bool:
@@ -298,7 +324,9 @@ TRUTH = "truth.log"
 
 
 @contextlib.contextmanager
-def faulty_stack(folder: Path, seed: int, *, record: bool = True) -> Iterator[FaultyStack]:
+def faulty_stack(
+    folder: Path, seed: int, *, record: bool = True, faults: tuple[str, ...] = ()
+) -> Iterator[FaultyStack]:
     """A mock vehicle, its stack and its operator; all of it ends with the context."""
     run = make_run_folder(str(folder / "run"), default_vehicle())
     with own_domain(mock=True) as domain:
@@ -308,7 +336,7 @@ def faulty_stack(folder: Path, seed: int, *, record: bool = True) -> Iterator[Fa
             from hindrax_ros.graph import subscription  # noqa: PLC0415
 
             stack = Stack(run, supervisor, tuning=Tuning(settings=("thrusters.arming_s:=1.0",)))
-            stack.start(MockOptions(seed=seed, rate=1.0, truth=str(run.path / TRUTH)), record=record)
+            stack.start(MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(run.path / TRUTH)), record=record)
             faulty = FaultyStack(supervisor, stack)
             with Operator(mock=True, tick=faulty.tick) as operator:
                 faulty.operator = operator
@@ -319,7 +347,7 @@ def faulty_stack(folder: Path, seed: int, *, record: bool = True) -> Iterator[Fa
 
 @dataclass(frozen=True, slots=True)
 class ProcessFlights:
-    """All cells of some rows with one seed. A stack serves them all, until one of them has lost it."""
+    """All cells of some rows, all `by_mock` or none, with one seed. A stack serves them all, until one of them lost it."""
 
     rows: tuple[ProcessFault, ...]
     seed: int
@@ -327,8 +355,9 @@ class ProcessFlights:
     def fly(self) -> Iterator[Cell]:
         """Fly them, mode by mode. Rows without which it flies on come first: one flight serves them all."""
         left = [(row, mode) for mode in MODES for row in self.rows]
+        faults = ABSENCES if any(row.by_mock for row in self.rows) else ()
         while left:
-            with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), self.seed) as stack:
+            with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), self.seed, faults=faults) as stack:
                 lost = False
                 while left and not lost:
                     cell = stack.cell(*left.pop(0), self.seed)

@@ -17,7 +17,10 @@ WHO = tuple(dict.fromkeys([row.who for row in processes.ROWS] + [row.who for row
 def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cell]:
     """Fly all cells, or those of some processes and devices; reports progress on stderr."""
     harmed = tuple(row for row in processes.ROWS if row.who in only)
-    jobs: list[ProcessFlights | DeviceFlight] = [ProcessFlights(harmed, seed) for seed in seeds if harmed]
+    together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]
+    jobs: list[ProcessFlights | DeviceFlight] = [
+        ProcessFlights(some, seed) for some in together if some for seed in seeds
+    ]
     broken = [row for row in devices.ROWS if row.who in only]
     jobs += [DeviceFlight(row, mode, seed) for row in broken for mode in MODES for seed in seeds]
     found: list[Cell] = []

@@ -160,7 +160,7 @@ class ThrustersNode(DeviceNode):
         return self._unfit
 
     def _look_for_commanders(self) -> None:
-        """Judge the publishers of commands; disarm and refuse to arm while somebody else than the one obeyed is known."""
+        """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""
         publishers = publishers_of(self, THRUSTER_COMMAND)
         self._unfit = self._commander.judge(publishers, armed=self._phase is Phase.ARMED)
         contested = self._commander.is_contested(publishers)
