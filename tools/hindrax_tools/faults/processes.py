@@ -347,7 +347,7 @@ def faulty_stack(
 
 @dataclass(frozen=True, slots=True)
 class ProcessFlights:
-    """All cells of some rows, all `by_mock` or none, with one seed. A stack serves them all, until one of them lost it."""
+    """All cells of some rows, all `by_mock` or none, with one seed. A stack serves them until one of them loses it."""
 
     rows: tuple[ProcessFault, ...]
     seed: int
