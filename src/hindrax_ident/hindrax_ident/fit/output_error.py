@@ -48,7 +48,6 @@ ATTITUDE_SIGMA_rad = 0.01
 """Standard deviation assigned to a measured angle. Its error is slow, and partly that of the rate, whose integral it
 is: so it only prevents drift of the angle."""
 BLOCK_S = 15.0
-CHANGE_S = 0.5
 CHANCE = 0.999
 
 
@@ -56,7 +55,7 @@ CHANCE = 0.999
 class OutputErrorFit:
     """Parameters, (p,), in the model's order and units, their covariance, (p, p), and the fit behind them.
 
-    `effective_samples`: equivalent independent samples of the plain residuals; the covariance uses whitened ones.
+    `effective_samples`: equivalent independent samples of the velocity, after whitening.
 
     `inflation` (p,): factor by which the scatter between blocks widened the standard deviations (1: not at all);
     `sigmas`: standard deviations of the velocity and position residuals; `prior_information` (p, p) of the parameters.
@@ -237,18 +236,9 @@ def _fit_of(
 
 
 def _effective_samples(problem: OutputErrorProblem, linear: LinearizedProblem) -> float:
-    """Equivalent independent velocity samples; residuals of positions are integrated velocity errors."""
+    """Equivalent independent samples of the main channel, whitened as the covariance has them."""
     own = (problem.channel == problem.main) & problem.counts
-    pieces = [linear.raw[span][own[span]] for span in problem.spans]
-    if problem.main == 0:
-        return effective_samples(pieces)
-    times = [problem.t[span][own[span]] for span in problem.spans]
-    return effective_samples([_changes(t, r) for t, r in zip(times, pieces, strict=True) if len(t)])
-
-
-def _changes(t: Array, r: Array) -> Array:
-    """Changes of a residual over spans of CHANGE_S: (n,) [m, rad]."""
-    return array(np.diff(r[np.unique(np.searchsorted(t, np.arange(t[0], t[-1], CHANGE_S)))]))
+    return effective_samples([linear.r[span][own[span]] for span in problem.spans])
 
 
 def _rms(raw: Array) -> float:
