@@ -15,7 +15,8 @@ from hindrax_core.readings import Vec3
 from hindrax_core.signals import Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.assess.results import MotionResult
+from hindrax_ident.assess.quality import Evidence, Excitation, reasons_against
+from hindrax_ident.assess.results import Contribution, MotionResult
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Session
 
@@ -42,6 +43,26 @@ def honest(result: MotionResult) -> bool:
         if name in result.coefficients
     )
     return within or not result.identifiable
+
+
+def test_fewer_than_ten_samples_are_no_evidence() -> None:
+    def reasons(samples: float) -> list[str]:
+        evidence = Evidence(
+            k=SURGE[:2],
+            covariance=0.01 * np.eye(2),
+            excitation=Excitation(0.1, 0.5, 20.0, 0.1),
+            effective_samples=samples,
+            noise=0.01,
+            added_mass_sigmas=5.0,
+            converged=True,
+            validation=None,
+            drag_std=0.1,
+            largest=Contribution("noise of the record", 0.1, "fly longer"),
+        )
+        return reasons_against(evidence)
+
+    assert reasons(9.6) == ["9.6 independent samples, wanted 10"]
+    assert reasons(10.0) == []
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,7 +9,7 @@ from synthetic_runs import back_and_forth, fly
 from hindrax_core.vehicle import AxisGain, Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import GAIN, INFLUENCES, MEASURED_THRUST, MODEL, RUN, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import ALL, budget_of
+from hindrax_ident.assess.uncertainty_budget import ALL, _posterior, _prior, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
@@ -118,6 +118,17 @@ def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
         (told,) = replace(budget, mean=mean, covariance=covariance).warnings()
         assert words in told
     assert "59 times what a pool has" in told
+
+
+def test_a_loss_that_a_record_hardly_tells_is_never_greater_than_the_thrust() -> None:
+    # The thrust seems to rise by a factor of three: what no row knows looks like that in a short record.
+    far, spread = -22.0, 7.0
+    for name, is_loss in (("sag over the run", True), ("tether", False)):
+        (row,) = (one for one in INFLUENCES if one.name == name)
+        information = np.full((1, 1), spread**-2)
+        found = _posterior(information, far * information[0], _prior([(row, 1.0)], [slice(0, 1)]), None)
+        assert bool(found.mean[0] > -1.0) is is_loss
+        assert bool(found.covariance[0, 0] < 1.0) is is_loss
 
 
 @pytest.mark.parametrize(

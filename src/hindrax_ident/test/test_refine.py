@@ -95,7 +95,8 @@ def test_what_is_told_beforehand_has_an_error_too(vehicle: Vehicle, flight: Flig
     record = record_of(
         flight, 5, velocity=lambda t, v: v + np.convolve(white.standard_normal(len(t)), [0.01] * 4, "same")
     )
-    belief = wide_prior(vehicle, model).combined_with(0, SURGE[0], 0.02)
+    belief = wide_prior(vehicle, model)
+    belief.values[0], belief.sigmas[0] = SURGE[0], 0.02
     told = refine(model, record, SURGE, belief)
     assert told.covariance[0, 0] ** 0.5 == pytest.approx(0.02, rel=0.05)
 

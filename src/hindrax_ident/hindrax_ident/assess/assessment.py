@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -51,8 +50,6 @@ COUNTS = 0.01
 """Contribution, relative to the largest, below which a row of a budget is left out."""
 FLY_TWICE = "fly it for twice as long, or a second time"
 METHOD = "output-error"
-CONTRADICTION = 1e-4
-"""Significance level at which two values of one quantity contradict each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,31 +99,10 @@ def draft(
 
 
 def combine_drafts(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
-    """Drafts of all axes of a run, refitted with a common thruster noise and a common restoring moment."""
+    """Drafts of all axes of a run, refitted with a common thruster noise."""
     known = {axis: one.fit for axis, one in drafts.items() if len(one.record.effort)}
     better = {axis: reweighted(known[axis], noise, drafts[axis].belief) for axis, noise in common_noise(known).items()}
-    weighed = {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
-    return weighed | _with_common_stiffness({axis: one for axis, one in weighed.items() if one.fit.model.restores})
-
-
-def _with_common_stiffness(drafts: Mapping[int, DraftFit]) -> dict[int, DraftFit]:
-    """Roll and pitch share k_r, buoyancy times its height (Fossen 2011 eq. 4.6): refit each with that of the other.
-
-    Not where they contradict each other: then a lever or a thrust differs from the vehicle file.
-    """
-    at = -2
-    found = {axis: (float(one.fit.theta[at]), float(one.fit.covariance[at, at])) for axis, one in drafts.items()}
-    if len(found) < 2:
-        return {}
-    (value, variance), (other, its_variance) = found.values()
-    if (value - other) ** 2 > float(chdtri(1, CONTRADICTION)) * (variance + its_variance):
-        return {}
-    exchanged = dict(zip(found, reversed(found.values()), strict=True))
-    return {axis: replace(one, fit=_refit_with(one, at, *exchanged[axis])) for axis, one in drafts.items()}
-
-
-def _refit_with(drafted: DraftFit, index: int, value: float, variance: float) -> OutputErrorFit:
-    return reweighted(drafted.fit, drafted.fit.noise, drafted.belief.combined_with(index, value, math.sqrt(variance)))
+    return {axis: replace(one, fit=better.get(axis, one.fit)) for axis, one in drafts.items()}
 
 
 def assess(

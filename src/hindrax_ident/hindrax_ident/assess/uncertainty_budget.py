@@ -210,7 +210,9 @@ def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _
         near[row], loss[row] = influence.near, influence.loss
     size = np.stack([near, np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
-    return _Prior(array(usual), array(spread), np.stack([near > NEAR, near > 0.0]))
+    # What only ever takes thrust away cannot take more than there is: no tails.
+    great = loss == 0.0
+    return _Prior(array(usual), array(spread), np.stack([great & (near > NEAR), great & (near > 0.0)]))
 
 
 class _Prior(NamedTuple):

@@ -26,14 +26,6 @@ class Prior:
         """Inverse covariance: (p, p)."""
         return np.diag(1.0 / self.sigmas**2)
 
-    def combined_with(self, index: int, value: float, sigma: float) -> Prior:
-        """Prior after an independent measurement of one parameter."""
-        values, sigmas = self.values.copy(), self.sigmas.copy()
-        weight = np.array([1.0 / sigmas[index] ** 2, 1.0 / sigma**2])
-        values[index] = weight @ [values[index], value] / weight.sum()
-        sigmas[index] = weight.sum() ** -0.5
-        return Prior(values, sigmas)
-
 
 def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     """Prior from the size alone: drag coefficient 2 +- 30, total mass 1.8 +- 3 body masses.
