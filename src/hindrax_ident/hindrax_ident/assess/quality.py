@@ -187,7 +187,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
         ]
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
-        known = f"the drag at the highest speed is known to {share:.0%} only, wanted {FORCE_SHARE:.0%}"
+        known = f"the drag at the highest speed is known to {share:.1%} only, wanted {FORCE_SHARE:.0%}"
         out.append(f"{known}, the gain of the thrust left out; most by {largest.influence}: {largest.remedy}")
     out += _separation(evidence, force)
     out += _physics(evidence, force)
