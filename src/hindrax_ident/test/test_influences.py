@@ -107,6 +107,22 @@ def test_a_tether_turns_a_vehicle_that_turns(vehicle: Vehicle) -> None:
     assert any("tether" in warning for warning in budget_of(case).warnings())
 
 
+def test_thrusters_that_oppose_each_other_damp_by_inflow_however_little_they_push(flown: Case) -> None:
+    """The allocator holds idle thrusters against each other, out of their dead bands."""
+
+    def shift(case: Case) -> Array:
+        budget = budget_of(case)
+        at = budget.rows[[row.name for row in budget.influences].index("inflow loss")].start
+        return np.abs(budget.shifts[:, at])
+
+    times = flown.record.thrust.t
+    opposed = replace(flown.record, inflow=Series(times, np.full(len(times), 4.0 * 0.57**2 * 2.0**0.5)))
+    (_, before, *_), (k_q, k_l, *_) = shift(flown), shift(replace(flown, record=opposed))
+    top = flown.speed
+    assert k_l > 2.0 * before
+    assert k_l * top > 5.0 * k_q * top**2
+
+
 def test_what_is_far_beyond_any_pool_is_no_explanation(flown: Case) -> None:
     budget = budget_of(flown)
     names = [one.name for one in budget.influences]

@@ -14,7 +14,7 @@ from hindrax_core.signals import Attitude, Estimate, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.results import truth_of, with_truth
-from hindrax_ident.model.motion_model import Model, model_of, motions_of
+from hindrax_ident.model.motion_model import Model, model_of, motions_of, unit_wrench
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed
 from hindrax_ident.tuning import Tuning
@@ -57,6 +57,24 @@ def run(
 @pytest.fixture(scope="module")
 def surge(vehicle: Vehicle) -> list[Any]:
     return heard(vehicle, 0, plateau_s=6.0)
+
+
+def test_a_record_knows_what_each_thruster_did_unless_one_thrust_does_not_tell(
+    vehicle: Vehicle, surge: list[Any]
+) -> None:
+    forces = tuple(float(n) for n in range(-4, 4))
+
+    def told(first: tuple[float, ...]) -> list[Any]:
+        thrusts = [one for one in surge if isinstance(one.reading, Thrust)]
+        parts = {id(one): Thrust(one.reading.wrench, forces if one is not thrusts[0] else first) for one in thrusts}
+        return [Stamped(one.stamp, parts.get(id(one), one.reading)) for one in surge]
+
+    record = run(vehicle, told(forces))[0].finalize().assessments[0].record
+    ahead = np.array([unit_wrench(vehicle, one)[0] for one in vehicle.thrusters])
+    assert record.effort.y == pytest.approx(float(np.sum((ahead * forces) ** 2)))
+    assert record.inflow.y == pytest.approx(float(np.sum(ahead**2 * np.sqrt(np.abs(forces)))))
+    unknown = run(vehicle, told(()))[0].finalize().assessments[0].record
+    assert len(unknown.effort) == len(unknown.inflow) == 0
 
 
 @pytest.mark.parametrize("axis", range(6), ids=NAMES)

@@ -95,6 +95,23 @@ class Case:
         return LaggedThrust(self.record.thrust.t, self.record.thrust.y, self.record.lag_s).force(self._thrust_s)
 
     @cached_property
+    def inflow(self) -> Array:
+        """What inflow takes thrust by, after the lag: (n,) [N^0.5, N^0.5 m^2]; as a rule where no record tells it.
+
+        Then each thruster has its share of the thrust, and some hold the net buoyancy in every motion.
+        """
+        told, vehicle = self.record.inflow, self.vehicle
+        if len(told):
+            return LaggedThrust(told.t, told.y, self.record.lag_s).force(self._thrust_s)
+        held_N = 0.0 if self.axis == HEAVE else vehicle.net_buoyancy_N
+        holding = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
+        out = np.zeros(len(self.v))
+        for index, (per_newton, share) in thrust_shares(vehicle, self.axis).items():
+            _, hold = holding.get(index, (0.0, 0.0))
+            out += per_newton**2 * np.sqrt(np.abs(share * self.thrust + hold * held_N))
+        return array(out)
+
+    @cached_property
     def speed(self) -> float:
         """Highest speed: 98th percentile [m/s, rad/s]."""
         return _highest(self.v)
@@ -239,18 +256,13 @@ def _root(covariance: Array) -> Array:
 def _inflow(case: Case) -> Array:
     """Thrust lost to water that already moves along: T = T_nn n|n| - T_nu |n| u, Fossen 2011 eq. 9.8.
 
-    A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust. The
-    thrusters that push against the net buoyancy do so in every motion.
+    A unit loses all of 10 N at 0.5 m/s along the thruster; a vehicle without thrusters, of its largest thrust.
     """
-    lost, vehicle = np.zeros(len(case.v)), case.vehicle
-    held_N = 0.0 if case.axis == HEAVE else vehicle.net_buoyancy_N
-    holding = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
-    for index, (per_newton, share) in thrust_shares(vehicle, case.axis).items():
-        reference_N = INFLOW_N if vehicle.thrusters else abs(share) * case.pull
-        _, hold = holding.get(index, (0.0, 0.0))
-        force = np.abs(share * case.thrust + hold * held_N)
-        lost += per_newton**2 * np.sqrt(force * reference_N) * case.v / INFLOW_mps
-    return case.of_force(array(-lost))
+    reference_N = INFLOW_N
+    if not case.vehicle.thrusters:
+        ((_, share),) = thrust_shares(case.vehicle, case.axis).values()
+        reference_N = abs(share) * case.pull
+    return case.of_force(array(-math.sqrt(reference_N) * case.inflow * case.v / INFLOW_mps))
 
 
 def _coasts(case: Case) -> bool:

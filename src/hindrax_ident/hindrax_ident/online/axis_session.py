@@ -43,8 +43,8 @@ class AxisSession:
         self._positions: dict[str, list[tuple[float, float]]] = {}
         self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
         self._thrusts: list[tuple[float, float]] = []
-        self._efforts: list[tuple[float, float]] = []
-        self._efforts_known = bool(vehicle.thrusters)
+        self._forces: list[tuple[float, ...]] = []
+        """Of all thrusters, one entry for each thrust."""
         self._hydrostatics: list[tuple[float, float]] = []
         self._other_velocities: list[tuple[float, ...]] = []
         self._others: tuple[float, ...] = ZERO6
@@ -57,15 +57,20 @@ class AxisSession:
         """Thrust commanded from this time on."""
         force = thrust.wrench[self.model.axis]
         self._thrusts.append((t_s, force))
-        self._efforts.append((t_s, self._effort(thrust.forces_N)))
+        self._forces.append(thrust.forces_N)
         self.estimator.thrust(t_s, force)
 
-    def _effort(self, forces_N: tuple[float, ...]) -> float:
-        """Sum of the squared contributions of all thrusters: thrusters that oppose each other are unsteady too."""
-        if len(forces_N) != len(self._per_newton):
-            self._efforts_known = False
-            return 0.0
-        return sum((share * force) ** 2 for share, force in zip(self._per_newton, forces_N, strict=True))
+    def _of_forces(self) -> tuple[Series, Series]:
+        """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""
+        known = {len(one) for one in self._forces} == {len(self._per_newton)} and bool(self._per_newton)
+        if not known:
+            return series([]), series([])
+        share, forces = np.array(self._per_newton), np.array(self._forces)
+        times = [t for t, _ in self._thrusts]
+        # Thrusters that oppose each other are unsteady too, and lose thrust too.
+        effort, inflow = (share * forces) ** 2, share**2 * np.sqrt(np.abs(forces))
+        first, second = (series(list(zip(times, one.sum(axis=1).tolist(), strict=True))) for one in (effort, inflow))
+        return first, second
 
     def motion(self, t_s: float, nu: Vec6, masses: Masses) -> None:
         """Velocities of all axes from this time on, and the present estimates of the masses (see `coriolis`)."""
@@ -162,10 +167,12 @@ class AxisSession:
         velocity = series(velocities)
         moved_s, *nu = np.array(self._other_velocities or [(0.0,) * 7]).T
         position = series(self._positions.get(self._depth_source.name or "attitude", []))
+        effort, inflow = self._of_forces()
         return Record(
             velocity=velocity,
             thrust=series(self._thrusts),
-            effort=series(self._efforts if self._efforts_known else []),
+            effort=effort,
+            inflow=inflow,
             stretches=stretches,
             known=series(self._hydrostatics),
             coriolis=Series(moved_s, coriolis(self.model.axis, masses.values, nu)),

@@ -54,7 +54,8 @@ class Record:
     `thrust` is the commanded thrust, `known` the hydrostatic force, `coriolis` that due to motion along other axes,
     `coriolis_errors` its errors (see `model.coriolis.coriolis_errors`); all hold until their next sample. `position` is
     the depth [m] in heave, the angle [rad] in roll and pitch, empty elsewhere. `effort` is the sum of the squared
-    contributions of all thrusters on the axis [N^2, N^2 m^2]; it holds like thrust, and is empty where unknown.
+    contributions of all thrusters on the axis [N^2, N^2 m^2], `inflow` that of the squared wrench per newton times the
+    root of the force [N^0.5, N^0.5 m^2]; they hold like thrust, and are empty where unknown.
     """
 
     velocity: Series
@@ -65,6 +66,7 @@ class Record:
     coriolis_errors: tuple[Series, ...] = ()
     position: Series = Series(EMPTY, EMPTY)
     effort: Series = Series(EMPTY, EMPTY)
+    inflow: Series = Series(EMPTY, EMPTY)
     lag_s: float = 0.0
     plateaus: tuple[Stretch, ...] = ()
     latency_s: float = 0.0
