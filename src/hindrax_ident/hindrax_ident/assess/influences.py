@@ -436,7 +436,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=0.05, loss=True,
+        considered=True, shown=_coasts, near=0.25, loss=True,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,
