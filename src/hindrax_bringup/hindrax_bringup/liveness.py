@@ -114,9 +114,10 @@ def pulses(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
 
 
 def heard_armed(folder: Path, pid: int) -> bool:
-    """Whether the safety monitor of a stack hears armed thrusters; an armed vehicle says so fifty times a second."""
+    """Whether the safety monitor of a stack hears armed thrusters; one that is late or frozen hears nothing."""
     with contextlib.suppress(OSError, ValueError):
-        return bool(json.loads((folder / f"{pid}{NODES}").read_text(encoding="utf-8"))["armed"])
+        beat = json.loads((folder / f"{pid}{NODES}").read_text(encoding="utf-8"))
+        return bool(beat["armed"]) and time.monotonic() - beat["at_s"] <= LATE_S
     return False
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from hindrax_bag.bag_index import is_whole
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import NODES, LivenessFile, heard_armed
+from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, heard_armed
 from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier
 from hindrax_ros.stack_time import StackTime, epoch_ns
 
@@ -72,3 +73,13 @@ def test_whether_a_stack_is_armed_is_heard_from_its_safety_monitor(tmp_path: Pat
         pulse.beat("nodes", {}, armed=armed)
         assert heard_armed(tmp_path, 7) is armed
         pulse.close()
+
+
+def test_a_frozen_safety_monitor_hears_no_armed_thrusters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A step back of the clock freezes it in a wait of the middleware, with "armed" as its last word.
+    file = tmp_path / f"7{NODES}"
+    LivenessFile(file).beat("nodes", {}, armed=True)
+    said_s = json.loads(file.read_text(encoding="utf-8"))["at_s"]
+    for age_s, heard in ((LATE_S - 0.1, True), (LATE_S + 0.1, False)):
+        monkeypatch.setattr("hindrax_bringup.liveness.time.monotonic", lambda age_s=age_s: said_s + age_s)
+        assert heard_armed(tmp_path, 7) is heard
