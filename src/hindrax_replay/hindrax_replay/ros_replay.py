@@ -110,9 +110,8 @@ def _wait(wires: SupervisedProcess, supervisor: Supervisor, folder: RunFolder, s
         if time.monotonic() > deadline:
             raise HindraxError(f"the replay has not ended within {seconds:.0f} s; read {folder.logs}")
         time.sleep(0.2)
-        wires_code = wires.handle.poll()
-        if wires_code is None:
-            supervisor.check()
-            supervisor.require()
+        supervisor.check()
+        # The record may have come to its end since it was asked above: that is no process that is missing.
+        supervisor.require(wires.process.name)
     if wires.handle.returncode:
         raise HindraxError(f"the replayed wires ended; {last_words(folder.logs / 'replay.log')}")

@@ -1,0 +1,45 @@
+"""Recorded wires among real processes: what counts as their end."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.processes import REPLAY
+from hindrax_bringup.supervisor import SupervisedProcess, Supervisor
+from hindrax_core.errors import HindraxError
+from hindrax_replay.ros_replay import _wait
+
+
+class EndsAtTheSecondLook:
+    """A process that ends between two looks, with this code."""
+
+    def __init__(self, code: int) -> None:
+        self.code, self.looks = code, 0
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        self.looks += 1
+        self.returncode = self.code if self.looks > 1 else None
+        return self.returncode
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_record_at_its_end_is_no_process_that_is_missing(tmp_path: Path, code: int) -> None:
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs/replay.log").write_text("no such bag\n", encoding="utf-8")
+    handle = cast("Any", EndsAtTheSecondLook(code))
+    wires = SupervisedProcess(REPLAY, (), handle, tmp_path / "heartbeat", time.monotonic())
+    supervisor = Supervisor(tmp_path / "logs", {})
+    supervisor.children["replay"] = wires
+    folder = RunFolder(tmp_path)
+    if code == 0:
+        _wait(wires, supervisor, folder, 60.0)
+        assert wires.ended, "the supervisor saw it first"
+    else:
+        with pytest.raises(HindraxError, match=r"the replayed wires ended; .*no such bag"):
+            _wait(wires, supervisor, folder, 60.0)
