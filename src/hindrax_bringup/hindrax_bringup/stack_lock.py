@@ -69,7 +69,13 @@ class StackLock:
 
 
 def runtime_folder() -> Path:
-    """Folder of files that exist only while a tool runs, private to this user."""
+    """Folder of files that exist only while a tool runs, private to this user; made if it is not there."""
+    runtime_place().mkdir(mode=0o700, parents=True, exist_ok=True)
+    return runtime_place()
+
+
+def runtime_place() -> Path:
+    """Where that folder is, for who only looks. systemd takes that of a service away while the service restarts."""
     named = os.environ.get(FOLDER)
     session = os.environ.get("XDG_RUNTIME_DIR", "")
     if named:
@@ -78,9 +84,9 @@ def runtime_folder() -> Path:
         folder = Path(session) / "hindrax"
     else:
         folder = Path(f"/tmp/hindrax-{os.getuid()}")  # noqa: S108  # per user, and not readable by others
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if folder.stat().st_uid != os.getuid():
-        raise UsageError(f"{folder}: belongs to another user; name a folder of your own in {FOLDER}")
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        if folder.stat().st_uid != os.getuid():
+            raise UsageError(f"{folder}: belongs to another user; name a folder of your own in {FOLDER}")
     return folder
 
 
@@ -115,11 +121,7 @@ def locked(path: Path, document: Mapping[str, object]) -> IO[str]:
 
 def stacks() -> list[StackLock]:
     """Every stack of this user that runs now, the oldest first."""
-    try:
-        folder = runtime_folder()
-    except OSError:  # systemd takes the folder of a service away while it restarts, and nobody else may make it
-        return []
-    files = sorted(folder.glob("*.json"), key=_written_s)
+    files = sorted(runtime_place().glob("*.json"), key=_written_s)
     return [found for path in files if (found := _read(path)) is not None]
 
 

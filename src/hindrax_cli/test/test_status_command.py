@@ -56,6 +56,13 @@ def test_nothing_that_runs_is_said_in_one_line(capsys: pytest.CaptureFixture[str
     assert listed(capsys) == []
 
 
+def test_a_folder_that_is_away_while_the_service_restarts_holds_no_stack(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, "/dev/null/hindrax")
+    assert listed(capsys) == []
+
+
 def test_a_pool_test_says_itself_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
     with pulse() as beating, announced(FLYING):
         beating.beat("pool-test surge in mock: armed", {"dvl75": "no bottom lock"})

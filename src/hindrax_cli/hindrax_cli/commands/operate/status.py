@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.liveness import NOBODY, pulses
-from hindrax_bringup.stack_lock import StackLock, runtime_folder, stacks
+from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """List what is announced here, and the tools that still wait for something."""
     now_s = time.monotonic()
-    felt, found = pulses(runtime_folder(), now_s), stacks()
+    felt, found = pulses(runtime_place(), now_s), stacks()
     rows = [_status(one, felt.get(one.pid), now_s) for one in found]
     known = {one.pid for one in found}
     rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in felt.items() if pid not in known]
