@@ -167,7 +167,8 @@ class ThrustersNode(DeviceNode):
         self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
 
     def _on_arm(self, request: Any, response: Any) -> Any:
-        self._look_for_commanders()  # who disturbed may have gone, and nobody have commanded since
+        if request.arm:  # who disturbed may have gone, and nobody have commanded since
+            self._look_for_commanders()
         asked = Request(stamp_from_msg(request.stamp), request.sequence, request.reason)
         future = self._thread.arm(asked) if request.arm else self._thread.disarm(asked)
         try:
