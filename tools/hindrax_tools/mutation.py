@@ -33,6 +33,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
 }  # fmt: skip
 DROPPED = (ast.Not, ast.USub)
+DECLARES = "knob"
+"""Declares a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
 LONGEST_S = 60
 """A mutant that keeps its tests busy for longer is killed, and counts as killed."""
 
@@ -59,6 +61,8 @@ class _Mutate(ast.NodeTransformer):
             if isinstance(node, ast.FunctionDef):
                 node.args = self.visit(node.args)  # type: ignore[assignment]  # arguments stay arguments
             node.body = [docstring, *self._all(node.body)]
+            return node
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == DECLARES:
             return node
         if isinstance(node, ast.AnnAssign | ast.arg):  # annotations are no code
             if isinstance(node, ast.AnnAssign) and node.value is not None:

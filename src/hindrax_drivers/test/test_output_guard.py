@@ -216,6 +216,26 @@ def test_requests_with_a_stamp_go_on_after_one_without() -> None:
     assert guard.arm(state, Request(at(3.1), 9), at(3.1))[1].accepted
 
 
+@pytest.mark.parametrize(("before", "later", "accepted"), [(7, 6, False), (7, 7, False), (7, 8, True), (None, 1, True)])
+def test_a_request_without_a_stamp_leaves_the_order_of_the_others(
+    before: int | None, later: int, accepted: bool
+) -> None:
+    guard = numbered(471_100)
+    state = guard.start(at(0.0))
+    if before is not None:
+        state, _ = guard.disarm(state, Request(at(0.1), before), at(0.1))
+    state, _ = from_terminal(guard, state, 0, 1.0)
+    state, _ = from_terminal(guard, state, 471_100, 2.0)
+    assert guard.arm(state, Request(at(2.1), later), at(2.1))[1].accepted is accepted
+
+
+def test_an_older_disarm_leaves_the_order_of_the_requests() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 10), at(0.0))
+    state, _ = GUARD.disarm(state, Request(at(0.1), 3), at(0.1))
+    _, answer = GUARD.arm(state, Request(at(0.2), 5), at(0.2))
+    assert answer.reason == "request 5 is not newer than 10, the last one; ask again"
+
+
 def test_numbers_have_six_digits() -> None:
     assert all(100_000 <= GUARD.fresh_number() <= 999_999 for _ in range(100))
 
@@ -296,6 +316,8 @@ def test_neutral_is_repeated() -> None:
         (command(8.1, 99, (float("nan"), *FULL[1:])), 8.1, "not a pulse"),
         (command(8.1, 99, (float("inf"), *FULL[1:])), 8.1, "not a pulse"),
         (command(8.1, 99, (0.0, *FULL[1:])), 8.1, "not a pulse"),
+        (command(8.1, 99, (499.9, *FULL[1:])), 8.1, "not a pulse"),
+        (command(8.1, 99, (2500.1, *FULL[1:])), 8.1, "not a pulse"),
         (command(8.1, 99, FULL, (1500.0, 65535.0)), 8.1, "not a pulse"),
     ],
 )
@@ -340,6 +362,27 @@ def test_pulses_are_clipped_and_slewed() -> None:
     for turn in range(2, 10):
         state, pulses = say(state, command(8.0 + turn * 0.02, 80 + turn, wanted), 8.0 + turn * 0.02)
     assert pulses.thrusters[:4] == (1900.0, 1100.0, 1600.0, 1500.0)
+
+
+def test_after_neutral_pulses_begin_with_the_time_since_then() -> None:
+    state, _ = say(armed(FULL), command(8.1, 81), 8.1)
+    state, tripped = GUARD.tick(state, at(8.5))
+    assert tripped == GUARD.neutral
+    _, pulses = say(state, command(8.51, 82), 8.51)
+    assert pulses.thrusters == pytest.approx((1540.0,) * 8)
+
+
+def test_a_repetition_is_no_movement() -> None:
+    state, repeated = GUARD.tick(armed(), at(8.09))
+    assert repeated == replace(GUARD.neutral, sequence=80)
+    _, pulses = say(state, command(8.1, 81), 8.1)
+    assert pulses.thrusters == pytest.approx((1860.0,) * 8)
+
+
+def test_the_first_command_of_all_after_the_arming_time_begins_at_neutral() -> None:
+    state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
+    state, pulses = say(state, command(7.1, 1), 7.1)
+    assert (state.phase, pulses.thrusters) == (Phase.ARMED, NEUTRAL)
 
 
 def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() -> None:
