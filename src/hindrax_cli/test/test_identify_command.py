@@ -356,6 +356,8 @@ def test_the_gain_of_a_wrench_is_never_taken_as_exact(
     record = as_csv(tmp_path / "a.csv", *flown(gain=1.15, end_s=60.0))
     document = identified(capsys, record, "--vehicle", small, *words)
     k_q = document["motions"]["surge"]["k_q"]
+    budget = document["motions"]["surge"]["budget"]["k_q"]
+    assert budget["gain of the wrench"] == pytest.approx(share * k_q["value"], rel=0.1)
     # The rest is what thrusters lose in water that is near the model.
     assert 0.95 < k_q["std_calibrated"] / math.hypot(k_q["std"], share * k_q["value"]) < 1.3
     assert any("--gain-sigma" in one for one in document["assumptions"])

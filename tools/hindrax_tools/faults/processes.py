@@ -43,6 +43,8 @@ LIE_PERIOD_s = 0.02
 RESET = Write(0x00, b"\x06")
 """Software reset of every chip on the bus (NXP PCA9685 rev. 4, section 7.6): what a brown-out does."""
 ABSENT_EVERY_S, ABSENT_S = 30.0, 2.0
+CLEAR_S = 3.0
+"""Time from the beginning of such a fault until one may arm and fly towards the next."""
 ABSENCES = tuple(f"absent:thrusters@{ABSENT_EVERY_S * number:g}+{ABSENT_S:g}" for number in range(1, 60))
 """A chip cannot be pulled out from another process: the mock does it again and again, for so long."""
 SOON_S, AFTER_S, PATIENT_S = 1.0, 3.0, 180.0
@@ -251,7 +253,7 @@ class FaultyStack:
         self.believed.clear()
         self.wait(lambda: bool(self._read()), "the mock")
         if row.by_mock:  # what it does now must not come before there is thrust
-            self.wait(lambda: ABSENT_S < self.since_absence_s(self._now_s) - 1.0 < ABSENT_S + 2.0, "the mock's fault")
+            self.wait(lambda: CLEAR_S < self.since_absence_s(self._now_s) < CLEAR_S + ABSENT_S, "the mock's fault")
         assert self.last is not None
         seen = _Seen(self, row, mode, random.Random(f"{row} {mode} {seed}").uniform(0.0, SOON_S))  # noqa: S311  # no secret
         try:

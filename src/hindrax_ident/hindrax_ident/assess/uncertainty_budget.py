@@ -210,9 +210,9 @@ def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _
         near[row], loss[row] = influence.near, influence.loss
     size = np.stack([near, np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
-    # What only ever takes thrust away cannot take more than there is: no tails.
-    great = loss == 0.0
-    return _Prior(array(usual), array(spread), np.stack([great & (near > NEAR), great & (near > 0.0)]))
+    # What acts one way only cannot take more than there is: no tails.
+    both_ways = loss == 0.0
+    return _Prior(array(usual), array(spread), np.stack([both_ways & (near > NEAR), both_ways & (near > 0.0)]))
 
 
 class _Prior(NamedTuple):
