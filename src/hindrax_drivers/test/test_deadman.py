@@ -67,7 +67,7 @@ class Child(WatchedProcess):
     def __init__(self, code: int, lived_s: float = 0.0, *, ends: bool = True) -> None:
         super().__init__(self, 0, 0, born_s=time.monotonic() - lived_s)  # type: ignore[arg-type]  # its own process
         self.code, self.ends = code, ends
-        self.killed = self.asked = 0
+        self.killed = self.asked = self.reassured = 0
         self.turns_left = 5
 
     def kill(self) -> None:
@@ -83,7 +83,7 @@ class Child(WatchedProcess):
         return not self.ends and self.turns_left > 0
 
     def reassure(self, now_s: float) -> None:
-        del now_s
+        self.reassured += now_s > 0.0
 
     def reap(self) -> int:
         return self.code
@@ -154,6 +154,13 @@ def test_silence_begins_a_moment_after_the_last_beat_and_at_once_when_the_clock_
     assert child.silent_from(NOW) == NOW + stamp_from_s(SILENT_S)
     child.beaten_at = Stamp(NOW + 1)
     assert child.silent_from(NOW) == NOW
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_an_order_to_end(man: DeadMan, number: signal.Signals) -> None:
+    assert man._asked_s is None
+    signal.raise_signal(number)
+    assert man._asked_s is not None
 
 
 def test_an_order_to_end_goes_to_the_child_once_and_neutral_is_last(
@@ -432,6 +439,7 @@ def test_a_silent_child_has_neutral_written_in_its_place_and_a_beating_one_has_n
     man._watch(child)
     assert neutral.writes == 1, "only at its end"
     assert waited == [SILENT_S] * 3
+    assert child.reassured == 3, "it knows in every turn that somebody watches"
     silent = Child(0, ends=False)
     silent.asked, silent.turns_left = 1, 4
     man._watch(silent)

@@ -56,6 +56,7 @@ def test_starts_disarmed_with_neutral_due_at_once() -> None:
     assert GUARD.due(state) <= at(0.0)
     state, pulses = GUARD.tick(state, at(0.0))
     assert pulses == Pulses(NEUTRAL, (1100.0, 1100.0))
+    assert pulses.all_us == (*NEUTRAL, 1100.0, 1100.0)
     assert (state.phase, state.reason) == (Phase.DISARMED, "not armed since start")
 
 
@@ -242,6 +243,8 @@ def test_numbers_have_six_digits() -> None:
 
 def test_a_console_that_starts_again_may_arm_after_a_second() -> None:
     state, _ = GUARD.disarm(armed(), Request(at(8.0), 7), at(8.0))
+    _, answer = GUARD.arm(state, Request(at(8.5), 6), at(8.5))
+    assert not answer.accepted
     _, answer = GUARD.arm(state, Request(at(9.0), 1), at(9.0))
     assert not answer.accepted
     _, answer = GUARD.arm(state, Request(at(9.1), 1), at(9.1))
@@ -397,6 +400,14 @@ def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() 
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
     assert (state.phase, state.reason) == (Phase.DISARMED, "output is back after: bus is stuck")
+
+
+def test_a_write_that_fails_once_does_not_put_off_the_end_by_silence() -> None:
+    state = GUARD.written(GUARD.failed(armed(), "no acknowledge", at(10.0)))
+    state, _ = GUARD.tick(state, at(12.9))
+    assert state.phase is Phase.ARMED
+    state, _ = GUARD.tick(state, at(13.1))
+    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
 
 
 def test_a_write_that_fails_while_arming_starts_the_neutral_time_again() -> None:
