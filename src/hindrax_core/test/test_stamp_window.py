@@ -82,3 +82,4 @@ def test_it_lets_through_exactly_what_lies_within(stamp: int, now: int, oldest_s
 @pytest.mark.parametrize(("stamp", "fits"), [(0, True), (LAST, True), (-1, False), (LAST + 1, False)])
 def test_a_measurement_s_stamp_is_one_that_a_message_can_carry(stamp: int, fits: bool) -> None:
     assert (impossible(Stamp(stamp)) == "") is fits
+    assert stamp_from_s(2_147_483_647) == LAST, "int32 of builtin_interfaces/Time"

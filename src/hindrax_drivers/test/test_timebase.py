@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
+from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs, _slope_under
 
 START = 1_700_000_000 * NS_PER_S
 MS = 1_000_000
@@ -140,13 +140,16 @@ def test_time_the_device_lost_is_found_within_two_seconds() -> None:
     assert told[0].shift_s == pytest.approx(-30.0, abs=1e-3)
 
 
-def test_a_backlog_is_not_taken_for_lost_time() -> None:
+def test_backlogs_are_not_taken_for_lost_time() -> None:
     told: list[Break] = []
     base = Timebase(1e-6, on_break=told.append)
     for index in range(400):
         due = START + index * 100 * MS
-        held = START + 23_000 * MS if 200 <= index <= 230 else due
-        assert base.map(index * 100_000, Stamp(held)) == due
+        arrival = due
+        for begin in (200, 300):
+            if begin <= index <= begin + 30:
+                arrival = START + (begin + 30) * 100 * MS
+        assert base.map(index * 100_000, Stamp(arrival)) == due
     assert told == []
 
 
@@ -162,10 +165,48 @@ def test_a_wrap_goes_on_as_if_nothing_were() -> None:
 def test_a_reset_after_a_wrap_is_one_reset_told_in_the_counts_of_the_device() -> None:
     told: list[Break] = []
     base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
-    for index in range(1000):
+    for index in range(1600):
         since = index if index < 800 else index - 800
         assert base.map(since * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
-    assert [(one.kind, one.ticks) for one in told] == [("wrap", 65_600), ("reset", 0)]
+    assert [(one.kind, one.ticks) for one in told] == [("wrap", 65_600), ("reset", 0), ("wrap", 65_600)]
+
+
+def test_a_leap_after_a_wrap_is_one_leap() -> None:
+    told: list[Break] = []
+    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
+    for index in range(1000):
+        leap = 20_000 if index >= 800 else 0
+        stamp = base.map((index * 100 + leap) % (1 << 16), Stamp(START + index * 100 * MS))
+        assert stamp == START + index * 100 * MS
+    assert [one.kind for one in told] == ["wrap", "jump"]
+
+
+def test_lateness_before_a_reset_does_not_count_after_it() -> None:
+    told: list[Break] = []
+    base = Timebase(1e-6, on_break=told.append)
+    for index in range(200):
+        base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
+    base.map(21_000_000, Stamp(START + 21_000 * MS))  # a second late
+    for index in range(100):
+        held = 1 <= index < 6
+        due = START + 22_000 * MS + index * 100 * MS
+        arrival = START + 22_600 * MS if held else due
+        assert base.map(1_000 + index * 100_000, Stamp(arrival)) == due
+    assert [one.kind for one in told] == ["reset"]
+
+
+@pytest.mark.parametrize(
+    ("points", "slope"),
+    [
+        ([(5.0, 7.0)], 0.0),
+        ([(10.0, 3.0), (11.0, 9.0), (12.0, 4.0)], 0.5),
+        ([(10.0, 0.0), (11.0, 1.0), (12.0, 4.0)], 1.0),
+        ([(10.0, 0.0), (11.0, -1.0), (12.0, 5.0), (13.0, 4.0)], 2.5),
+        ([(10.0, 8.0), (11.0, 2.0), (12.0, 2.5), (13.0, 0.0)], -1.0),
+    ],
+)
+def test_the_rate_is_that_of_the_lower_hull_below_the_middle(points: list[tuple[float, float]], slope: float) -> None:
+    assert _slope_under(points) == pytest.approx(slope)
 
 
 def test_a_host_clock_set_back_is_told() -> None:

@@ -66,6 +66,14 @@ def test_residual_variance_is_that_of_equation_8() -> None:
     assert np.sqrt(np.diag(rls.covariance)) == pytest.approx(expected, rel=1e-6)
 
 
+def test_residual_variance_needs_more_samples_than_parameters() -> None:
+    rls = Rls([0.0] * 3, [1e6] * 3)
+    for samples, v in enumerate((0.1, -0.2, 0.3, 0.4)):
+        assert math.isnan(rls.variance), f"after {samples} samples"
+        rls.update(regressor(v), force(v))
+    assert math.isfinite(rls.variance)
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_order_of_the_samples_does_not_matter(seed: int) -> None:
