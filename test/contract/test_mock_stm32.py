@@ -11,7 +11,7 @@ import pytest
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
@@ -84,7 +84,7 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
         assert answer.result().accepted
         until(lambda: mock.hardware.output.pulses_us()[:8] == MOVING, "pulses")
         assert ears.last is not None
-        assert ears.last.phase is Phase.ARMED
+        assert ears.last.phase is ArmingPhase.ARMED
         thread.light((1.0, 0.0))
         until(lambda: mock.hardware.output.pulses_us()[8:10] == (1900.0, 1100.0), "light")
         speed = mock.hardware.world.velocity_mps(mock.hardware.world.mounting(vehicle.sensors["dvl75"]))

@@ -11,7 +11,7 @@ from register_rig import START, Rig, identities, readings, reasons
 from hindrax_core.bus_operations import Write
 from hindrax_core.events import seconds_between
 from hindrax_core.readings import Pressure
-from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs, depth_m
+from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs
 from hindrax_sim.devices.ms5837 import PROM_30BA_BARE, NOISE_Pa, WaterTruth
 from hindrax_sim.devices.ms5837 import Ms5837 as Emulator
 
@@ -92,10 +92,10 @@ def test_the_bus_is_free_for_others_while_it_converts() -> None:
     assert min(waits) >= 9_020_000
 
 
-def test_depth_is_measured_from_the_tare() -> None:
-    outputs = readings(rig(WaterTruth(101_325.0 + 0.9 * 997.0 * 9.80665)).run(0.3), Pressure)
-    assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0) == pytest.approx(0.9, abs=0.003)
-    assert depth_m(outputs[-1].reading.pressure_Pa, 101_325.0, 1029.0) == pytest.approx(0.9 * 997 / 1029, abs=0.003)
+def test_the_pressure_of_a_depth_is_right_to_three_millimeters() -> None:
+    deep_Pa = 101_325.0 + 0.9 * 997.0 * 9.80665
+    outputs = readings(rig(WaterTruth(deep_Pa)).run(0.3), Pressure)
+    assert outputs[-1].reading.pressure_Pa == pytest.approx(deep_Pa, abs=0.003 * 997.0 * 9.80665)
 
 
 def refusals(before: WaterTruth, then: WaterTruth, knobs: Ms5837Knobs) -> list[str]:

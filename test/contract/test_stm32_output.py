@@ -10,7 +10,7 @@ from hindrax_core.events import Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_core.readings import Battery
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
@@ -84,7 +84,7 @@ class Bench:
         pass
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> ArmingPhase:
         return self.told[-1].phase
 
     def wire(self) -> tuple[float | None, ...]:
@@ -113,10 +113,10 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_a_flight_from_boot_to_the_end(bench: Bench) -> None:
     bench.run(0.5)
-    assert bench.phase is Phase.DISARMED
+    assert bench.phase is ArmingPhase.DISARMED
     bench.arm()
     bench.run(7.5)
-    assert bench.phase is Phase.ARMED
+    assert bench.phase is ArmingPhase.ARMED
     assert bench.wire() == MOVING
     assert bench.told[-1].pulses_us == MOVING
     bench.host.disarm(Request(bench.time, 10_000))
@@ -131,7 +131,7 @@ def test_a_board_that_refuses_to_arm_disarms_the_guard_with_its_reason(bench: Be
     bench.run(6.0)
     bench.board.power_cycle(to_s(bench.time))
     bench.run(2.0)
-    assert bench.phase is Phase.DISARMED
+    assert bench.phase is ArmingPhase.DISARMED
     assert "neutral for" in bench.told[-1].reason
     assert bench.wire() == NEUTRAL
 
@@ -142,7 +142,7 @@ def test_a_board_that_resets_in_flight_disarms_the_guard(bench: Bench) -> None:
     bench.run(7.5)
     bench.board.power_cycle(to_s(bench.time))
     bench.run(1.5)
-    assert (bench.phase, bench.told[-1].reason) == (Phase.DISARMED, "the board has disarmed itself")
+    assert (bench.phase, bench.told[-1].reason) == (ArmingPhase.DISARMED, "the board has disarmed itself")
     assert bench.wire() == NEUTRAL
 
 
@@ -150,17 +150,17 @@ def test_a_port_that_goes_away_is_faulted_and_found_again(bench: Bench, tmp_path
     bench.run(0.5)
     bench.unplug()
     bench.run(1.0)
-    assert bench.phase is Phase.FAULTED
+    assert bench.phase is ArmingPhase.FAULTED
     assert any("no such port" in text or "lost" in text for text in bench.troubles)
     bench.pty = Pty(tmp_path / "stm32")
     bench.run(3.0)
-    assert bench.phase is Phase.DISARMED
+    assert bench.phase is ArmingPhase.DISARMED
 
 
 def test_a_port_without_a_board_says_so(bench: Bench) -> None:
     bench.board.disguise(True)
     bench.run(4.0)
-    assert bench.phase is Phase.FAULTED
+    assert bench.phase is ArmingPhase.FAULTED
     assert "no MAVLink heartbeat within 3 s" in bench.told[-1].reason
 
 

@@ -9,7 +9,15 @@ import pytest
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_drivers.devices.pca9685 import Pca9685
-from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_guard import (
+    Answer,
+    ArmingPhase,
+    Command,
+    OutputGuard,
+    OutputGuardKnobs,
+    Refusal,
+    Request,
+)
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
@@ -79,7 +87,7 @@ class Flight:
         pass
 
     @property
-    def phase(self) -> Phase:
+    def phase(self) -> ArmingPhase:
         return self.told[-1].phase
 
     def wire(self) -> tuple[float | None, ...]:
@@ -107,7 +115,7 @@ class Flight:
         self.run(0.1)
         assert self.arm().accepted
         self.run(0.8)
-        assert self.phase is Phase.ARMED
+        assert self.phase is ArmingPhase.ARMED
         assert self.wire() == pytest.approx(self.driver.applied(MOVING))
         return self
 
@@ -129,7 +137,7 @@ def test_silence_is_neutral_on_the_wire_in_the_time_promised_and_stays_so() -> N
     changes = [change for change in flight.chip.changes if change.now_s > 100.0 + last_s + 1e-6]
     assert [change.pulses_us[:8] for change in changes] == [flight.neutral()]
     assert changes[0].now_s - 100.0 - last_s <= KNOBS.silence_s
-    assert flight.phase is Phase.DISARMED
+    assert flight.phase is ArmingPhase.DISARMED
 
 
 def test_neutral_is_repeated_at_ten_hertz_or_more() -> None:
@@ -190,8 +198,8 @@ def test_a_fault_is_survived_and_nobody_is_armed_by_it(fault: str) -> None:
     flight.run(2.0 + LASTS_S - flight.elapsed_s())
     assert flight.troubles
     flight.run(2.0)
-    faulted = any(one.phase is Phase.FAULTED for one in flight.told)
-    assert flight.phase is (Phase.DISARMED if faulted else Phase.ARMED)
+    faulted = any(one.phase is ArmingPhase.FAULTED for one in flight.told)
+    assert flight.phase is (ArmingPhase.DISARMED if faulted else ArmingPhase.ARMED)
     wanted = NEUTRAL if faulted else MOVING
     assert flight.wire() == pytest.approx(flight.driver.applied(wanted))
     silent_since = len(flight.troubles)
@@ -206,14 +214,14 @@ def test_a_fault_is_survived_and_nobody_is_armed_by_it(fault: str) -> None:
 def test_an_output_that_cannot_be_reached_is_faulted_and_its_outputs_are_disabled(fault: str) -> None:
     flight = Flight([FaultSpec(fault, ("thrusters",), 2.0, 3.0)]).armed()
     flight.run(2.5 - flight.elapsed_s())
-    assert flight.phase is Phase.FAULTED
+    assert flight.phase is ArmingPhase.FAULTED
     assert not flight.line.enabled
     answer = flight.arm()
     assert not answer.accepted
     assert "output is faulted" in answer.reason
     flight.run(4.0)
     assert flight.line.enabled
-    assert flight.phase is Phase.DISARMED
+    assert flight.phase is ArmingPhase.DISARMED
 
 
 def test_a_lost_supply_is_found_within_a_second_and_pulses_come_back_neutral_and_disarmed() -> None:
@@ -221,14 +229,14 @@ def test_a_lost_supply_is_found_within_a_second_and_pulses_come_back_neutral_and
     flight.chip.power_cycle(100.0 + flight.elapsed_s())
     flight.run(1.2)
     assert flight.wire() == flight.neutral()
-    assert flight.phase is Phase.DISARMED
+    assert flight.phase is ArmingPhase.DISARMED
     assert "its supply was lost" in flight.told[-1].reason
 
 
 def test_an_absent_output_is_found_when_it_comes() -> None:
     flight = Flight([FaultSpec("absent", ("thrusters",), 0.0, 3.0)])
     flight.run(2.9)
-    assert flight.phase is Phase.FAULTED
+    assert flight.phase is ArmingPhase.FAULTED
     assert "no acknowledge" in flight.told[-1].reason
     flight.run(1.0)
     assert flight.wire() == flight.neutral()
@@ -249,7 +257,7 @@ def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
     assert flight.wire() == flight.neutral()
     assert set(flight.refusals[refused:]) == {"inhibited"}
     assert flight.arm() == Answer(accepted=False, reason=WHY)
-    assert flight.phase is Phase.DISARMED
+    assert flight.phase is ArmingPhase.DISARMED
     flight.host.inhibit("")
     flight.run(0.1)
     assert flight.wire() == flight.neutral()
@@ -271,7 +279,7 @@ def test_an_inhibition_ends_arming_and_outlasts_a_fault_of_the_bus() -> None:
     assert flight.arm().accepted
     flight.host.inhibit(WHY)
     flight.run(5.0)
-    assert {one.phase for one in flight.told[3:]} <= {Phase.DISARMED, Phase.FAULTED, Phase.ARMING}
-    assert flight.phase is Phase.DISARMED
+    assert {one.phase for one in flight.told[3:]} <= {ArmingPhase.DISARMED, ArmingPhase.FAULTED, ArmingPhase.ARMING}
+    assert flight.phase is ArmingPhase.DISARMED
     assert flight.wire() == flight.neutral()
     assert flight.arm() == Answer(accepted=False, reason=WHY)

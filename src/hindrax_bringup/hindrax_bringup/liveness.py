@@ -69,22 +69,22 @@ class LivenessFile:
 
 
 @contextlib.contextmanager
-def pulse() -> Iterator[LivenessFile]:
-    """Yield the pulse of this tool; it leaves nothing behind."""
+def tool_liveness() -> Iterator[LivenessFile]:
+    """Yield the liveness file of this tool; it leaves nothing behind."""
     notify("READY=1")
-    with _pulse(f"{os.getpid()}.pulse") as made:
+    with _liveness_file(f"{os.getpid()}.pulse") as made:
         yield made
 
 
 @contextlib.contextmanager
-def pulse_of_nodes() -> Iterator[LivenessFile]:
-    """Yield the pulse of the nodes of a stack, for a process that the tool of this stack has started."""
-    with _pulse(f"{os.getppid()}{NODES}") as made:
+def nodes_liveness() -> Iterator[LivenessFile]:
+    """Yield the liveness file of the nodes of a stack, for a process that the tool of this stack has started."""
+    with _liveness_file(f"{os.getppid()}{NODES}") as made:
         yield made
 
 
 @contextlib.contextmanager
-def _pulse(name: str) -> Iterator[LivenessFile]:
+def _liveness_file(name: str) -> Iterator[LivenessFile]:
     path = runtime_folder() / name
     made = LivenessFile(path)
     try:
@@ -94,19 +94,19 @@ def _pulse(name: str) -> Iterator[LivenessFile]:
         made.close()
 
 
-def felt(folder: Path, now_s: float) -> tuple[bool, str]:
+def stacks_well(folder: Path, now_s: float) -> tuple[bool, str]:
     """Whether every stack of this user lives and is well, and one sentence about each. Monotonic time [s]."""
-    found = pulses(folder, now_s).values()
+    found = liveness_of_stacks(folder, now_s).values()
     if not found:
         return False, NOBODY
     return not any(unwell for _, unwell in found), "; ".join(unwell or status for status, unwell in found)
 
 
-def pulses(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
+def liveness_of_stacks(folder: Path, now_s: float) -> dict[int, tuple[str, str]]:
     """What each tool does that looks after a stack, and what is wrong with it or its nodes, by its process."""
     found: dict[int, tuple[str, list[str]]] = {}
     for path in sorted(folder.glob("*.pulse")):  # that of the nodes first: what the tool does counts
-        if (one := _felt(path, now_s)) is not None:
+        if (one := _liveness_of(path, now_s)) is not None:
             pid = _stack_of(path)
             known = found.get(pid, ("", []))[1]
             found[pid] = (one[0], [*one[1], *(trouble for trouble in known if trouble not in one[1])])
@@ -125,8 +125,8 @@ def _stack_of(path: Path) -> int:
     return int(path.name.partition(".")[0])
 
 
-def _felt(path: Path, now_s: float) -> tuple[str, list[str]] | None:
-    """What the process behind a pulse does, and what is wrong with it; None without a process."""
+def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
+    """What the process behind a liveness file does, and what is wrong with it; None without a process."""
     try:
         with path.open(encoding="utf-8") as file:
             if not owned(file):

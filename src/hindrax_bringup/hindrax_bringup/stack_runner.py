@@ -17,7 +17,7 @@ from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
-from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_liveness
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
@@ -54,7 +54,7 @@ def run_up(options: UpOptions) -> int:
     """Start everything, say how to reach it, look after it; 0 when a signal ended it."""
     load_vehicle(options.vehicle_file)
     mock, namespace = options.mock is not None, options.tuning.namespace
-    with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, pulse() as beating:
+    with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
         run = 1
         while not over():
             _run(options, run, domain, over, beating)

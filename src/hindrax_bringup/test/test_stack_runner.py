@@ -69,10 +69,10 @@ def test_a_stack_follows_the_wall_clock_once_it_is_disarmed_and_the_clock_stays(
 def test_whether_a_stack_is_armed_is_heard_from_its_safety_monitor(tmp_path: Path) -> None:
     assert not heard_armed(tmp_path, 7), "nobody has said so"
     for armed in (True, False):
-        pulse = LivenessFile(tmp_path / f"7{NODES}")
-        pulse.beat("nodes", {}, armed=armed)
+        liveness = LivenessFile(tmp_path / f"7{NODES}")
+        liveness.beat("nodes", {}, armed=armed)
         assert heard_armed(tmp_path, 7) is armed
-        pulse.close()
+        liveness.close()
 
 
 def test_a_frozen_safety_monitor_hears_no_armed_thrusters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

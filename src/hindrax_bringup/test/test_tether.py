@@ -14,7 +14,7 @@ import pytest
 
 from hindrax_bringup import network_profile, stack_runner, tether
 from hindrax_bringup.link_monitor import LinkMonitor
-from hindrax_bringup.liveness import NODES, NOTIFY, LivenessFile, felt, notify, pulse, pulses
+from hindrax_bringup.liveness import NODES, NOTIFY, LivenessFile, liveness_of_stacks, notify, stacks_well, tool_liveness
 from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
 from hindrax_bringup.stack import PROFILE, environment
 from hindrax_bringup.stack_lock import FOLDER
@@ -191,11 +191,11 @@ def test_a_tether_with_another_address_ends_the_stack_and_a_cut_does_not(monkeyp
 def test_who_waits_for_the_tether_has_a_pulse_and_can_be_ended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
     turns = iter([False, False, True])
-    with pulse() as beating:
+    with tool_liveness() as beating:
         assert awaited(Tether("nowhere0"), lambda: next(turns), beating) == ""
         (path,) = (tmp_path / "runtime").glob("*.pulse")
         beat = json.loads(path.read_text())
-    assert felt(path.parent, beat["at_s"]) == (False, "no stack is up here; start one with `./hindrax up`")
+    assert stacks_well(path.parent, beat["at_s"]) == (False, "no stack is up here; start one with `./hindrax up`")
     assert beat["troubles"] == {"tether": "waiting for the tether nowhere0"}
 
 
@@ -204,7 +204,7 @@ def test_health_is_one_sentence_and_an_exit_code(
 ) -> None:
     assert main(["health"]) == 1
     assert "no stack is up here" in capsys.readouterr().err
-    with pulse() as beating:
+    with tool_liveness() as beating:
         beating.beat("up", {})
         assert main(["health"]) == 0
     assert capsys.readouterr().out == "up\n"
@@ -244,17 +244,17 @@ def test_a_link_that_is_not_steady_yet_is_lost_later() -> None:
 
 
 def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
-    assert felt(tmp_path, 0.0) == (False, "no stack is up here; start one with `./hindrax up`")
-    with pulse() as beating:
+    assert stacks_well(tmp_path, 0.0) == (False, "no stack is up here; start one with `./hindrax up`")
+    with tool_liveness() as beating:
         beating.beat("up", {"pilot": ""})
         (path,) = (tmp_path / "runtime").glob("*.pulse")
         at_s = json.loads(path.read_text())["at_s"]
-        assert felt(path.parent, at_s + 1.0) == (True, "up")
+        assert stacks_well(path.parent, at_s + 1.0) == (True, "up")
         dead = f"process {os.getpid()}: no pulse for 60 s; end it and start it again"
-        assert felt(path.parent, at_s + 60.0) == (False, dead)
+        assert stacks_well(path.parent, at_s + 60.0) == (False, dead)
         beating._next_s = 0.0
         beating.beat("up", {"pilot": "", "dvl75": "silence"})
-        assert felt(path.parent, at_s + 1.0) == (False, "dvl75: silence")
+        assert stacks_well(path.parent, at_s + 1.0) == (False, "dvl75: silence")
     assert list(path.parent.glob("*.pulse")) == []
 
 
@@ -262,18 +262,18 @@ def test_what_is_wrong_with_its_nodes_is_told_of_a_stack_and_of_one_that_launch_
     nodes = LivenessFile(tmp_path / f"{os.getpid()}{NODES}")
     nodes.beat("nodes in /rov1", {"dvl75": "silence", "pilot": ""})
     now_s = time.monotonic()
-    assert pulses(tmp_path, now_s) == {os.getpid(): ("nodes in /rov1", "dvl75: silence")}
+    assert liveness_of_stacks(tmp_path, now_s) == {os.getpid(): ("nodes in /rov1", "dvl75: silence")}
     tool = LivenessFile(tmp_path / f"{os.getpid()}.pulse")
     tool.beat("up", {"dvl75": "silence"})
-    assert pulses(tmp_path, time.monotonic()) == {os.getpid(): ("up", "dvl75: silence")}
-    assert "safety monitor of process" in pulses(tmp_path, now_s + 60.0)[os.getpid()][1]
+    assert liveness_of_stacks(tmp_path, time.monotonic()) == {os.getpid(): ("up", "dvl75: silence")}
+    assert "safety monitor of process" in liveness_of_stacks(tmp_path, now_s + 60.0)[os.getpid()][1]
     nodes.close()
     tool.close()
-    assert pulses(tmp_path, now_s) == {}
+    assert liveness_of_stacks(tmp_path, now_s) == {}
 
 
 def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:
-    with pulse() as beating:
+    with tool_liveness() as beating:
         (tmp_path / "runtime").rmdir()
         beating.beat("pool-test surge: armed", {})
     assert not (tmp_path / "runtime").exists()
@@ -281,7 +281,7 @@ def test_a_pulse_whose_folder_has_gone_ends_nothing(tmp_path: Path) -> None:
 
 def test_every_process_of_every_stack_is_felt(tmp_path: Path) -> None:
     runtime = tmp_path / "runtime"
-    with pulse() as beating:
+    with tool_liveness() as beating:
         beating.beat("pool-test surge in mock: armed", {"dvl75": ""})
         (path,) = runtime.glob("*.pulse")
         at_s = json.loads(path.read_text())["at_s"]
@@ -289,16 +289,16 @@ def test_every_process_of_every_stack_is_felt(tmp_path: Path) -> None:
         heartbeats.mkdir()
         for name, age_s in (("control", 0.5), ("thrusters", 2.5)):
             (heartbeats / name).write_text(str(at_s - age_s))
-        assert felt(runtime, at_s) == (True, "pool-test surge in mock: armed")
+        assert stacks_well(runtime, at_s) == (True, "pool-test surge in mock: armed")
         (heartbeats / "sensors").write_bytes(b"")
-        assert felt(runtime, at_s) == (False, "sensors: no heartbeat yet")
+        assert stacks_well(runtime, at_s) == (False, "sensors: no heartbeat yet")
         late = "sensors: no heartbeat yet; thrusters: no heartbeat for 5 s"
-        assert felt(runtime, at_s + 2.4) == (False, late)
+        assert stacks_well(runtime, at_s + 2.4) == (False, late)
         # What another tool, which was killed, has left behind is neither a stack nor a reason to be unwell.
         (runtime / "4999999.pulse").write_text(path.read_text())
         for name in ("sensors", "thrusters"):
             (heartbeats / name).unlink()
-        assert felt(runtime, at_s) == (True, "pool-test surge in mock: armed")
+        assert stacks_well(runtime, at_s) == (True, "pool-test surge in mock: armed")
         assert not (runtime / "4999999.pulse").exists()
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_bringup.liveness import pulse
+from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, LAUNCHED, StackLock, announced
 from hindrax_cli.command_line import main
@@ -64,7 +64,7 @@ def test_a_folder_that_is_away_while_the_service_restarts_holds_no_stack(
 
 
 def test_a_pool_test_says_itself_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
-    with pulse() as beating, announced(FLYING):
+    with tool_liveness() as beating, announced(FLYING):
         beating.beat("pool-test surge in mock: armed", {"dvl75": "no bottom lock"})
         (one,) = listed(capsys)
         assert one.pop("age_s") >= 0.0
@@ -82,7 +82,7 @@ def test_a_pool_test_says_itself_what_it_does(capsys: pytest.CaptureFixture[str]
 
 
 def test_what_waits_for_a_tether_is_listed_too(capsys: pytest.CaptureFixture[str]) -> None:
-    with pulse() as beating:
+    with tool_liveness() as beating:
         beating.beat("waiting for the tether eth0", {"tether": "waiting for the tether eth0"})
         (one,) = listed(capsys)
     assert (one["stack"], one["what"], one["health"]) == (

@@ -10,11 +10,11 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_drivers.output.output_guard import (
     Answer,
+    ArmingPhase,
     Command,
     OutputGuard,
     OutputGuardKnobs,
     OutputGuardState,
-    Phase,
     Pulses,
     Refusal,
     Request,
@@ -47,7 +47,7 @@ def armed(pulses: tuple[float, ...] = NEUTRAL) -> OutputGuardState:
     assert answer == Answer(accepted=True)
     for turn in range(1, 81):
         state, _ = say(state, command(turn * 0.1, turn, pulses), turn * 0.1)
-    assert state.phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
     return state
 
 
@@ -57,7 +57,7 @@ def test_starts_disarmed_with_neutral_due_at_once() -> None:
     state, pulses = GUARD.tick(state, at(0.0))
     assert pulses == Pulses(NEUTRAL, (1100.0, 1100.0))
     assert pulses.all_us == (*NEUTRAL, 1100.0, 1100.0)
-    assert (state.phase, state.reason) == (Phase.DISARMED, "not armed since start")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "not armed since start")
 
 
 def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
@@ -99,9 +99,9 @@ def test_arming_is_neutral_for_the_time_of_the_escs() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(-0.5), 1), at(0.0))
     for turn in range(70):
         state, pulses = say(state, command(turn * 0.1, turn + 1), turn * 0.1)
-        assert (state.phase, pulses.thrusters) == (Phase.ARMING, NEUTRAL)
+        assert (state.phase, pulses.thrusters) == (ArmingPhase.ARMING, NEUTRAL)
     state, pulses = say(state, command(7.0, 71), 7.0)
-    assert state.phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_arm_request_is_refused_with_its_reason(stamp_s: float, sequence: int, r
     after_request, answer = GUARD.arm(state, Request(at(stamp_s), sequence), at(0.0))
     assert not answer.accepted
     assert reason in answer.reason
-    assert after_request.phase is Phase.DISARMED
+    assert after_request.phase is ArmingPhase.DISARMED
 
 
 def test_an_arm_request_made_before_a_disarm_and_delivered_after_it_is_refused() -> None:
@@ -134,14 +134,14 @@ def test_a_disarm_by_a_monitor_does_not_outrank_a_later_request_of_the_operator(
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), operator), at(0.0))
     state, answer = GUARD.disarm(state, Request(at(0.1), monitor, "no operator for 2 s"), at(0.1))
     assert answer.accepted
-    assert (state.phase, state.reason) == (Phase.DISARMED, "no operator for 2 s")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no operator for 2 s")
     _, answer = GUARD.arm(state, Request(at(0.1), operator + 1), at(0.2))
     assert answer.reason == f"request {operator + 1} was made before the vehicle disarmed itself; ask again"
     _, answer = GUARD.arm(state, Request(at(0.2), operator), at(0.2))
     assert "not newer" in answer.reason
     state, answer = GUARD.arm(state, Request(at(0.2), operator + 1), at(0.2))
     assert answer == Answer(accepted=True)
-    assert state.phase is Phase.ARMING
+    assert state.phase is ArmingPhase.ARMING
 
 
 def numbered(*numbers: int) -> OutputGuard:
@@ -154,7 +154,7 @@ def from_terminal(
     """Ask as somebody does who types: without a stamp. Returns the reason of a refusal."""
     state, answer = guard.arm(state, Request(Stamp(0), number), at(seconds))
     assert answer.accepted is (answer.reason == "")
-    assert answer.accepted is (state.phase is Phase.ARMING)
+    assert answer.accepted is (state.phase is ArmingPhase.ARMING)
     return state, answer.reason
 
 
@@ -262,19 +262,19 @@ def test_disarm_is_obeyed_however_old_it_is() -> None:
     assert answer.accepted
     state, pulses = GUARD.tick(state, at(8.0))
     assert pulses is not None
-    assert (state.phase, pulses.thrusters) == (Phase.DISARMED, NEUTRAL)
+    assert (state.phase, pulses.thrusters) == (ArmingPhase.DISARMED, NEUTRAL)
 
 
 def test_arming_times_out_without_commands() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     state, _ = GUARD.tick(state, at(6.9))
-    assert state.phase is Phase.ARMING
+    assert state.phase is ArmingPhase.ARMING
     state, pulses = GUARD.tick(state, at(7.0))
-    assert (state.phase, pulses) == (Phase.ARMED, GUARD.neutral)
+    assert (state.phase, pulses) == (ArmingPhase.ARMED, GUARD.neutral)
     state, _ = GUARD.tick(state, at(12.0))
-    assert state.phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
     state, _ = GUARD.tick(state, at(12.1))
-    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
 
 
 def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms() -> None:
@@ -289,9 +289,9 @@ def test_silence_goes_neutral_before_the_time_promised_and_long_silence_disarms(
     assert GUARD.due(replace(state, written_at=at(8.89))) == at(8.9)
     state, tripped = GUARD.tick(state, at(8.5 + KNOBS.silence_s - KNOBS.margin_s))
     assert tripped is not None
-    assert (state.phase, tripped.thrusters, tripped.sequence) == (Phase.ARMED, NEUTRAL, 0)
+    assert (state.phase, tripped.thrusters, tripped.sequence) == (ArmingPhase.ARMED, NEUTRAL, 0)
     state, _ = GUARD.tick(state, at(13.6))
-    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
     state, pulses = say(state, command(14.0, 200), 14.0)
     assert pulses.thrusters == NEUTRAL
 
@@ -347,7 +347,7 @@ def test_a_sender_that_starts_again_is_heard_once_the_old_one_is_silent_but_must
     assert isinstance(refusal, Refusal)
     state, pulses = say(state, command(8.45, 1), 8.45)
     assert pulses.thrusters == GUARD.neutral.thrusters
-    assert state.phase is Phase.DISARMED
+    assert state.phase is ArmingPhase.DISARMED
     assert "started anew" in state.reason
     assert state.heard_at == at(8.45)
 
@@ -385,48 +385,48 @@ def test_a_repetition_is_no_movement() -> None:
 def test_the_first_command_of_all_after_the_arming_time_begins_at_neutral() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     state, pulses = say(state, command(7.1, 1), 7.1)
-    assert (state.phase, pulses.thrusters) == (Phase.ARMED, NEUTRAL)
+    assert (state.phase, pulses.thrusters) == (ArmingPhase.ARMED, NEUTRAL)
 
 
 def test_writes_that_keep_failing_fault_the_output_and_it_comes_back_disarmed() -> None:
     state = GUARD.failed(armed(), "bus is stuck", at(8.0))
-    assert state.phase is Phase.ARMED
-    assert GUARD.failed(GUARD.written(state), "bus is stuck", at(8.3)).phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
+    assert GUARD.failed(GUARD.written(state), "bus is stuck", at(8.3)).phase is ArmingPhase.ARMED
     state = GUARD.failed(state, "bus is stuck", at(8.2))
-    assert (state.phase, state.reason) == (Phase.FAULTED, "bus is stuck")
+    assert (state.phase, state.reason) == (ArmingPhase.FAULTED, "bus is stuck")
     _, answer = GUARD.arm(state, Request(at(8.3), 7), at(8.3))
     assert answer == Answer(accepted=False, reason="output is faulted: bus is stuck")
     state, pulses = say(state, command(8.4, 99), 8.4)
     assert pulses.thrusters == NEUTRAL
     state = GUARD.restored(state, at(9.0))
-    assert (state.phase, state.reason) == (Phase.DISARMED, "output is back after: bus is stuck")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "output is back after: bus is stuck")
 
 
 def test_a_write_that_fails_once_does_not_put_off_the_end_by_silence() -> None:
     state = GUARD.written(GUARD.failed(armed(), "no acknowledge", at(10.0)))
     state, _ = GUARD.tick(state, at(12.9))
-    assert state.phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
     state, _ = GUARD.tick(state, at(13.1))
-    assert (state.phase, state.reason) == (Phase.DISARMED, "no command for 5 s")
+    assert (state.phase, state.reason) == (ArmingPhase.DISARMED, "no command for 5 s")
 
 
 def test_a_write_that_fails_while_arming_starts_the_neutral_time_again() -> None:
     state, _ = GUARD.arm(GUARD.start(at(0.0)), Request(at(0.0), 1), at(0.0))
     state = GUARD.written(GUARD.failed(state, "no acknowledge", at(5.0)))
     state, _ = say(state, command(7.5, 1), 7.5)
-    assert state.phase is Phase.ARMING
+    assert state.phase is ArmingPhase.ARMING
     state, _ = say(state, command(12.0, 2), 12.0)
-    assert state.phase is Phase.ARMED
+    assert state.phase is ArmingPhase.ARMED
 
 
 def test_a_clock_that_goes_back_disarms() -> None:
     state, _ = say(armed(), command(8.05, 81), 8.05)
     still, said = GUARD.command(state, command(8.06, 82), at(8.03))
     assert isinstance(said, Pulses)
-    assert still.phase is Phase.ARMED
+    assert still.phase is ArmingPhase.ARMED
     state, tick = GUARD.tick(state, at(-3600.0))
     assert tick is not None
-    assert (state.phase, tick.thrusters) == (Phase.DISARMED, NEUTRAL)
+    assert (state.phase, tick.thrusters) == (ArmingPhase.DISARMED, NEUTRAL)
     assert "went back by" in state.reason
 
 
@@ -515,7 +515,7 @@ class HostileHost(RuleBasedStateMachine):
         assert answer.accepted == (answer.reason == "")
         if answer.accepted:
             assert age_s <= KNOBS.arm_lifespan_s
-            self.arm_at = self.now if phase is Phase.DISARMED else self.arm_at
+            self.arm_at = self.now if phase is ArmingPhase.DISARMED else self.arm_at
 
     @rule()
     def arm_and_wait(self) -> None:
@@ -553,11 +553,11 @@ class HostileHost(RuleBasedStateMachine):
         self.state = GUARD.failed(self.state, "no acknowledge", self.now)
         self.let_time_pass(0.001, 0.0)
 
-    @precondition(lambda self: self.state.phase is Phase.FAULTED)
+    @precondition(lambda self: self.state.phase is ArmingPhase.FAULTED)
     @rule()
     def restore(self) -> None:
         self.state = GUARD.restored(self.state, self.now)
-        assert self.state.phase is Phase.DISARMED
+        assert self.state.phase is ArmingPhase.DISARMED
 
     @invariant()
     def is_safe(self) -> None:

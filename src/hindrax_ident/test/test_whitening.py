@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.fit.noise_likelihood import fit_noise
-from hindrax_ident.fit.whitening import Chain, Noise, Whitener, gains, transitions
+from hindrax_ident.fit.whitening import ErrorDynamics, Noise, Whitener, gains, transitions
 
 MEMORY_S = 0.15
 
@@ -24,17 +24,17 @@ def chain_of(
     damping: float = 1.2,
     stiffness: float = 0.0,
     starts: tuple[int, ...] = (0,),
-) -> Chain:
+) -> ErrorDynamics:
     flags = np.zeros(n, bool)
     flags[list(starts)] = True
     steps = np.where(flags, 0.0, rng.uniform(0.02, 0.06, n))
     channel = rng.choice(channels, n).astype(np.intp)
     thrust = np.repeat(rng.uniform(0.0, 4.0, n // 20 + 1), 20)[:n]
     damped, stiff = np.full(n, damping), np.full(n, stiffness)
-    return Chain(channel, flags, steps, damped, stiff, np.ones(n, bool), thrust, MEMORY_S)
+    return ErrorDynamics(channel, flags, steps, damped, stiff, np.ones(n, bool), thrust, MEMORY_S)
 
 
-def moved(chain: Chain, k: int) -> tuple[Array, Array]:
+def moved(chain: ErrorDynamics, k: int) -> tuple[Array, Array]:
     """Transition and gained covariance over one step, for unit density: Van Loan 1978, IEEE TAC 23."""
     rate = 1.0 / chain.memory_s
     F = np.array([[-chain.damping[k], -chain.stiffness[k], 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -rate]])
@@ -44,7 +44,7 @@ def moved(chain: Chain, k: int) -> tuple[Array, Array]:
     return A, A @ block[:3, 3:]
 
 
-def covariance_of(chain: Chain, noise: Noise) -> Array:
+def covariance_of(chain: ErrorDynamics, noise: Noise) -> Array:
     """Covariance of the residuals: noise of each measurement, and what unknown forces have done to the motion."""
     n = len(chain.step_s)
     density = noise.force + noise.thrust * chain.thrust

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bringup.liveness import pulse
+from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, graph_settings, stacks
@@ -128,7 +128,11 @@ def require_port(port: str) -> None:
 
 @contextlib.contextmanager
 def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
-    with tempfile.TemporaryDirectory(prefix="hindrax-") as place, own_domain(mock=run.mock) as domain, pulse() as beat:
+    with (
+        tempfile.TemporaryDirectory(prefix="hindrax-") as place,
+        own_domain(mock=run.mock) as domain,
+        tool_liveness() as beat,
+    ):
         folder = RunFolder(Path(place))
         shutil.copyfile(run.vehicle_file, folder.vehicle)
         made = stack_environment(mock=run.mock, domain=domain)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, pulse
+from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
@@ -159,7 +159,7 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
     tether = None if mock else available_tether(progress.report)
     made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
     supervised = Supervisor(folder.logs, made, preload=modules(mock=mock is not None))
-    with pulse() as beating, supervised as supervisor, adopted(made):
+    with tool_liveness() as beating, supervised as supervisor, adopted(made):
         beating.beat(notes, STARTING)
         stack = Stack(folder, supervisor, notes, options.tuning)
         progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
@@ -173,13 +173,15 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
 class Beating:
     """Tells `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
 
-    pulse: LivenessFile
+    liveness: LivenessFile
     notes: str
 
     def beat(self, operator: Any) -> None:
         """Say so, at most once a second."""
         state = "starting" if operator.thrusters is None else operator.thrusters.state
-        self.pulse.beat(f"{self.notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator)))
+        self.liveness.beat(
+            f"{self.notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator))
+        )
 
 
 def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, beating: Beating) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_bringup.liveness import felt, pulse
+from hindrax_bringup.liveness import stacks_well, tool_liveness
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.errors import HindraxError
 from hindrax_operator.pool_run import ABORT, CONTINUE, Beating, report_devices, watch_record
@@ -36,9 +36,9 @@ def test_a_pool_test_is_felt(
     monkeypatch.setenv(FOLDER, str(tmp_path))
     one = SimpleNamespace(level=level, message="no bottom lock: too deep")
     operator = SimpleNamespace(thrusters=thrusters, diagnostics={"hindrax: dvl75": one})
-    with pulse() as beating:
+    with tool_liveness() as beating:
         Beating(beating, "pool-test surge").beat(operator)
-        assert felt(tmp_path, time.monotonic()) == found
+        assert stacks_well(tmp_path, time.monotonic()) == found
 
 
 def test_each_device_is_told_of_once_when_it_is_up_and_when_its_reason_to_wait_changes() -> None:

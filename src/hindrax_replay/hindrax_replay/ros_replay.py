@@ -24,9 +24,9 @@ from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_replay.bag_comparison import compare_bags
 from hindrax_replay.bag_replay import Replayed
 from hindrax_replay.recorded_devices import parameters_of
+from hindrax_replay.ros_bag_comparison import compare_bags
 
 READY_S = 20.0
 PATIENCE_S = 60.0

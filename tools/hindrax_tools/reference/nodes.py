@@ -9,7 +9,7 @@ from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, 
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_drivers.lifecycle import State
-from hindrax_drivers.output.output_guard import Phase
+from hindrax_drivers.output.output_guard import ArmingPhase
 from hindrax_tools.reference.markdown import code, head, table
 
 ABOUT = f"""What every node takes and gives, in the default namespace `{NAMESPACE}`. The access policies of SROS2 are
@@ -50,7 +50,7 @@ MEANINGS: Mapping[str, str] = {sensor.name: sensor.meaning for sensor in SENSORS
     "thrust": "wrench that the pulses of another stack achieve, by the thrust curves",
 }
 STATES: Mapping[str, str] = {
-    "thrusters": f"`thrusters/state`: {', '.join(Phase)}",
+    "thrusters": f"`thrusters/state`: {', '.join(ArmingPhase)}",
     "pilot": "`maneuver/status`: no motion; settle, hover, transit, transient, plateau, coast, excite, done, aborted. "
     "`holds/status`: each hold engaged or not, and why it does not act",
     "estimator_health": "ERROR while the state is implausible: then nothing arms",

@@ -67,7 +67,7 @@ class Direction:
 
 
 @dataclass(frozen=True, slots=True)
-class ThrustCurve:
+class BollardCurve:
     """Both directions of a sweep."""
 
     negative: Direction
@@ -88,7 +88,7 @@ def fit(
     dead_band_us: float = 25.0,
     supply_V: float | None = None,
     load_cell_sigma: float = 0.0,
-) -> ThrustCurve:
+) -> BollardCurve:
     """Cubic per direction from a sweep; points inside the dead band belong to neither.
 
     HindraxError when pulses are not in microseconds, or a direction has too few points or thrust of the wrong sign.
@@ -110,7 +110,7 @@ def fit(
             f"{positive.to_us:.0f} us, wanted below and above 0; check the sign of the load, and remove outliers"
         )
     relative = max(end.std / abs(end.value) for end in ends)
-    return ThrustCurve(negative, positive, stop_us, dead_band_us, supply_V, float(np.hypot(relative, load_cell_sigma)))
+    return BollardCurve(negative, positive, stop_us, dead_band_us, supply_V, float(np.hypot(relative, load_cell_sigma)))
 
 
 def _direction(pulse_us: Array, thrust_N: Array, name: str) -> Direction:
@@ -152,7 +152,7 @@ def monotone_range(c: tuple[float, float, float, float], low_us: float, high_us:
     return max(rising, key=lambda part: part[1] - part[0])
 
 
-def vehicle_block(curve: ThrustCurve, name: str = "main", source: str = "bollard pull") -> str:
+def vehicle_block(curve: BollardCurve, name: str = "main", source: str = "bollard pull") -> str:
     """YAML of this curve for the vehicle file, under `curves:`."""
     block: dict[str, object] = {
         "negative": _branch_block(curve.negative.branch()),

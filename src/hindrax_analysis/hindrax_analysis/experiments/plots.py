@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hindrax_analysis.experiments import towing as drag
-from hindrax_analysis.experiments.bollard import Direction, ThrustCurve
+from hindrax_analysis.experiments.bollard import BollardCurve, Direction
 from hindrax_analysis.experiments.estimate import EmpiricalModel
 from hindrax_analysis.experiments.forced import Coefficient
 from hindrax_analysis.experiments.free_decay import FreeDecay
@@ -114,7 +114,7 @@ def pendulum(fit: PendulumFit) -> Figure:
     return figure
 
 
-def bollard(pulse_us: Array, thrust_N: Array, curve: ThrustCurve) -> Figure:
+def bollard(pulse_us: Array, thrust_N: Array, curve: BollardCurve) -> Figure:
     """The sweep, both cubics with a band of two standard deviations, and the residuals."""
     figure, (above, below) = _figure(2, 1, 8.0, 6.0)
     above.plot(pulse_us, thrust_N, "o", color=MEASURED, markersize=3, label="load cell")

@@ -19,7 +19,7 @@ from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
-from hindrax_bringup.liveness import LivenessFile, health_change, pulse_of_nodes
+from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.stamp_window import TIMELESS, order_window
@@ -181,7 +181,7 @@ class SafetyMonitor(BatchedNode):
 
 def main() -> int:
     """Watch until a signal."""
-    with pulse_of_nodes() as beating:
+    with nodes_liveness() as beating:
         return spin(lambda: [SafetyMonitor(beating)])
 
 

@@ -17,7 +17,7 @@ from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec6
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.sole_source import SoleSource
+from hindrax_core.single_publisher import SinglePublisher
 from hindrax_core.stamp_window import impossible
 from hindrax_core.topics import (
     ALLOCATION,
@@ -52,7 +52,7 @@ class AllocatorNode(BatchedNode):
         self._now = now or self.now
         self.pilot = ""
         self.inhibited: Callable[[], bool] = lambda: False
-        self._commander, self._armed = SoleSource(), False
+        self._commander, self._armed = SinglePublisher(), False
         self._cycle = AllocationCycle(
             vehicle,
             knobs(self, AllocationKnobs, self._tune),

@@ -15,7 +15,7 @@ from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
 from hindrax_control.maneuver.maneuver import LATE, ManeuverOutput, abandoned
 from hindrax_control.maneuver.stages import SENSELESS
-from hindrax_control.navigation.foreign_odometry import ForeignOdometry
+from hindrax_control.navigation.external_odometry import ExternalOdometry
 from hindrax_control.nodes.active_goal import ActiveGoal, result_of
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.nodes.pilot_messages import (
@@ -32,7 +32,7 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
-from hindrax_core.sole_source import SoleSource
+from hindrax_core.single_publisher import SinglePublisher
 from hindrax_core.stamp_window import EXPIRED, order_window
 from hindrax_core.topics import (
     ALLOCATION,
@@ -102,7 +102,7 @@ class PilotNode(BatchedNode):
         self.health: EstimatorHealthNode | None = None
         self.navigator = ""
         self.know_position: Callable[[], None] = lambda: None
-        self._odometry, self._source = ForeignOdometry(vehicle), SoleSource()
+        self._odometry, self._source = ExternalOdometry(vehicle), SinglePublisher()
         self._altimeter: Subscription | None = None
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))

@@ -15,7 +15,6 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Pressure, Reading
-from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.driver import Driver
 
 Model: TypeAlias = Literal["30BA", "02BA"]
@@ -48,8 +47,6 @@ REPEATS = 10
 HUNG_AFTER = 50
 BELIEVE_AFTER = 3
 """A leap this often confirmed was real, however large."""
-
-FRESH_kgpm3, SEA_kgpm3 = 997.0, 1029.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +134,6 @@ def to_reading(prom: Prom, value: Compensated) -> Pressure:
     """Steps of the datasheet to SI."""
     step_Pa = 10.0 if prom.model == "30BA" else 1.0
     return Pressure(value.pressure_steps * step_Pa, value.temperature_cC * 0.01)
-
-
-def depth_m(pressure_Pa: float, surface_Pa: float, density_kgpm3: float = FRESH_kgpm3) -> float:
-    """Depth below the point where the surface pressure was taken (tare), for water of one density."""
-    return (pressure_Pa - surface_Pa) / (density_kgpm3 * GRAVITY_mps2)
 
 
 class Ms5837:

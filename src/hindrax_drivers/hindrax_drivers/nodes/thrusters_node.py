@@ -24,12 +24,12 @@ from rclpy.node import Node
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import AppliedPulses, Battery
-from hindrax_core.sole_source import SoleSource
+from hindrax_core.single_publisher import SinglePublisher
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import OutputAlone, Settings, read_settings
-from hindrax_drivers.output.output_guard import Command, OutputGuard, OutputGuardKnobs, Phase, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
@@ -64,8 +64,8 @@ class ThrustersNode(DeviceNode):
             knobs(self, OutputAlone)
         fixed = knobs(self, OutputGuardKnobs, fixed={"": SAFETY})
         guard = OutputGuard(len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), fixed)
-        self._phase: Phase | None = None
-        self._commander, self._unfit, self._look_s = SoleSource(), "", 0.0
+        self._phase: ArmingPhase | None = None
+        self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
         self._state = publisher(self, THRUSTER_STATE)
         self._state_bytes = applied_writer(settings.vehicle.output.device)
@@ -100,11 +100,13 @@ class ThrustersNode(DeviceNode):
         """Publish the applied pulses."""
         if applied.phase is not self._phase:
             self._announce(applied)
-        if applied.phase is Phase.FAULTED:
+        if applied.phase is ArmingPhase.FAULTED:
             self.health.identity = ""
         else:
             self.health.reading(applied.stamp)
-        said = ThrusterStateFields(applied.stamp, applied.phase is Phase.ARMED, applied.pulses_us, applied.sequence)
+        said = ThrusterStateFields(
+            applied.stamp, applied.phase is ArmingPhase.ARMED, applied.pulses_us, applied.sequence
+        )
         self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
 
     def on_idle(self) -> None:
@@ -162,7 +164,7 @@ class ThrustersNode(DeviceNode):
     def _look_for_commanders(self) -> None:
         """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""
         publishers = publishers_of(self, THRUSTER_COMMAND)
-        self._unfit = self._commander.judge(publishers, armed=self._phase is Phase.ARMED)
+        self._unfit = self._commander.judge(publishers, armed=self._phase is ArmingPhase.ARMED)
         contested = self._commander.is_contested(publishers)
         self._inhibit("commander", f"{THRUSTER_COMMAND.name}: {self._unfit}" if contested else "")
 

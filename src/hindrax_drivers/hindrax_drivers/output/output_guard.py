@@ -61,7 +61,7 @@ class OutputGuardKnobs:
         return self.silence_s - self.margin_s
 
 
-class Phase(StrEnum):
+class ArmingPhase(StrEnum):
     """Phase of the guard: only `ARMED` passes other pulses than neutral."""
 
     DISARMED = "disarmed"
@@ -134,7 +134,7 @@ class Answer:
 class OutputGuardState:
     """State of the guard. `reason` says why it is not armed; `fresh_until` is the end of the last valid command."""
 
-    phase: Phase
+    phase: ArmingPhase
     reason: str
     since: Stamp
     seen: Stamp
@@ -153,7 +153,7 @@ class OutputGuardState:
     @property
     def armed(self) -> bool:
         """Whether pulses other than neutral can pass."""
-        return self.phase is Phase.ARMED
+        return self.phase is ArmingPhase.ARMED
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +174,7 @@ class OutputGuard:
 
     def start(self, now: Stamp) -> OutputGuardState:
         """Disarmed, with neutral due at once."""
-        return OutputGuardState(Phase.DISARMED, "not armed since start", now, now, self.neutral)
+        return OutputGuardState(ArmingPhase.DISARMED, "not armed since start", now, now, self.neutral)
 
     def command(
         self, state: OutputGuardState, command: Command, now: Stamp
@@ -247,9 +247,9 @@ class OutputGuard:
         if why:
             return state, Answer(accepted=False, reason=why)
         state = replace(state, last_request=request)
-        if state.phase is not Phase.DISARMED:
+        if state.phase is not ArmingPhase.DISARMED:
             return state, Answer(accepted=True)
-        return self._enter(state, Phase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
+        return self._enter(state, ArmingPhase.ARMING, "waiting for the ESCs", now), Answer(accepted=True)
 
     def _challenged(self, state: OutputGuardState, request: Request, now: Stamp) -> tuple[OutputGuardState, str]:
         """Judge a request without a stamp by the number that it repeats; the reason of a refusal has a new number.
@@ -257,7 +257,7 @@ class OutputGuard:
         A number counts once, and not after a disarm: whatever waited in a link finds it expired or gone.
         """
         given, state = state.challenge, replace(state, challenge=None)
-        if state.phase is Phase.FAULTED:
+        if state.phase is ArmingPhase.FAULTED:
             return state, f"output is faulted: {state.reason}"
         if given is not None and request.sequence == given.number:
             age_s = seconds_between(given.made, now)
@@ -284,9 +284,9 @@ class OutputGuard:
 
     def drop(self, state: OutputGuardState, reason: str, now: Stamp) -> OutputGuardState:
         """Disarm for a reason of the host's own; a fault stays a fault."""
-        if state.phase is Phase.FAULTED:
+        if state.phase is ArmingPhase.FAULTED:
             return state
-        return self._enter(state, Phase.DISARMED, reason, now)
+        return self._enter(state, ArmingPhase.DISARMED, reason, now)
 
     def written(self, state: OutputGuardState) -> OutputGuardState:
         """Record that the last pulses have reached the output."""
@@ -296,20 +296,20 @@ class OutputGuard:
         """Record a failed write: arming starts over, and an output that keeps failing is faulted."""
         since = now if state.failing_since is None else state.failing_since
         state = replace(state, failing_since=since)
-        if state.phase is not Phase.FAULTED and seconds_between(since, now) >= self.knobs.failing_s:
-            return self._enter(state, Phase.FAULTED, why, now)
-        return replace(state, since=now) if state.phase is Phase.ARMING else state
+        if state.phase is not ArmingPhase.FAULTED and seconds_between(since, now) >= self.knobs.failing_s:
+            return self._enter(state, ArmingPhase.FAULTED, why, now)
+        return replace(state, since=now) if state.phase is ArmingPhase.ARMING else state
 
     def fault(self, state: OutputGuardState, why: str, now: Stamp) -> OutputGuardState:
         """Fault the output at once: its state shows that it does not follow commands."""
-        return self._enter(state, Phase.FAULTED, why, now)
+        return self._enter(state, ArmingPhase.FAULTED, why, now)
 
     def restored(self, state: OutputGuardState, now: Stamp) -> OutputGuardState:
         """End a fault after the output was set up again: disarmed, never armed."""
-        if state.phase is not Phase.FAULTED:
+        if state.phase is not ArmingPhase.FAULTED:
             return state
         state = replace(state, failing_since=None)
-        return self._enter(state, Phase.DISARMED, f"output is back after: {state.reason}", now)
+        return self._enter(state, ArmingPhase.DISARMED, f"output is back after: {state.reason}", now)
 
     def _observe(self, state: OutputGuardState, now: Stamp) -> tuple[OutputGuardState, Stamp]:
         """Apply the effects of time. A small step back of the clock is ignored; a jump back disarms."""
@@ -318,8 +318,8 @@ class OutputGuard:
             return self._rebased(state, back_s, now), now
         now = max(now, state.seen)
         state = replace(state, seen=now)
-        if state.phase is Phase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
-            state = self._enter(state, Phase.ARMED, "", now)
+        if state.phase is ArmingPhase.ARMING and seconds_between(state.since, now) >= self.knobs.arming_s:
+            state = self._enter(state, ArmingPhase.ARMED, "", now)
         heard = state.since if state.heard_at is None else state.heard_at
         if state.armed and seconds_between(max(heard, state.since), now) > self.knobs.disarm_after_s:
             state = self.drop(state, f"no command for {self.knobs.disarm_after_s:g} s", now)
@@ -342,9 +342,9 @@ class OutputGuard:
         )
         return replace(self.drop(forgotten, f"the clock went back by {back_s:.3g} s", now), since=now)
 
-    def _enter(self, state: OutputGuardState, phase: Phase, reason: str, now: Stamp) -> OutputGuardState:
+    def _enter(self, state: OutputGuardState, phase: ArmingPhase, reason: str, now: Stamp) -> OutputGuardState:
         """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
-        if phase is Phase.ARMED:
+        if phase is ArmingPhase.ARMED:
             return replace(state, phase=phase, reason=reason, since=now)
         return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
 
@@ -406,7 +406,7 @@ class OutputGuard:
                 return f"request {request.sequence} is not newer than {last.sequence}, the last one; {ASK_AGAIN}"
         if state.monitor_disarmed_at is not None and request.stamp <= state.monitor_disarmed_at:
             return f"request {request.sequence} was made before the vehicle disarmed itself; {ASK_AGAIN}"
-        if state.phase is Phase.FAULTED:
+        if state.phase is ArmingPhase.FAULTED:
             return f"output is faulted: {state.reason}"
         return ""
 

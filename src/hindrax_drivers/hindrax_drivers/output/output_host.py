@@ -13,7 +13,7 @@ from typing import Protocol
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_drivers.output.output_guard import Answer, Command, OutputGuard, Phase, Pulses, Refusal, Request
+from hindrax_drivers.output.output_guard import Answer, ArmingPhase, Command, OutputGuard, Pulses, Refusal, Request
 from hindrax_drivers.output.output_ports import ThrusterOutput
 
 SET_UP_AGAIN_S = 0.5
@@ -26,7 +26,7 @@ class AppliedOutput:
     """Output from this time on: state of the guard, actual pulses [us], sequence of their command."""
 
     stamp: Stamp
-    phase: Phase
+    phase: ArmingPhase
     reason: str
     pulses_us: tuple[float, ...]
     sequence: int
@@ -70,7 +70,7 @@ class OutputHost:
     @property
     def ready(self) -> bool:
         """Whether the output is set up and follows commands."""
-        return self._state.phase is not Phase.FAULTED
+        return self._state.phase is not ArmingPhase.FAULTED
 
     def command(self, command: Command) -> None:
         """Check a command; the next `turn` writes it."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hindrax_ident.arrays import Array, Flags, Index, array
-from hindrax_ident.fit.whitening import LEAST_MEMORY_S, Chain, Noise, transitions
+from hindrax_ident.fit.whitening import LEAST_MEMORY_S, ErrorDynamics, Noise, transitions
 
 ENOUGH = 5000
 """Samples sufficient to estimate the noise; a longer record is subsampled by pieces."""
@@ -50,7 +50,7 @@ class NoiseCandidates:
         return float(self.ratio[index]), float(self.part[index]), float(self.other[index])
 
 
-def fit_noise(chain: Chain, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
+def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
     """Most likely noise of a residual (n,). With `given_position` the position variance stays fixed."""
     main = 0 if bool(np.any(chain.channel == 0)) else 1
     both = bool(np.any(chain.channel != main)) and not given_position
@@ -96,7 +96,7 @@ class DisturbanceProfile:
     force: Array
 
 
-def disturbance_profile(chain: Chain, residual: Array, noise: Noise, thrusts: Array) -> DisturbanceProfile:
+def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> DisturbanceProfile:
     """Profile of a residual (n,) over `thrusts` (m,) [s]; the measurement variances stay fixed."""
     main = 0 if bool(np.any(chain.channel == 0)) else 1
     pieces = _Pieces(chain, residual, main)
@@ -128,7 +128,7 @@ def _piece_rows(starts: Flags) -> tuple[Index, Flags]:
 class _Pieces:
     """Pieces of a chain side by side: (length, pieces) each; missing samples at the end of a piece do not count."""
 
-    def __init__(self, chain: Chain, residual: Array, main: int) -> None:
+    def __init__(self, chain: ErrorDynamics, residual: Array, main: int) -> None:
         rows, present = _piece_rows(chain.starts)
         A, Q = transitions(chain)
         self._A, self._Q = A[rows], Q[rows]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_ident.arrays import Array, Flags, Index, array
-from hindrax_ident.fit.whitening import Chain, Noise, Whitener
+from hindrax_ident.fit.whitening import ErrorDynamics, Noise, Whitener
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.simulation import Grid, Trajectory, sensitivities, trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
@@ -202,14 +202,16 @@ def linearize(
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
 
 
-def chain_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> Chain:
+def chain_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> ErrorDynamics:
     """Linearized error dynamics between the measurements."""
     model, index, starts = problem.model, problem.index, problem.starts()
     v, s = path.v[index], path.s[index]
     stiffness = theta[-2] * np.cos(s) / theta[-1] if model.restores else np.zeros(len(s))
     steps = np.where(starts, 0.0, np.diff(problem.t, prepend=problem.t[:1]))
     damping, thrust_density = model.slope(theta, v) / theta[-1], _effort(problem, steps) / theta[-1] ** 2
-    return Chain(problem.channel, starts, steps, damping, stiffness, problem.counts, thrust_density, problem.lag_s)
+    return ErrorDynamics(
+        problem.channel, starts, steps, damping, stiffness, problem.counts, thrust_density, problem.lag_s
+    )
 
 
 def _effort(problem: OutputErrorProblem, steps_s: Array) -> Array:

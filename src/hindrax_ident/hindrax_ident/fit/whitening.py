@@ -40,7 +40,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class ErrorDynamics:
     """Measurements of all stretches in time order, (n,) each, and the linearized error dynamics between them.
 
     `channel`: 0 velocity, 1 position; `step_s`: time since the previous one, zero at a start; `damping` and
@@ -64,7 +64,7 @@ class Chain:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # parameters that make the error grow for ever; they are not finite then
-def transitions(chain: Chain) -> tuple[Array, Array]:
+def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     """Transition of the error (v, s, a) over each step, and its covariance for unit density: (n, 3, 3) each, SI.
 
     Series over a fraction of the step, then repeated doubling.
@@ -98,7 +98,7 @@ def _transposed(A: Array) -> Array:
     return array(np.swapaxes(A, 1, 2))
 
 
-def gains(chain: Chain, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:
+def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -> tuple[Array, Array]:
     """Kalman gains (n, 3) and standard deviations of the innovations (n,).
 
     Velocity and position at the start of a stretch count as exact: their errors are nuisance parameters. The unknown
@@ -147,7 +147,7 @@ class Whitener:
 
     __slots__ = ("_A", "_K", "_chain", "_weight", "noise")
 
-    def __init__(self, chain: Chain, noise: Noise) -> None:
+    def __init__(self, chain: ErrorDynamics, noise: Noise) -> None:
         """With negligible unknown forces, whitening is only scaling."""
         self._chain, self.noise = chain, noise
         self._A: Array | None = None
@@ -165,7 +165,7 @@ class Whitener:
         return array((table - _predicted(self._chain, self._A, self._K, table)) * self._weight)
 
 
-def _predicted(chain: Chain, A: Array, K: Array, table: Array) -> Array:
+def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
     """Predicted measurements for all columns, from one banded system: (n, m)."""
     n, m = table.shape
     inside = ~chain.starts[1:]
@@ -183,7 +183,7 @@ def _predicted(chain: Chain, A: Array, K: Array, table: Array) -> Array:
     return array(states.reshape(n, 3, m)[np.arange(n), chain.channel])
 
 
-def _update(chain: Chain, K: Array) -> Array:
+def _update(chain: ErrorDynamics, K: Array) -> Array:
     """I - K H of each measurement: (n, 3, 3)."""
     out = np.tile(np.eye(3), (len(K), 1, 1))
     at = np.arange(len(K))

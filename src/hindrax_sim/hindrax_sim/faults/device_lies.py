@@ -17,17 +17,17 @@ from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 NEAR_m = 0.3
 
 
-class Lie(Protocol):
+class SensorFault(Protocol):
     """What a device takes for the truth while it lies."""
 
     def __call__(self, truth: Any, now_s: float) -> Any:
         """Return the truth with the lie in it."""
 
 
-class Liar:
+class SensorFaultInjector:
     """Tells a device the truth, or while a lie is scheduled that."""
 
-    def __init__(self, schedule: Sequence[Scheduled[Lie]]) -> None:
+    def __init__(self, schedule: Sequence[Scheduled[SensorFault]]) -> None:
         self._schedule = FaultSchedule(schedule) if schedule else None
 
     def told(self, truth: Any, now_s: float) -> Any:

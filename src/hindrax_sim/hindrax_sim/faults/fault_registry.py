@@ -20,9 +20,9 @@ from hindrax_sim.faults.device_lies import (
     FalseLock,
     ForceOffset,
     GyroOffset,
-    Liar,
-    Lie,
     RangeShort,
+    SensorFault,
+    SensorFaultInjector,
     VelocityBias,
     VelocityFrozen,
 )
@@ -55,7 +55,7 @@ class FaultKind:
     meaning: str
     on_bus: Callable[[int], BusFault] | None = None
     on_world: Callable[[], WorldFault] | None = None
-    on_truth: Callable[[], Lie] | None = None
+    on_truth: Callable[[], SensorFault] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,9 +195,9 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
     return FaultInjector(world, schedule)
 
 
-def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Liar:
+def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> SensorFaultInjector:
     """What the device `name` takes for the truth. Times of the specifications count from `start_s`."""
-    return Liar(
+    return SensorFaultInjector(
         [
             _scheduled(make(), spec, start_s)
             for spec in specs

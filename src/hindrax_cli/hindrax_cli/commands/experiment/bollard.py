@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import yaml
 
-from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, Direction, ThrustCurve, fit, vehicle_block
+from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
 from hindrax_analysis.terminal import print_json, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def fitted(arguments: argparse.Namespace) -> tuple[ThrustCurve, str]:
+def fitted(arguments: argparse.Namespace) -> tuple[BollardCurve, str]:
     """Curve of the sweep, drawn where asked for, and its block for the vehicle file."""
     record = read_record(arguments.record, COLUMNS, arguments.field)
     supply = arguments.supply
@@ -73,7 +73,7 @@ def _check_block(block: str, name: str) -> None:
         raise HindraxError(f"bollard: {'; '.join(problems)}; tare the load cell, widen --dead-band, or {OUTLIERS}")
 
 
-def print_curve(arguments: argparse.Namespace, curve: ThrustCurve, block: str) -> None:
+def print_curve(arguments: argparse.Namespace, curve: BollardCurve, block: str) -> None:
     """Print the curve, the block, and a warning where the cubic falls."""
     for direction, name in ((curve.negative, "negative"), (curve.positive, "positive")):
         if not direction.monotone:
@@ -86,7 +86,7 @@ def print_curve(arguments: argparse.Namespace, curve: ThrustCurve, block: str) -
         print(block, end="")
 
 
-def show(curve: ThrustCurve) -> None:
+def show(curve: BollardCurve) -> None:
     """Print both directions."""
     for name, direction in (("negative", curve.negative), ("positive", curve.positive)):
         print_values(f"{name}: {direction.from_us:.0f} to {direction.to_us:.0f} us", _rows(direction))

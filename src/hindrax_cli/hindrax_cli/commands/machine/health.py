@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from hindrax_bringup.liveness import felt
+from hindrax_bringup.liveness import stacks_well
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError
 
@@ -21,7 +21,7 @@ def add_arguments(_parser: argparse.ArgumentParser) -> None:
 def run(_arguments: argparse.Namespace) -> int:
     """Read what the tools that look after the stacks, and their processes, say every second."""
     try:
-        well, sentence = felt(runtime_folder(), time.monotonic())
+        well, sentence = stacks_well(runtime_folder(), time.monotonic())
     except OSError as error:
         raise HindraxError(f"no stack of this user can be up here: {error}") from error
     if not well:

@@ -7,7 +7,7 @@ import time
 from dataclasses import asdict, dataclass
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
-from hindrax_bringup.liveness import NOBODY, pulses
+from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
@@ -43,10 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """List what is announced here, and the tools that still wait for something."""
     now_s = time.monotonic()
-    felt, found = pulses(runtime_place(), now_s), stacks()
-    rows = [_status(one, felt.get(one.pid), now_s) for one in found]
+    alive, found = liveness_of_stacks(runtime_place(), now_s), stacks()
+    rows = [_status(one, alive.get(one.pid), now_s) for one in found]
     known = {one.pid for one in found}
-    rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in felt.items() if pid not in known]
+    rows += [StackStatus(pid, what, health=wrong or WELL) for pid, (what, wrong) in alive.items() if pid not in known]
     if arguments.json:
         print_json({"stacks": [asdict(one) for one in rows]})
     elif rows:
@@ -56,9 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _status(stack: StackLock, pulse: tuple[str, str] | None, now_s: float) -> StackStatus:
-    """What the lock file, the pulse and, where nobody else knows it, the graph of a stack say."""
-    doing, wrong = pulse or ("", "")
+def _status(stack: StackLock, alive: tuple[str, str] | None, now_s: float) -> StackStatus:
+    """What the lock file, the alive and, where nobody else knows it, the graph of a stack say."""
+    doing, wrong = alive or ("", "")
     what, _, thrusters = doing.rpartition(": ")
     made = StackStatus(
         stack.pid,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hindrax_tools.strangers import AXES, LAWS, VEHICLES, Verdict, fly, judged
+from hindrax_tools.model_mismatch import AXES, LAWS, VEHICLES, Verdict, fly, judged
 
 
 def test_the_truth_of_a_record_without_another_law_is_its_steady_speed() -> None:

@@ -27,7 +27,7 @@ JUMP_m = 0.3
 ALTITUDE_AGE_s = 2.0
 
 
-class ForeignOdometry:
+class ExternalOdometry:
     """One vehicle's state, made complete: an odometry stands for all sensors but the altimeter."""
 
     def __init__(self, vehicle: Vehicle) -> None:

@@ -13,7 +13,7 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 
 @dataclass(slots=True)
-class SoleSource:
+class SinglePublisher:
     """Who is obeyed; `name` is empty until there is one. It changes only while the thrusters are disarmed."""
 
     name: str = ""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hindrax_control.navigation.estimator_health import EstimatorHealth
-from hindrax_control.navigation.foreign_odometry import ForeignOdometry
+from hindrax_control.navigation.external_odometry import ExternalOdometry
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Consistency, Navigation
 from hindrax_core.vehicle import load_vehicle
@@ -24,7 +24,7 @@ class Flight:
     """An odometry at 50 Hz through both, armed."""
 
     def __init__(self) -> None:
-        self.odometry, self._health = ForeignOdometry(VEHICLE), EstimatorHealth(VEHICLE)
+        self.odometry, self._health = ExternalOdometry(VEHICLE), EstimatorHealth(VEHICLE)
         self.now = NOW
 
     def step(self, state: Navigation, source: str = MINE, *, later_s: float = 0.02) -> tuple[str, ...]:
@@ -81,7 +81,7 @@ def test_moving_on_is_no_jump_not_even_after_a_gap() -> None:
 
 
 def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
-    odometry = ForeignOdometry(VEHICLE)
+    odometry = ExternalOdometry(VEHICLE)
     found, refused = odometry.step(Stamped(after(NOW, -1.0), LEVEL), MINE, NOW)
     assert found is None
     assert refused.startswith("1.0 s old, wanted at most 0.50 s")
@@ -91,7 +91,7 @@ def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
 
 
 def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> None:
-    odometry = ForeignOdometry(VEHICLE)
+    odometry = ExternalOdometry(VEHICLE)
     sonar = VEHICLE.sensors["ping1d"]
     odometry.range(NOW, 1.2)
     odometry.range(NOW, math.nan)
