@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -11,6 +13,8 @@ from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalK
 KNOBS = VerticalKnobs(gate=1000.0)
 DEPTH_DELAY_S, ALTITUDE_DELAY_S = 0.02, 0.05
 DEPTH_SIGMA_m, ALTITUDE_SIGMA_m = 0.004, 0.03
+DEPTH_ROW = np.array([[1.0, -DEPTH_DELAY_S, 0.0, 0.0]])
+ALTITUDE_ROW = np.array([[-1.0, ALTITUDE_DELAY_S, 0.0, 1.0]])
 
 
 class Reference:
@@ -32,13 +36,17 @@ class Reference:
         F[0, 2] = dt * dt / 2
         self.kalman.predict(np.array([[acceleration]]), np.array([[dt * dt / 2], [dt], [0.0], [0.0]]), F, Q)
 
+    def expected_depth(self) -> float:
+        return float((DEPTH_ROW @ self.kalman.x).item()) + self.bend * DEPTH_DELAY_S**2
+
+    def expected_altitude(self) -> float:
+        return float((ALTITUDE_ROW @ self.kalman.x).item()) - self.bend * ALTITUDE_DELAY_S**2
+
     def depth(self, measured: float) -> None:
-        H = np.array([[1.0, -DEPTH_DELAY_S, 0.0, 0.0]])
-        self.kalman.update(measured - self.bend * DEPTH_DELAY_S**2, DEPTH_SIGMA_m**2, H)
+        self.kalman.update(measured - self.bend * DEPTH_DELAY_S**2, DEPTH_SIGMA_m**2, DEPTH_ROW)
 
     def altitude(self, measured: float) -> None:
-        H = np.array([[-1.0, ALTITUDE_DELAY_S, 0.0, 1.0]])
-        self.kalman.update(measured + self.bend * ALTITUDE_DELAY_S**2, ALTITUDE_SIGMA_m**2, H)
+        self.kalman.update(measured + self.bend * ALTITUDE_DELAY_S**2, ALTITUDE_SIGMA_m**2, ALTITUDE_ROW)
 
 
 def test_it_agrees_with_filterpy_over_a_dive() -> None:
@@ -75,3 +83,65 @@ def test_a_depth_that_jumps_is_not_believed_again_so_soon(jump_m: float, counted
         ours.predict(0.0, 0.02)
         ours.depth(0.5 + (jump_m if number >= 200 else 0.0), 0.003, 0.0)
     assert ours.refused_depths == counted
+
+
+def dived(knobs: VerticalKnobs) -> tuple[VerticalFilter, Reference]:
+    """Both filters after two seconds of a dive from rest, with measurements that are exactly as expected."""
+    ours, theirs = VerticalFilter(knobs), Reference()
+    theirs.kalman.x[0], theirs.kalman.x[3] = 0.5, 1.5
+    for tick in range(400):
+        ours.predict(0.2, 0.005)
+        theirs.predict(0.2, 0.005)
+        if tick % 4 == 0:
+            depth = theirs.expected_depth()
+            assert ours.depth(depth, DEPTH_SIGMA_m, DEPTH_DELAY_S)
+            theirs.depth(depth)
+        if tick % 20 == 10:
+            altitude = theirs.expected_altitude()
+            assert ours.altitude(altitude, ALTITUDE_SIGMA_m, ALTITUDE_DELAY_S)
+            theirs.altitude(altitude)
+    return ours, theirs
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_gate_stands_where_the_variance_of_the_innovation_puts_it(sign: float) -> None:
+    knobs = VerticalKnobs(gate=3.0)
+    ours, theirs = dived(knobs)
+    P = theirs.kalman.P
+    for expected, sigma_m, H, fuse in (
+        (theirs.expected_depth(), DEPTH_SIGMA_m, DEPTH_ROW, lambda one, x: one.depth(x, DEPTH_SIGMA_m, DEPTH_DELAY_S)),
+        (
+            theirs.expected_altitude(),
+            ALTITUDE_SIGMA_m,
+            ALTITUDE_ROW,
+            lambda one, x: one.altitude(x, ALTITUDE_SIGMA_m, ALTITUDE_DELAY_S),
+        ),
+    ):
+        edge = sign * knobs.gate * float(np.sqrt(H @ P @ H.T + sigma_m**2).item())
+        assert fuse(copy.deepcopy(ours), expected + 0.999 * edge)
+        assert not fuse(copy.deepcopy(ours), expected + 1.001 * edge)
+
+
+def test_before_the_first_depth_and_echo_nothing_is_known() -> None:
+    ours = VerticalFilter(VerticalKnobs())
+    ours.predict(0.0, 0.02)
+    assert np.isnan([ours.depth_m, ours.altitude_m]).all()
+    ours.altitude(1.2, 0.03, 0.0)
+    assert np.isnan(ours.depth_m)
+    assert ours.altitude_m == pytest.approx(1.2, abs=1e-3)
+    ours.depth(0.7, 0.003, 0.0)
+    assert ours.depth_m == pytest.approx(0.7, abs=1e-3)
+
+
+@pytest.mark.parametrize("source", ["depth", "altitude"])
+def test_after_its_patience_it_lets_go_of_the_state_that_is_contradicted_and_of_no_other(source: str) -> None:
+    knobs = VerticalKnobs(patience=7)
+    ours, theirs = dived(knobs)
+    before_m = {"depth": ours.depth_m, "altitude": ours.altitude_m}
+    expected_m = theirs.expected_depth() if source == "depth" else theirs.expected_altitude()
+    taken = [getattr(ours, source)(expected_m + 0.1, 0.003, DEPTH_DELAY_S) for _ in range(8)]
+    assert taken == [False] * 7 + [True]
+    after_m = {"depth": ours.depth_m, "altitude": ours.altitude_m}
+    assert after_m[source] - before_m[source] == pytest.approx(0.1, abs=0.02)
+    if source == "altitude":
+        assert after_m["depth"] == pytest.approx(before_m["depth"], abs=0.002)
