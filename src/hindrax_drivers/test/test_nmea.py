@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
+import random
 
 import pytest
 from hypothesis import given
@@ -31,6 +32,12 @@ def test_the_checksum_is_the_xor_of_all_bytes(body: bytes) -> None:
     assert checksum(body) == functools.reduce(operator.xor, body, 0)
 
 
+@pytest.mark.parametrize("size", [127, 128, 129, 255, 256, 257, 511, 513, MAX_LINE - 1, MAX_LINE])
+def test_the_checksum_folds_bodies_of_every_length(size: int) -> None:
+    body = random.Random(size).randbytes(size)
+    assert checksum(body) == functools.reduce(operator.xor, body, 0)
+
+
 @given(
     st.lists(st.sampled_from([b"$", b"\n", b"\r\n", b"\r", b"a", b"*7F", b"x" * 500, b"\x00"]), max_size=30),
     st.lists(st.integers(1, 700), min_size=1, max_size=8),
@@ -54,8 +61,15 @@ def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar() -> None:
 
 def test_what_follows_an_endless_line_is_not_swallowed() -> None:
     endless = b"z" * (3 * MAX_LINE)
-    assert split(endless + b"$A\n")[-1] == b"$A"
-    assert all(len(piece) == MAX_LINE for piece in split(endless))
+    assert split(endless + b"$A\n") == [b"z" * MAX_LINE] * 3 + [b"$A"]
+    assert split(endless) == [b"z" * MAX_LINE] * 3, "nor kept until a line end comes"
+
+
+@pytest.mark.parametrize("head", [b"$", b"a" * 500, b"$" + b"a" * 500])
+def test_a_sentence_that_begins_in_a_line_without_an_end_is_whole(head: bytes) -> None:
+    splitter, tail = LineSplitter(), b"$" + b"b" * 700
+    assert splitter.feed(head + tail + b"$" + b"c" * 400) == [head, tail]
+    assert splitter.feed(b"\n")[-1] == b"$" + b"c" * 400
 
 
 def test_clear_forgets_half_a_line() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -94,3 +95,34 @@ def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
     frame = Frame(protocol.DISTANCE_SIMPLE, SIMPLE[8:-2])
     assert [[one for one in pieces if isinstance(one, Frame)] for pieces in arrived] == [[], [frame], [frame]]
     assert [one.reason for one in arrived[1] if isinstance(one, Refused)] == ["length", "garbage"]
+
+
+def garbage(pieces: list[protocol.Piece]) -> list[int]:
+    """Lengths of what is told as garbage."""
+    return [len(one.data) for one in pieces if isinstance(one, Refused) and one.reason == "garbage"]
+
+
+def test_garbage_is_told_sixty_four_bytes_at_a_time() -> None:
+    assert garbage(split(bytes(63))) == []
+    assert garbage(split(bytes(64))) == [64]
+    assert garbage(split(bytes(130) + SIMPLE)) == [64, 64, 2]
+
+
+def test_what_follows_a_frame_inside_of_a_false_one_is_garbage_again() -> None:
+    pieces = split(b"BR" + SIMPLE + bytes(64))
+    assert [one.reason for one in pieces if isinstance(one, Refused)] == ["length", "garbage"]
+    assert garbage(pieces) == [64]
+
+
+def test_clear_forgets_what_was_told_of_a_false_frame() -> None:
+    splitter = FrameSplitter()
+    assert [one.reason for one in splitter.feed(SIMPLE[:-1] + b"\xff") if isinstance(one, Refused)] == ["checksum"]
+    splitter.clear()
+    assert garbage(splitter.feed(bytes(64))) == [64]
+
+
+@pytest.mark.parametrize(("message", "reason"), [(protocol.DISTANCE_SIMPLE, "length"), (1999, "unknown")])
+def test_a_known_message_of_a_wrong_length_is_told_apart_from_an_unknown_one(message: int, reason: str) -> None:
+    (refused, *_) = split(encode(message, b"abc"))
+    assert isinstance(refused, Refused)
+    assert refused.reason == reason
