@@ -497,11 +497,11 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "fluid memory", "-", MODEL, _always(0.06), _memory,
-        "longer plateaus and slower changes of speed", near=NEAR,
+        "longer plateaus and slower changes of speed", near=NEAR, loss=True,
     ),
     Influence(
         "own wake", "-", MODEL, _always(0.12), _wake,
-        "rest between legs until the water is still", near=NEAR,
+        "rest between legs until the water is still", near=NEAR, loss=True,
     ),
     Influence(
         "fore/aft asymmetry", "-", MODEL,
