@@ -106,3 +106,40 @@ def test_a_drift_while_pitching_is_no_stiffness(vehicle: Vehicle, drifting: list
     ):
         assert abs(error) < 3.5 * sigma
         assert 10.0 * sigma < abs(error_without) < 3.0 * sigma_without
+
+
+@pytest.mark.parametrize("false", [(1.5, 0.0), (0.0, -2.0), (-1.0, 1.0)])
+def test_a_velocity_that_jumps_once_makes_no_force(false: tuple[float, float]) -> None:
+    motions = VelocityHistory(1.0)
+    for tick in range(20):
+        u, w = (0.3 + 0.02 * tick + x * (tick == 10) for x in (false[0], false[1]))
+        motions.update(0.1 * tick, (u, NAN, w, NAN, NAN, NAN))
+        found = motions.at(0.1 * tick)
+        assert abs(found[0] - u) < 0.05 or tick == 10
+        assert max(abs(found[0] - 0.3 - 0.02 * tick), abs(found[2] - 0.3 - 0.02 * tick)) < 0.05
+
+
+def test_a_jump_that_the_next_velocity_confirms_is_believed() -> None:
+    motions = VelocityHistory(1.0)
+    motions.update(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
+    motions.update(0.1, (1.3, NAN, NAN, NAN, NAN, NAN))
+    assert motions.at(0.1)[0] == 0.3
+    motions.update(0.2, (1.4, NAN, NAN, NAN, NAN, NAN))
+    assert motions.at(0.2)[0] == 1.4
+
+
+def test_after_a_pause_a_velocity_may_be_any() -> None:
+    motions = VelocityHistory(10.0)
+    motions.update(0.0, (0.3, NAN, NAN, NAN, NAN, NAN))
+    motions.update(2.0, (-1.3, NAN, NAN, NAN, NAN, NAN))
+    assert motions.at(2.0)[0] == -1.3
+
+
+def test_one_false_lock_while_pitching_changes_nothing(vehicle: Vehicle, drifting: list[Any]) -> None:
+    prior = {"surge": {"added_mass": (12.0, 0.1)}, "heave_down": {"added_mass": (22.0, 0.1)}}
+    velocities = [index for index, event in enumerate(drifting) if isinstance(event.reading, Velocity)]
+    at = next(index for index in velocities[len(velocities) // 2 :] if drifting[index].reading.source == "dvl75")
+    false = dataclasses.replace(drifting[at].reading, nu=(4.0, NAN, 4.0, NAN, NAN, NAN))
+    lied = [*drifting[:at], Stamped(drifting[at].stamp, false), *drifting[at + 1 :]]
+    for (error, sigma), (error_lied, _) in zip(off(vehicle, drifting, prior), off(vehicle, lied, prior), strict=True):
+        assert abs(error_lied - error) < 0.1 * sigma

@@ -21,6 +21,8 @@ Values = TypeVar("Values", float, Array)
 
 USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA = 1.8, 0.6
 """Ratio of total to body mass of an unknown vehicle, and its standard deviation [-]."""
+JUMP_mps, FASTEST_mps2 = 0.15, 2.0
+"""A velocity that differs from the last one by more than noise and the strongest thrusters explain has jumped."""
 KNOWN_MASS_SIGMA = 0.02
 """Relative standard deviation below which a mass counts as exact."""
 
@@ -56,21 +58,34 @@ def coriolis_errors(axis: int, masses: Masses, nu: Sequence[Array]) -> list[Arra
 
 
 class VelocityHistory:
-    """The last measured velocity of each axis."""
+    """The last measured velocity of each axis that is believed.
 
-    __slots__ = ("_measured_s", "_nu", "_oldest_s")
+    One that jumps is believed when the next one confirms it: a DVL that takes something else for the bottom once would
+    be a moment of newton meters here, and its own axis alone has a test for outliers.
+    """
+
+    __slots__ = ("_jumped", "_measured_s", "_nu", "_oldest_s")
 
     def __init__(self, oldest_s: float) -> None:
         """`oldest_s`: age above which a velocity is no longer used [s]."""
         self._oldest_s = oldest_s
         self._nu, self._measured_s = list(ZERO6), [-math.inf] * 6
+        self._jumped = [math.nan] * 3
 
     def update(self, t_s: float, nu: Vec6) -> bool:
         """Store six velocities [m/s, rad/s], NaN where not measured; return whether any was measured."""
         measured = [axis for axis, value in enumerate(nu) if math.isfinite(value)]
         for axis in measured:
-            self._nu[axis], self._measured_s[axis] = nu[axis], t_s
+            if axis >= 3 or self._believes(axis, nu[axis], t_s):
+                self._nu[axis], self._measured_s[axis] = nu[axis], t_s
         return bool(measured)
+
+    def _believes(self, axis: int, value: float, t_s: float) -> bool:
+        """Whether a velocity follows the last one, or the one that jumped before it."""
+        far = JUMP_mps + FASTEST_mps2 * (t_s - self._measured_s[axis])
+        near = abs(value - self._nu[axis]) <= far or abs(value - self._jumped[axis]) <= far
+        self._jumped[axis] = math.nan if near else value
+        return near
 
     def at(self, t_s: float) -> Vec6:
         """Velocities of all axes [m/s, rad/s]; zero, which corrects nothing, where the last one is too old."""
