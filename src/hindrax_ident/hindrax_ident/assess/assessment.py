@@ -41,8 +41,8 @@ from hindrax_ident.tuning import Tuning
 SPEEDS = 21
 DELAY_ROUNDS = 3
 LONGEST_DELAY_S = 2.0
-CONTRADICTION_SIGMAS = 6.0
-"""Water that is not the model has shown delays of five that were none."""
+CONTRADICTION_SIGMAS = 5.0
+"""Water that is not the model has shown delays of four that were none."""
 LEAST_DELAY_S = 0.005
 """Error of a delay below which it is left alone."""
 MASS_SHARE = 0.3
