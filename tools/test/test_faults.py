@@ -17,11 +17,11 @@ from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
 from hindrax_sim.faults.true_state import TrueState
 from hindrax_tools.faults import table
-from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MODES, Cell, Judge, is_wrong
+from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MANEUVER, MODES, Cell, Judge, is_wrong
 from hindrax_tools.faults.devices import ROWS, DeviceFlight
 
 WELL = Cell("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
-FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (1600.0, 1500.0))
+FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (1600.0, 1500.0))
 BELIEVED = Navigation(FLYING.attitude_rad, (0.0,) * 3, FLYING.velocity_mps, 0.8, 1.0, (0.0, 0.0), dvl_locked=True)
 
 
@@ -66,7 +66,7 @@ VIOLATIONS = {
     "while disarmed": judged(DISARMED, (0.1, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED)),
     "wanted 0.5 s": judged(HAND, (0.6, FLYING, BELIEVED), (1.0, NEUTRAL, BELIEVED), within_s=0.5),
     "tilted by 57 deg": judged(HAND, (0.1, replace(NEUTRAL, attitude_rad=(1.0, 0.0, 0.0)), None)),
-    "wall": judged(HOLD, (0.1, replace(NEUTRAL, wall_hits=1), None)),
+    "wall": judged(MANEUVER, (0.1, replace(NEUTRAL, wall_hits=1), None)),
 }
 
 

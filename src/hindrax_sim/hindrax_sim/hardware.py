@@ -67,13 +67,14 @@ class Hardware:
 
     def true_state(self) -> TrueState:
         """Pose, velocity and pulses of now."""
-        world, pulses = self.world, self.output.pulses_us()
+        world, pulses, pool = self.world, self.output.pulses_us(), self.vehicle.pool
         return TrueState(
             to_s(world.stamp),
             world.attitude_rad,
             world.plant.velocity_over_ground,
             world.depth_m,
             world.box.wall_hits,
+            (world.plant.x + 0.5 * pool.length_m, world.plant.y + 0.5 * pool.width_m),
             tuple(pulses[channel] or 0.0 for channel in self._channels),
         )
 

@@ -92,7 +92,7 @@ class Judge:
             f"neutral after {took_s:.2f} s, wanted {within_s:g} s": took_s > within_s,
             f"thrust for {self._wrong_s:.2f} s on a state that is wrong": self._wrong_s > LONGEST_WRONG_S,
             f"tilted by {self._tilt_deg:.0f} deg": self._tilt_deg > WORST_TILT_deg,
-            "ran into a wall unnoticed": wall and mode in (MANEUVER, HOLD) and not reason,
+            "ran into a wall unnoticed": wall and mode == MANEUVER and not reason,
         }
         violated = tuple(sentence for sentence, so in found.items() if so)
         neutral_s = None if self.flies_on or armed else took_s

@@ -222,11 +222,14 @@ class FaultyStack:
             self._tick = lambda _: None
 
     def _fly(self, mode: str, seed: int) -> None:
-        from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # rclpy reads the environment as it is imported
+        # rclpy reads the environment as it is imported.
+        from hindrax_operator.nodes.orders import hold, recentre  # noqa: PLC0415
         from hindrax_ros.convert import wrench_to_msg  # noqa: PLC0415
 
         operator = self.operator
-        if mode == MANEUVER:
+        if mode == MANEUVER and self.last is not None:
+            # What a person does before the first flight of a state that began anew.
+            recentre(operator, *self.last.place_m, self.last.attitude_rad[2])
             operator.fly(["surge"], excitation="plateaus", seed=seed, on_cancel="neutral", seconds=PATIENT_S)
         elif mode == HOLD:
             for axis, value in HELD:
