@@ -161,6 +161,12 @@ def test_split_by_time_leaves_files_that_each_open_alone(tmp_path: Path) -> None
         assert len(list(reader.messages())) == 600
 
 
+def test_unless_told_a_file_ends_after_a_quarter_of_an_hour_with_the_index_that_it_kept_in_memory() -> None:
+    assert not BagLimits().split_due(1, 899.0)
+    assert BagLimits().split_due(1, 900.0)
+    assert not BagLimits(split_s=0.0).split_due(1, 1e6)
+
+
 def test_split_by_size(tmp_path: Path) -> None:
     bag = writer(tmp_path / "bag", BagLimits(split_MB=0.002, keep_free_MB=0.0))
     _record(bag, 3)

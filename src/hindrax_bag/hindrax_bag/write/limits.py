@@ -18,10 +18,13 @@ FILES_IN_BUDGET = 4
 
 @dataclass(frozen=True, slots=True)
 class BagLimits:
-    """Split, budget and floor. Zero switches a limit off."""
+    """Split, budget and floor. Zero switches a limit off.
+
+    The index of a file is kept in memory until the file ends, 0.3 MB for each minute.
+    """
 
     split_MB: float = knob(1000.0, 0.0, 1e6, "size at which a new file of the bag begins [MB]")
-    split_s: float = knob(0.0, 0.0, 1e6, "time after which a new file of the bag begins [s]")
+    split_s: float = knob(900.0, 0.0, 1e6, "time after which a new file of the bag begins [s]")
     budget_MB: float = knob(0.0, 0.0, 1e7, "what the bag may take of the disk, all files together [MB]")
     when_full: str = choice("stop", ("stop", "oldest"), "stop recording, or drop the oldest file of the bag")
     keep_free_MB: float = knob(200.0, 0.0, 1e6, "what is left free on the disk [MB]")
