@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from hindrax_control.maneuver.maneuver_guards import (
+    BLOCKED_PHASE_S,
     ManeuverGuardKnobs,
     ManeuverGuards,
     Situation,
@@ -56,6 +57,16 @@ def test_thrust_without_motion_is_blocked_after_a_while(look: Callable[..., tupl
     assert look(BLOCKED, 0.0, thrust_N=(18.0, 0.0)) == ()
     (found,) = look(BLOCKED, 5.0, thrust_N=(18.0, 0.0))
     assert found.startswith("blocked: 18 N of surge move it at 0.01 m/s, wanted 0.")
+
+
+def test_blocked_is_a_phase_before_it_is_a_reason_to_stop(hindrax: Vehicle) -> None:
+    safety = ManeuverGuards(hindrax)
+    assert not safety.is_blocked(100.0)
+    assert safety.step(Situation(BLOCKED, None, {}, 100.0, thrust_N=(18.0, 0.0))) == ()
+    assert not safety.is_blocked(100.0 + 0.99 * BLOCKED_PHASE_S)
+    assert safety.is_blocked(100.0 + 1.01 * BLOCKED_PHASE_S)
+    assert safety.step(Situation(WELL, None, {}, 102.0)) == ()
+    assert not safety.is_blocked(103.0)
 
 
 @pytest.mark.parametrize(

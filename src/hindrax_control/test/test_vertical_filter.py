@@ -133,15 +133,18 @@ def test_before_the_first_depth_and_echo_nothing_is_known() -> None:
     assert ours.depth_m == pytest.approx(0.7, abs=1e-3)
 
 
+@pytest.mark.parametrize("off_m", [0.1, 20.0])
 @pytest.mark.parametrize("source", ["depth", "altitude"])
-def test_after_its_patience_it_lets_go_of_the_state_that_is_contradicted_and_of_no_other(source: str) -> None:
+def test_after_its_patience_it_lets_go_of_the_state_that_is_contradicted_and_of_no_other(
+    source: str, off_m: float
+) -> None:
     knobs = VerticalKnobs(patience=7)
     ours, theirs = dived(knobs)
     before_m = {"depth": ours.depth_m, "altitude": ours.altitude_m}
     expected_m = theirs.expected_depth() if source == "depth" else theirs.expected_altitude()
-    taken = [getattr(ours, source)(expected_m + 0.1, 0.003, DEPTH_DELAY_S) for _ in range(8)]
+    taken = [getattr(ours, source)(expected_m + off_m, 0.003, DEPTH_DELAY_S) for _ in range(8)]
     assert taken == [False] * 7 + [True]
     after_m = {"depth": ours.depth_m, "altitude": ours.altitude_m}
-    assert after_m[source] - before_m[source] == pytest.approx(0.1, abs=0.02)
+    assert after_m[source] - before_m[source] == pytest.approx(off_m, abs=0.02)
     if source == "altitude":
         assert after_m["depth"] == pytest.approx(before_m["depth"], abs=0.002)
