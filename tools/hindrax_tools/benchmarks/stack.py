@@ -6,11 +6,12 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from hindrax_bag.run_folder import make_run_folder
+from hindrax_bringup.process_state import descendants
 from hindrax_bringup.processes import MOCK, modules
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
@@ -84,20 +85,13 @@ def _shares(pids: dict[str, int], operator: Any) -> dict[str, tuple[float, float
 
 def _pss_MB(pid: int) -> float:
     """Memory of a process and its children; what several share counts in parts (proportional set size, proc(5))."""
-    rollups = [Path(f"/proc/{one}/smaps_rollup").read_text() for one in _family(pid)]
+    rollups = [Path(f"/proc/{one}/smaps_rollup").read_text() for one in (pid, *descendants(pid))]
     return sum(int(line.split()[1]) for text in rollups for line in text.splitlines() if line.startswith("Pss:")) / 1e3
 
 
 def _ticks(pid: int) -> int:
     """User and system time of a process and its children."""
-    return sum(sum(map(int, _stat(one)[11:13])) for one in _family(pid))
-
-
-def _family(pid: int) -> Iterator[int]:
-    yield pid
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in (task / "children").read_text().split():
-            yield from _family(int(child))
+    return sum(sum(map(int, _stat(one)[11:13])) for one in (pid, *descendants(pid)))
 
 
 def _stat(pid: int) -> Sequence[str]:
