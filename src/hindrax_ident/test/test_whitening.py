@@ -16,7 +16,7 @@ from hindrax_ident.fit.whitening import ErrorDynamics, Noise, Whitener, gains, t
 MEMORY_S = 0.15
 
 
-def chain_of(
+def error_dynamics_of(
     n: int,
     rng: np.random.Generator,
     channels: tuple[int, ...] = (0,),
@@ -71,7 +71,7 @@ def covariance_of(chain: ErrorDynamics, noise: Noise) -> Array:
 @pytest.mark.parametrize("stiffness", [0.0, 4.0])
 def test_innovations_are_white_and_of_unit_variance(channels: tuple[int, ...], stiffness: float) -> None:
     rng = np.random.default_rng(5)
-    chain = chain_of(60, rng, channels, stiffness=stiffness, starts=(0, 25))
+    chain = error_dynamics_of(60, rng, channels, stiffness=stiffness, starts=(0, 25))
     noise = Noise(1e-4, 4e-6, 3e-4, 2e-4)
     C = covariance_of(chain, noise)
     W = Whitener(chain, noise)(np.eye(60))
@@ -80,7 +80,7 @@ def test_innovations_are_white_and_of_unit_variance(channels: tuple[int, ...], s
 
 def test_without_unknown_forces_only_the_scale_changes() -> None:
     rng = np.random.default_rng(1)
-    chain = chain_of(30, rng, (0, 1))
+    chain = error_dynamics_of(30, rng, (0, 1))
     table = rng.standard_normal((30, 2))
     scale = np.where(chain.channel == 0, 0.1, 0.02)
     assert Whitener(chain, Noise(0.01, 0.0004))(table) == pytest.approx(table / scale[:, None])
@@ -88,7 +88,7 @@ def test_without_unknown_forces_only_the_scale_changes() -> None:
 
 def test_a_measurement_that_does_not_count_changes_nothing() -> None:
     rng = np.random.default_rng(2)
-    chain = chain_of(30, rng)
+    chain = error_dynamics_of(30, rng)
     table = rng.standard_normal((30, 1))
     counts = chain.counts.copy()
     counts[10] = False
@@ -102,7 +102,7 @@ def test_a_measurement_that_does_not_count_changes_nothing() -> None:
 
 def test_a_long_step_is_as_exact_as_a_short_one() -> None:
     rng = np.random.default_rng(4)
-    chain = chain_of(6, rng, stiffness=4.0)
+    chain = error_dynamics_of(6, rng, stiffness=4.0)
     chain = replace(chain, step_s=np.array([0.0, 0.02, 1.0, 0.3, 0.6, 0.05]))
     A, Q = transitions(chain)
     for k in range(1, 6):
@@ -115,7 +115,7 @@ def test_a_long_step_is_as_exact_as_a_short_one() -> None:
 def test_noise_is_found_again(force: float, thrust: float) -> None:
     rng = np.random.default_rng(8)
     n = 4000
-    chain = chain_of(n, rng)
+    chain = error_dynamics_of(n, rng)
     A, Q = transitions(chain)
     density = force + thrust * chain.thrust
     state = np.array([0.0, 0.0, np.sqrt(density[0] / (2.0 * MEMORY_S)) * rng.standard_normal()])
@@ -135,7 +135,7 @@ def test_noise_is_found_again(force: float, thrust: float) -> None:
 
 def test_a_candidate_whose_filter_diverges_is_never_the_most_likely() -> None:
     rng = np.random.default_rng(1)
-    chain = chain_of(400, rng, damping=-1000.0)
+    chain = error_dynamics_of(400, rng, damping=-1000.0)
     found = fit_noise(chain, rng.normal(size=400), Noise())
     assert math.isfinite(found.velocity)
     assert found.velocity > 0.1, "no confidence from a sum that is not a number"
@@ -143,7 +143,7 @@ def test_a_candidate_whose_filter_diverges_is_never_the_most_likely() -> None:
 
 def test_gain_is_between_nothing_and_all() -> None:
     rng = np.random.default_rng(3)
-    chain = chain_of(200, rng)
+    chain = error_dynamics_of(200, rng)
     K, S = gains(chain, transitions(chain), Noise(1e-4, 1.0, 1e-3))
     assert np.all((K[:, 0] >= 0.0) & (K[:, 0] < 1.0))
     assert np.all(S >= 0.01)

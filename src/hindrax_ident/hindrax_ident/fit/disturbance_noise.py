@@ -15,7 +15,7 @@ from scipy.special import chdtri
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.fit.noise_likelihood import DisturbanceProfile, disturbance_profile
 from hindrax_ident.fit.output_error import OutputErrorFit
-from hindrax_ident.fit.output_error_problem import chain_of
+from hindrax_ident.fit.output_error_problem import error_dynamics_of
 from hindrax_ident.fit.whitening import Noise
 
 BEYOND = 3.0
@@ -49,7 +49,7 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
 
 
 def _profile(fit: OutputErrorFit, tried: Array) -> DisturbanceProfile:
-    chain = chain_of(fit.problem, fit.theta, fit.linear.path)
+    chain = error_dynamics_of(fit.problem, fit.theta, fit.linear.path)
     return disturbance_profile(chain, fit.linear.raw, fit.noise, tried)
 
 

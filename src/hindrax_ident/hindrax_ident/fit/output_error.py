@@ -21,7 +21,7 @@ from hindrax_ident.fit.output_error_problem import (
     LinearizedProblem,
     OutputErrorProblem,
     build_problem,
-    chain_of,
+    error_dynamics_of,
     linearize,
     restarted,
     whitener_of,
@@ -91,7 +91,7 @@ def refine(model: Model, record: Record, start: Array, belief: Prior) -> OutputE
         white = whitener_of(problem, theta, linear.path, noise)
         linear, theta, _ = _descend(problem, theta, linear.path, white, belief, tolerance=ROUGH)
     for _ in range(REWEIGHTINGS):
-        chain = chain_of(problem, theta, linear.path)
+        chain = error_dynamics_of(problem, theta, linear.path)
         fresh = fit_noise(chain, linear.raw, noise, given_position=model.restores)
         settled, noise = _similar(fresh, noise), fresh
         white = Whitener(chain, noise)

@@ -202,7 +202,7 @@ def linearize(
     return LinearizedProblem(table[:, 0], table[:, 1:-2], start, raw, moved)
 
 
-def chain_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> ErrorDynamics:
+def error_dynamics_of(problem: OutputErrorProblem, theta: Array, path: Trajectory) -> ErrorDynamics:
     """Linearized error dynamics between the measurements."""
     model, index, starts = problem.model, problem.index, problem.starts()
     v, s = path.v[index], path.s[index]
@@ -228,7 +228,7 @@ def _effort(problem: OutputErrorProblem, steps_s: Array) -> Array:
 
 def whitener_of(problem: OutputErrorProblem, theta: Array, path: Trajectory, noise: Noise) -> Whitener:
     """Whitener for the motion along a path."""
-    return Whitener(chain_of(problem, theta, path), noise)
+    return Whitener(error_dynamics_of(problem, theta, path), noise)
 
 
 def _project(problem: OutputErrorProblem, white: Array) -> Array:
