@@ -132,6 +132,17 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(be
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
 
 
+@pytest.mark.parametrize("armings", [0, 2])
+def test_a_pilot_that_begins_after_an_arming_knows_no_place_until_it_is_told(bench: Bench, armings: int) -> None:
+    bench.state.armings = armings
+    bench.say_armed(armed=True)
+    if armings:
+        assert "armed before this pilot began" in bench.fly()
+        recentre(bench.operator, 5.0, 3.0, math.nan)
+    bench.when_flying(bench.operator.cancel_all)
+    assert bench.fly() == "cancelled: by the operator"
+
+
 def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(bench: Bench) -> None:
     def plans() -> dict[str, str]:
         found = bench.operator.plans

@@ -29,6 +29,7 @@ from hindrax_core.vehicle import Vehicle
 BUSY = "a maneuver is being flown; `./hindrax stop` ends it"
 REFUSAL_S = 5.0
 """Time for which a refused setpoint or wrench is shown."""
+JUMPED = "the odometry began anew after the vehicle was armed"
 OPERATOR = "operator"
 """Key of refused operator wrenches, beside the axes of the holds."""
 
@@ -79,7 +80,8 @@ class Pilot:
         self._guard = WrenchGuard(vehicle, knobs.operator_wrench)
         self.pool: PoolBounds | None = None
         self._navigation: Navigation | None = None
-        self._told_where = False
+        self._told_where, self._unplaced = False, ""
+        self._origin_m: tuple[float, float] | None = None
         self._maneuver_guards = ManeuverGuards(vehicle, knobs.guards)
         self._fault_detector = ThrusterFaultDetector(vehicle, knobs.fault_detector)
         self._maneuver: Maneuver | None = None
@@ -192,6 +194,16 @@ class Pilot:
         self._keeping_station, self._station = True, None
         return self._maneuver
 
+    def lose_place(self, why: str) -> None:
+        """Take it that nobody knows where in the pool the vehicle is: no maneuver begins until `recentre`."""
+        self._unplaced = f"{why}, wanted a known place in the pool"
+
+    def begin_anew(self) -> None:
+        """Take it that positions have another origin from the next step on: that of the start, until it was armed."""
+        self._origin_m = None
+        if self._was_armed or self._told_where:
+            self.lose_place(JUMPED)
+
     def recentre(self, x_m: float = NAN, y_m: float = NAN, turned_rad: float = NAN) -> str:
         """Take it that the vehicle is at this place of the pool now; returns the reason of a refusal.
 
@@ -211,7 +223,7 @@ class Pilot:
             pool.recentre(self._navigation, x_m, y_m, turned_rad)
         except UsageError as error:
             return str(error)
-        self.pool, self._told_where = pool, True
+        self.pool, self._told_where, self._unplaced = pool, True, ""
         if self._station is not None:
             self._station.start(self.pool.place(self._navigation))
         return ""
@@ -278,11 +290,26 @@ class Pilot:
         self._navigation = navigation
         if not (self._was_armed or self._told_where) and math.isfinite(navigation.attitude_rad[2]):
             # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
-            self.pool = PoolBounds(self._vehicle, navigation.attitude_rad[2], self._knobs.pool_bounds)
+            if self._origin_m is None and math.isfinite(sum(navigation.position_m)):
+                self._origin_m = navigation.position_m
+            self.pool = PoolBounds(
+                self._vehicle,
+                navigation.attitude_rad[2],
+                self._knobs.pool_bounds,
+                origin_m=self._origin_m or (0.0, 0.0),
+            )
         place = self.pool.place(navigation) if self.pool else None
         walls_m = self.pool.walls_m(place) if self.pool and place else {}
         self._guards = self._maneuver_guards.step(
-            Situation(navigation, place, walls_m, to_s(stamp), battery_V, self.water_in_hull)
+            Situation(
+                navigation,
+                place,
+                walls_m,
+                to_s(stamp),
+                battery_V,
+                self.water_in_hull,
+                unplaced=self._unplaced,
+            )
         )
         if self._armed and not armed:
             self._keeping_station, self._station = False, None

@@ -42,9 +42,19 @@ class PoolPosition:
 
 
 class PoolBounds:
-    """Pool geometry for one start; `heading_rad` is the navigator's heading when the vehicle lay as the knobs say."""
+    """Pool geometry for one start, where the vehicle lay as the knobs say.
 
-    def __init__(self, vehicle: Vehicle, heading_rad: float, knobs: PoolBoundsKnobs | None = None) -> None:
+    `heading_rad` and `origin_m` (north, east) are what the navigator said there.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        heading_rad: float,
+        knobs: PoolBoundsKnobs | None = None,
+        *,
+        origin_m: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         knobs = knobs or PoolBoundsKnobs()
         pool = vehicle.pool
         self.length_m, self.width_m, self.depth_m = pool.length_m, pool.width_m, pool.depth_m
@@ -52,7 +62,7 @@ class PoolBounds:
         self.axis_rad = heading_rad - math.radians(knobs.start_turned_deg)
         self.start_m = (knobs.start_along * pool.length_m, knobs.start_across * pool.width_m)
         self._start_sigma_m = knobs.start_sigma_m
-        self._reckoned_m, self._variance_m2 = (0.0, 0.0), 0.0
+        self._reckoned_m, self._variance_m2 = origin_m, 0.0
 
     def recentre(self, navigation: Navigation, x_m: float, y_m: float, turned_rad: float) -> None:
         """Take the vehicle to be at x, y now [m], turned from the length by this; NaN: as it was.

@@ -103,3 +103,14 @@ def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> 
     assert found is not None
     assert math.isnan(found.reading.altitude_m)
     assert found.reading.ages_s["ping1d"] == pytest.approx(3.0)
+
+
+def test_every_break_is_counted_and_the_beginning_is_none() -> None:
+    flight = Flight()
+    flight.steps(LEVEL)
+    assert flight.odometry.breaks == 0
+    flight.step(replace(LEVEL, position_m=(5.0, 0.0)))
+    flight.step(replace(LEVEL, position_m=(5.0, 0.0)))
+    assert flight.odometry.breaks == 1
+    flight.step(replace(LEVEL, position_m=(5.0, 0.0)), "/somebody/else")
+    assert flight.odometry.breaks == 2

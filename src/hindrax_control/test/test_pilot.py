@@ -99,6 +99,55 @@ def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds
     assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""
 
 
+# ---- place in the pool
+
+
+def place(hovering: Hovering) -> tuple[float, float]:
+    """Where the pilot takes the vehicle to be now [m]."""
+    hovering.fly()
+    pool = hovering.pilot.pool
+    assert pool is not None
+    at = pool.place(hovering.ideal.navigation())
+    return (at.x_m, at.y_m)
+
+
+def test_after_a_restart_no_maneuver_begins_until_somebody_says_where_the_vehicle_is(hovering: Hovering) -> None:
+    hovering.pilot.lose_place("the vehicle was armed before")
+    assert hovering.fly().guards[0].startswith("pool_box: the vehicle was armed before, wanted a known place")
+    with pytest.raises(HindraxError, match=r"pool_box: .*hindrax recentre"):
+        hovering.pilot.fly(Goal(("surge",)))
+    assert hovering.pilot.set(Setpoint("depth", value=0.5)) == ""
+    assert hovering.pilot.recentre(4.0, 2.0) == ""
+    assert hovering.fly().guards == ()
+    assert place(hovering) == pytest.approx((4.0, 2.0))
+    hovering.pilot.fly(Goal(("surge",)))
+
+
+def test_the_origin_of_a_foreign_odometry_is_where_the_vehicle_lay(hovering: Hovering, hindrax: Vehicle) -> None:
+    middle = (0.5 * hindrax.pool.length_m, 0.5 * hindrax.pool.width_m)
+    hovering.ideal.north, hovering.ideal.east = math.nan, math.nan
+    hovering.fly(armed=False)
+    hovering.ideal.north, hovering.ideal.east = 120.0, -40.0
+    hovering.fly(armed=False)
+    hovering.ideal.north += 1.0
+    assert place(hovering) == pytest.approx((middle[0] + 1.0, middle[1]))
+
+
+@pytest.mark.parametrize("armed", [False, True])
+def test_an_odometry_that_begins_anew_costs_the_place_once_it_was_armed(
+    hovering: Hovering, hindrax: Vehicle, armed: bool
+) -> None:
+    hovering.fly(armed=armed)
+    hovering.ideal.north += 3.0
+    hovering.pilot.begin_anew()
+    guards = hovering.fly(armed=armed).guards
+    if armed:
+        assert guards[0].startswith("pool_box: the odometry began anew after the vehicle was armed")
+    else:
+        assert guards == ()
+        assert place(hovering) == pytest.approx((0.5 * hindrax.pool.length_m, 0.5 * hindrax.pool.width_m))
+
+
 # ---- station
 
 

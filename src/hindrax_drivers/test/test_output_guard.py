@@ -104,6 +104,18 @@ def test_arming_is_neutral_for_the_time_of_the_escs() -> None:
     assert state.phase is ArmingPhase.ARMED
 
 
+def test_it_counts_how_often_it_was_armed_whatever_happened_between() -> None:
+    state, pulses = GUARD.start(at(0.0)), NEUTRAL
+    for turn in range(3):
+        state, _ = GUARD.disarm(state, Request(at(20.0 * turn), 2 * turn), at(20.0 * turn))
+        assert state.armings == turn
+        state, _ = GUARD.arm(state, Request(at(20.0 * turn + 1.0), 2 * turn + 1), at(20.0 * turn + 1.0))
+        for step in range(75):
+            now_s = 20.0 * turn + 1.0 + step * 0.1
+            state, _ = say(state, command(now_s, 1000 * turn + step + 1, pulses), now_s)
+        assert (state.phase, state.armings) == (ArmingPhase.ARMED, turn + 1)
+
+
 @pytest.mark.parametrize(
     ("stamp_s", "sequence", "reason"),
     [

@@ -146,14 +146,14 @@ def command_writer(thrusters: int, frame: str) -> Callable[[Stamp, int, Sequence
 
 def applied_writer(output: str) -> Callable[[ThrusterStateFields, str, str], bytes]:
     """Make a writer of ThrusterState: its numbers, its state and its reason in words."""
-    writer = CdrWriter(*_STAMP, "armed", "pulses", "sequence")
+    writer = CdrWriter(*_STAMP, "armed", "pulses", "sequence", "armings")
 
     def write(applied: ThrusterStateFields, state: str, reason: str) -> bytes:
         shape = (state, reason, len(applied.pulses_us))
         if writer.key != shape:
             writer.learn(shape, ThrusterState(state=state, reason=reason, pulses=applied.pulses_us, output=output))
         return writer.write(
-            (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence),
+            (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence, applied.armings),
         )
 
     return write
@@ -175,6 +175,7 @@ class ThrusterStateFields(NamedTuple):
     armed: bool
     pulses_us: tuple[float, ...]
     sequence: int
+    armings: int
 
 
 _inertial = CdrReader(Imu, *_IMU).read
@@ -186,7 +187,7 @@ _pressure = CdrReader(FluidPressure, *_STAMP, "fluid_pressure").read
 _navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
 _command = CdrReader(ThrusterCommand, *_STAMP, "sequence", "pulses").read
 _lamps = CdrReader(ThrusterCommand, "lights").read
-_applied = CdrReader(ThrusterState, *_STAMP, "armed", "pulses", "sequence").read
+_applied = CdrReader(ThrusterState, *_STAMP, "armed", "pulses", "sequence", "armings").read
 _thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces").read
 
 
@@ -253,8 +254,8 @@ def command_from_bytes(data: bytes) -> CommandFields:
 
 def applied_from_bytes(data: bytes) -> ThrusterStateFields:
     """Read the numbers of a ThrusterState."""
-    s, ns, armed, *pulses, sequence = _applied(data)
-    return ThrusterStateFields(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence)
+    s, ns, armed, *pulses, sequence, armings = _applied(data)
+    return ThrusterStateFields(Stamp(s * NS_PER_S + ns), armed, tuple(pulses), sequence, armings)
 
 
 def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:

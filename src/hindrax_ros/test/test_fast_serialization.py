@@ -22,6 +22,7 @@ from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand
 from hindrax_ros import convert, fast_serialization
 from hindrax_ros.cdr_layout import CdrLayout, CdrReader
 
+counts = st.integers(0, 2**32 - 1)
 number = st.floats(width=32, allow_nan=False)
 
 
@@ -159,11 +160,12 @@ def test_a_command_keeps_pulses_and_lights_apart(
     )
 
 
-@given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.integers(0, 2**32 - 1))
-def test_applied(stamp: Stamp, text: str, armed: bool, pulses: list[int], sequence: int) -> None:
+@given(stamps, texts, st.booleans(), st.lists(number, max_size=9), st.tuples(counts, counts))
+def test_applied(stamp: Stamp, text: str, armed: bool, pulses: list[int], numbers: tuple[int, int]) -> None:
+    sequence, armings = numbers
     message = ThrusterState(armed=armed, state=text, reason=text + "x", pulses=pulses, sequence=sequence, output="o")
-    message.header.stamp = convert.stamp_to_msg(stamp)
-    applied = fast_serialization.ThrusterStateFields(stamp, armed, tuple(pulses), sequence)
+    message.armings, message.header.stamp = armings, convert.stamp_to_msg(stamp)
+    applied = fast_serialization.ThrusterStateFields(stamp, armed, tuple(pulses), sequence, armings)
     assert fast_serialization.applied_from_bytes(serialize_message(message)) == applied
     write = fast_serialization.applied_writer("o")
     assert (

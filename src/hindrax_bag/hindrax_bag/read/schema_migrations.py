@@ -64,6 +64,7 @@ STEPS: tuple[Step, ...] = (
     Step(3, "hindrax_msgs/msg/AllocationStatus", turned=_FRACTIONS),
     Step(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
     Step(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),
+    Step(4, "hindrax_msgs/msg/ThrusterState", added={"armings": 0}),
 )
 """In the order of their versions."""
 VERSION = max(step.version for step in STEPS)

@@ -79,6 +79,8 @@ class Situation:
     needed_axes: tuple[str, ...] = ()
     thrust_N: tuple[float, float] = (0.0, 0.0)
     """Surge and sway force of the last cycle."""
+    unplaced: str = ""
+    """Why nobody on board knows where in the pool it is; empty: it is at `place`."""
 
 
 class ManeuverGuards:
@@ -97,7 +99,7 @@ class ManeuverGuards:
     def step(self, situation: Situation) -> tuple[str, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
         at_once = {
-            "pool_box": self._pool_box(situation.place, situation.walls_m),
+            "pool_box": situation.unplaced or self._pool_box(situation.place, situation.walls_m),
             "depth_band": self._depth_band(situation.navigation),
             "altitude_band": self._altitude_band(situation.navigation),
             "battery": self._battery(situation.battery_V),

@@ -38,6 +38,8 @@ class ExternalOdometry:
         self._range: Stamped[float] | None = None
         self._last: Stamped[Navigation] | None = None
         self._source, self._began = "", NEVER
+        self.breaks = 0
+        """How often a state began anew, so that its position does not go on from the one before."""
 
     def range(self, stamp: Stamp, range_m: float) -> None:
         """Keep the distance to the bottom along the axis of the altimeter [m]."""
@@ -53,7 +55,7 @@ class ExternalOdometry:
         if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_s:
             return None, ""
         if last is None or source != self._source or self._broken(last, found):
-            self._began = found.stamp
+            self._began, self.breaks = found.stamp, self.breaks + (last is not None)
         self._source, self._last = source, found
         consistency = replace(found.reading.consistency, began=self._began)
         altitude_m, age_s = self._altitude(found)

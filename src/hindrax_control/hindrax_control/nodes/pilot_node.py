@@ -80,6 +80,7 @@ CHECK_S = 0.5
 SILENT_S = 5.0
 """Silence of the navigator that ends a maneuver [ROS time]: thrusters without commands have disarmed by then."""
 GOAL, RECENTRE = "maneuver/fly", "maneuver/recentre"
+RESTARTED = "the vehicle was armed before this pilot began, and may have moved"
 UNTIMED = 16
 """Lists of thrusters out of use that are kept until the time is known."""
 
@@ -106,7 +107,7 @@ class PilotNode(BatchedNode):
         self._altimeter: Subscription | None = None
         fixed = dict.fromkeys(SAFETY_GROUPS, SAFETY)
         self._pilot = Pilot(vehicle, knobs(self, PilotKnobs, self._tune, fixed=fixed))
-        self._armed, self._unarmed = False, ""
+        self._armed, self._unarmed, self._heard_thrusters = False, "", False
         self._last_state = Stamp(0)
         self._supply = supply
         self._allocation: Allocation | None = None
@@ -174,6 +175,9 @@ class PilotNode(BatchedNode):
         if unfit:
             self._refuse(THRUSTER_STATE, unfit)
             return
+        if not self._heard_thrusters and applied.armings:
+            self._pilot.lose_place(RESTARTED)
+        self._heard_thrusters = True
         if self._armed and not applied.armed:
             self._unarmed = deserialized(data, ThrusterState).reason
         self._armed = applied.armed
@@ -217,6 +221,7 @@ class PilotNode(BatchedNode):
             self._altimeter = subscription(self, ALTITUDE, self._on_range, raw=True)
         unfit = self._source.judge(publishers_of(self, ODOMETRY), armed=self._armed)
         state: Stamped[Navigation] | None = None
+        breaks = self._odometry.breaks
         if not unfit:
             try:
                 state, unfit = self._odometry.step(odometry_from_msg(message), self._source.name, self.now())
@@ -224,6 +229,8 @@ class PilotNode(BatchedNode):
                 unfit = str(error)
         if unfit:
             self._refuse(ODOMETRY, unfit)
+        if self._odometry.breaks != breaks:
+            self._pilot.begin_anew()
         if state is not None:
             self.on_navigation(state)
 

@@ -105,7 +105,7 @@ class ThrustersNode(DeviceNode):
         else:
             self.health.reading(applied.stamp)
         said = ThrusterStateFields(
-            applied.stamp, applied.phase is ArmingPhase.ARMED, applied.pulses_us, applied.sequence
+            applied.stamp, applied.phase is ArmingPhase.ARMED, applied.pulses_us, applied.sequence, applied.armings
         )
         self._state.publish(self._state_bytes(said, str(applied.phase), applied.reason))
 

@@ -132,7 +132,10 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class OutputGuardState:
-    """State of the guard. `reason` says why it is not armed; `fresh_until` is the end of the last valid command."""
+    """State of the guard. `reason` says why it is not armed; `fresh_until` is the end of the last valid command.
+
+    `armings` counts how often it was armed since its start.
+    """
 
     phase: ArmingPhase
     reason: str
@@ -149,6 +152,7 @@ class OutputGuardState:
     last_request: Request | None = None
     monitor_disarmed_at: Stamp | None = None
     challenge: Challenge | None = None
+    armings: int = 0
 
     @property
     def armed(self) -> bool:
@@ -345,7 +349,7 @@ class OutputGuard:
     def _enter(self, state: OutputGuardState, phase: ArmingPhase, reason: str, now: Stamp) -> OutputGuardState:
         """Change the phase. Armed keeps the fresh command that brought it; any other phase makes neutral due now."""
         if phase is ArmingPhase.ARMED:
-            return replace(state, phase=phase, reason=reason, since=now)
+            return replace(state, phase=phase, reason=reason, since=now, armings=state.armings + 1)
         return replace(state, phase=phase, reason=reason, since=now, fresh_until=None, written_at=None, challenge=None)
 
     def _fresh(self, state: OutputGuardState, now: Stamp) -> bool:

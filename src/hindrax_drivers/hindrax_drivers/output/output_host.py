@@ -23,13 +23,14 @@ LAST_ATTEMPTS = 3
 
 @dataclass(frozen=True, slots=True)
 class AppliedOutput:
-    """Output from this time on: state of the guard, actual pulses [us], sequence of their command."""
+    """Output from this time on: state of the guard, actual pulses [us], sequence of their command, armings so far."""
 
     stamp: Stamp
     phase: ArmingPhase
     reason: str
     pulses_us: tuple[float, ...]
     sequence: int
+    armings: int
 
 
 class OutputListener(Protocol):
@@ -215,4 +216,6 @@ class OutputHost:
         """Report the last pulses that were written: after a failed write they are most likely still active."""
         state = self._state
         made = self._output.applied(self._last)
-        self._listener.applied(AppliedOutput(self._output.now(), state.phase, state.reason, made, self._last.sequence))
+        self._listener.applied(
+            AppliedOutput(self._output.now(), state.phase, state.reason, made, self._last.sequence, state.armings)
+        )
