@@ -189,6 +189,7 @@ class Influence:
     unless it was flown so that they do not: `shown`.
     `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
+    `alone`: it may be as usual in water that is near the model otherwise.
     `loss`: it acts in one direction, the positive one, as losses of thrust do: all of them add up.
     """
 
@@ -203,6 +204,7 @@ class Influence:
     shown: Callable[[Case], bool] = lambda _case: False
     drag: Callable[[Case, Array], Array] | None = None
     near: float = 1.0
+    alone: bool = False
     loss: bool = False
 
 
@@ -431,12 +433,12 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
-        MEASURED_THRUST, considered=True, near=0.42, loss=True,
+        MEASURED_THRUST, considered=True, near=0.37, loss=True,
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=0.25, loss=True,
+        considered=True, shown=_coasts, near=NEAR, alone=True, loss=True,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,

@@ -23,8 +23,8 @@ from hindrax_ident.fit.score_test import score
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
-ODDS = (math.log(0.03), 0.0)
-"""What the water may be: near the model, or that of a usual pool; logarithms of the prior odds."""
+ODDS = (math.log(0.03), math.log(0.003), 0.0)
+"""What the water may be: near the model, near it but for inflow loss, or that of a usual pool; logarithms of prior odds."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20
@@ -203,16 +203,17 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES, water: A
 
 
 def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _Prior:
-    """Prior of the influences in water near the model, and in a usual pool."""
+    """Prior of the influences in each water of `ODDS`."""
     m = rows[-1].stop if rows else 0
-    near, loss = np.ones(m), np.zeros(m)
+    near, alone, loss = np.ones(m), np.zeros(m), np.zeros(m)
     for row, (influence, _) in zip(rows, known, strict=True):
-        near[row], loss[row] = influence.near, influence.loss
-    size = np.stack([near, np.ones(m)])
+        near[row], alone[row], loss[row] = influence.near, influence.alone, influence.loss
+    size = np.stack([near, np.maximum(near, alone), np.ones(m)])
     usual, spread = LOSS_MEAN * loss * size, np.sqrt(1.0 - loss * LOSS_MEAN**2) * size
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
-    return _Prior(array(usual), array(spread), np.stack([both_ways & (near > NEAR), both_ways & (near > 0.0)]))
+    in_near = both_ways & (near > NEAR)
+    return _Prior(array(usual), array(spread), np.stack([in_near, in_near, both_ways & (near > 0.0)]))
 
 
 class _Prior(NamedTuple):
