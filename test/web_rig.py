@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.maneuver.maneuver import PLATEAUS, Goal
+from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import POOL, sizes_of

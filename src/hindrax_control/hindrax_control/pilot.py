@@ -14,19 +14,19 @@ from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnob
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
 from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
-from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverKnobs, ManeuverOutput, check_goal
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
-from hindrax_control.maneuver.servable import require_servable
+from hindrax_control.maneuver.refusal import BUSY, require_flyable, require_ready
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 
-BUSY = "a maneuver is being flown; `./hindrax stop` ends it"
 REFUSAL_S = 5.0
 """Time for which a refused setpoint or wrench is shown."""
 JUMPED = "the odometry began anew after the vehicle was armed"
@@ -150,8 +150,7 @@ class Pilot:
 
     def check(self, goal: Goal) -> None:
         """UsageError that says why a goal cannot be flown by this vehicle with the thrusters that are enabled."""
-        check_goal(goal)
-        require_servable(goal.motions, self._vehicle, self._disabled)
+        require_flyable(goal, self._vehicle, self._disabled)
 
     def plans(self) -> dict[str, Plan | str]:
         """What each motion would fly now, or a sentence that says why it cannot; first word: its name."""
@@ -171,20 +170,14 @@ class Pilot:
 
     def fly(self, goal: Goal) -> Maneuver:
         """Begin a maneuver with the next step; HindraxError says why it cannot be flown now or at all."""
-        if self.flying:
-            raise HindraxError(BUSY)
-        if not self._armed:
-            raise HindraxError("the vehicle is not armed; `./hindrax arm` first")
-        if self._guards:
-            raise HindraxError(self._guards[0])
-        if self.pool is None:
-            raise HindraxError(f"the heading is unknown; {SENSELESS}")
-        knobs = self._knobs
+        pool, knobs = self.pool, self._knobs
+        require_ready(flying=self.flying, armed=self._armed, guards=self._guards, heading_known=pool is not None)
+        assert pool is not None
         self._maneuver = Maneuver(
             self._vehicle,
             self._allocator,
             goal,
-            self.pool,
+            pool,
             knobs=knobs.maneuver,
             plan_knobs=knobs.plan,
             station_knobs=knobs.station,

@@ -9,7 +9,7 @@ import pytest
 from ideal_vehicle import IdealVehicle
 
 from hindrax_control.hold.holds import Setpoint
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.pilot import REFUSAL_S, Pilot, PilotOutput
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle

@@ -21,7 +21,7 @@ from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, prese
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
-from hindrax_control.maneuver.maneuver import PLATEAUS
+from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError

@@ -26,7 +26,7 @@ from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
 from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle

@@ -11,7 +11,7 @@ import pytest
 from browser import browser, browser_at_hand
 from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.snapshot import ManeuverView

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverOutput
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from hindrax_control.maneuver.maneuver import PLATEAUS, Goal, ManeuverOutput
+from hindrax_control.maneuver.goal import PLATEAUS, Goal
+from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.events import Stamp, Stamped, to_s

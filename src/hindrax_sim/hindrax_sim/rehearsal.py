@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from hindrax_control.maneuver.maneuver import PLATEAUS, ManeuverOutput
+from hindrax_control.maneuver.goal import PLATEAUS
+from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.prior_dynamics import guessed
 from hindrax_core.events import Stamp, seconds_between

@@ -13,7 +13,8 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.maneuver import ENDINGS, Goal, Maneuver
+from hindrax_control.maneuver.goal import ENDINGS, Goal
+from hindrax_control.maneuver.maneuver import Maneuver
 from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_control.pilot import PilotKnobs

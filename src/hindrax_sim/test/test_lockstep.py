@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.errors import UsageError

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.hold.holds import Setpoint
-from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation

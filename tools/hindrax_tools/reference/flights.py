@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
 from hindrax_core.vehicle import load_vehicle

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import Setpoint, silence_s
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
-from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
+from hindrax_control.maneuver.excitation import Bounds, Excite, signal
+from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.maneuver_guards import REMEDIES, ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
-from hindrax_control.maneuver.plan import CHARACTERS, MOTIONS, Plan, PlanKnobs, Planner
-from hindrax_control.maneuver.servable import require_servable
+from hindrax_control.maneuver.plan import CHARACTERS, Plan, PlanKnobs, Planner
+from hindrax_control.maneuver.refusal import require_flyable
 from hindrax_control.maneuver.stages import (
     RELEASED,
     BrakeAndHold,
@@ -30,19 +31,12 @@ from hindrax_control.maneuver.stages import (
 )
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
-from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import BLOCKED, NAN, ZERO6, Navigation, Phase
 from hindrax_core.vehicle import Vehicle
 
-ENDINGS = ("hold", "neutral")
-PLATEAUS = "plateaus"
-MOST_MOTIONS, MOST_LEVELS = 12, 20
-"""Limits per goal: planning blocks the control cycle."""
-LATE = "late"
-"""Guard of goals that arrive late; the client may send them again."""
 SETTLING_s = 2.5
 """Time to come to rest at a place, beside the way to it."""
 SILENT_s = 1.0
@@ -57,20 +51,6 @@ class ManeuverKnobs:
     overtime: float = knob(1.6, 1.0, 10.0, "share of the planned time after which a maneuver is given up [-]")
     overtime_s: float = knob(90.0, 0.0, 3600.0, "time on top of that share [s]")
     shortfall_N: float = knob(3.0, 0.0, 100.0, "shortfall of surge or sway that stops the station's integral [N]")
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """Motions to fly, in order, how they are excited, and how a cancelled or aborted maneuver ends.
-
-    `levels`: plateaus of the one motion, from 0, the slowest, to 1, the fastest; empty: those of the plan.
-    """
-
-    motions: tuple[str, ...]
-    excitation: str = PLATEAUS
-    seed: int = 0
-    on_cancel: str = "hold"
-    levels: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +96,7 @@ class Maneuver:
         safety_knobs: ManeuverGuardKnobs | None = None,
         disabled: frozenset[str] = frozenset(),
     ) -> None:
-        check_goal(goal)
-        require_servable(goal.motions, vehicle, disabled)
+        require_flyable(goal, vehicle, disabled)
         self.goal, self._box = goal, box
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
@@ -320,30 +299,3 @@ class Maneuver:
         wanted = signal(self.goal.excitation, self.goal.seed, self._knobs.excitation_s, bounds.slowest_Hz)
         driver = Excite(wanted, bounds, self._knobs.excitation_s)
         return ExciteMotion(plan.motion, driver, freedom, self.station, pose)
-
-
-def check_goal(goal: Goal) -> None:
-    """UsageError that names what is invalid in a goal."""
-    if not goal.motions:
-        raise UsageError(f"goal: no motion, wanted some of {', '.join(MOTIONS)}")
-    if len(goal.motions) > MOST_MOTIONS:
-        raise UsageError(f"goal: {len(goal.motions)} motions, wanted at most {MOST_MOTIONS}; fly the rest after them")
-    for motion in goal.motions:
-        if motion not in MOTIONS:
-            raise UsageError(f"goal: motion {motion!r} unknown, wanted one of {', '.join(MOTIONS)}")
-    if goal.excitation not in (PLATEAUS, *EXCITATIONS):
-        raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
-    if goal.on_cancel not in ENDINGS:
-        raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
-    _check_levels(goal)
-
-
-def _check_levels(goal: Goal) -> None:
-    if goal.levels and (len(goal.motions) > 1 or goal.excitation != PLATEAUS):
-        found = f"{', '.join(goal.motions)} by {goal.excitation}"
-        raise UsageError(f"goal: levels of {found}, wanted those of one motion by {PLATEAUS}")
-    if len(goal.levels) > MOST_LEVELS:
-        raise UsageError(f"goal: {len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
-    for level in goal.levels:
-        if not 0.0 <= level <= 1.0:
-            raise UsageError(f"goal: level {level:g}, wanted 0 (the slowest plateau) to 1 (the fastest)")

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.maneuver import Goal, ManeuverOutput
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import MOTIONS, Plan
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate

@@ -13,7 +13,8 @@ from hindrax_control.allocation.applied_wrench import unfit_pulses
 from hindrax_control.allocation.supply_voltage import SupplyVoltage
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
-from hindrax_control.maneuver.maneuver import LATE, ManeuverOutput, abandoned
+from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
+from hindrax_control.maneuver.refusal import BUSY, LATE
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.navigation.external_odometry import ExternalOdometry
 from hindrax_control.nodes.active_goal import ActiveGoal, result_of
@@ -26,7 +27,7 @@ from hindrax_control.nodes.pilot_messages import (
     plans_to_msg,
     unfit_estimate,
 )
-from hindrax_control.pilot import BUSY, SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
+from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6

@@ -24,7 +24,7 @@ ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
 ODDS = (math.log(0.03), math.log(0.003), 0.0)
-"""What the water may be: near the model, near it but for inflow loss, or that of a usual pool; logarithms of prior odds."""
+"""What the water may be: near the model, near it but for inflow loss, or that of a usual pool; logarithms of odds."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
 ROUNDS = 20

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.stack_lock import StackLock
-from hindrax_control.maneuver.maneuver import Goal
+from hindrax_control.maneuver.goal import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
 from hindrax_ident.online.aim import ExperimentGoal

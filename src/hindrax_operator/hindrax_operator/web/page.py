@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 
 from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.maneuver import PLATEAUS
+from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 
 NO_CHOICES = '{"motions": [], "excitations": []}'

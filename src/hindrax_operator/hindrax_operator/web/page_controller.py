@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any, Protocol
 
-from hindrax_control.maneuver.maneuver import Goal, check_goal
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.refusal import check_goal
 from hindrax_core.errors import UsageError
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.camera_frame import Frame

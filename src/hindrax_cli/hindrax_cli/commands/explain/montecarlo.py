@@ -13,7 +13,7 @@ from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.maneuver import PLATEAUS
+from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
