@@ -1,0 +1,280 @@
+"""What each sensor beside the IMU tells the filters: lever, tilt, delay, and what of it is not used."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from hindrax_control.navigation.aiding import Aiding
+from hindrax_control.navigation.attitude_filter import AttitudeFilter
+from hindrax_control.navigation.heading_filter import HeadingFilter
+from hindrax_control.navigation.horizontal_filter import HorizontalFilter
+from hindrax_control.navigation.navigator import NavigatorKnobs
+from hindrax_control.navigation.sensor_mount import SensorMount, sensor_mount
+from hindrax_control.navigation.vertical_filter import VerticalFilter
+from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
+from hindrax_core.rotation import Matrix3, matrix, rotate
+from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+
+LEVER: Vec3 = (0.2, -0.1, 0.3)
+TILT: Vec3 = (0.2, -0.25, 0.0)
+HERE = sensor_mount(Mount("here"))
+THERE = sensor_mount(Mount("there", position_m=LEVER))
+EARTH_T = 20e-6
+
+
+def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
+    a, b, c = zip(*turn, strict=True)
+    return rotate((a, b, c), vector)
+
+
+class Rig:
+    """The filters, at rest in one attitude, and what aids them."""
+
+    def __init__(self, vehicle: Vehicle, attitude_rad: Vec3 = (0.0, 0.0, 0.0), **knobs: Any) -> None:
+        given = NavigatorKnobs(**knobs)
+        self.turn, self.vehicle, self.time_s = matrix(attitude_rad), vehicle, 0.0
+        self.attitude, self.vertical = AttitudeFilter(given), VerticalFilter(given)
+        self.horizontal, self.heading = HorizontalFilter(given), HeadingFilter(given, 0)
+        self.attitude.align(rotate_back(self.turn, (0.0, 0.0, -GRAVITY_mps2)), 1.0, attitude_rad[2])
+        self.aiding = Aiding(
+            vehicle,
+            given,
+            attitude=self.attitude,
+            heading=self.heading,
+            vertical=self.vertical,
+            horizontal=self.horizontal,
+        )
+
+    @property
+    def heading_rad(self) -> float:
+        return self.attitude.heading_rad
+
+    def wait(self, seconds: float, rate: Vec3 = (0.0, 0.0, 0.0)) -> None:
+        p, q, r = rate
+        for _ in range(round(seconds / 0.02)):
+            self.time_s += 0.02
+            self.horizontal.predict((0.0, 0.0), (0.02 * p, 0.02 * q, 0.02 * r), self.time_s, 0.02)
+            self.vertical.predict(0.0, 0.02)
+
+    def dvl(self, velocity: Vec3, interval_s: float = 0.1, late_s: float = 0.1, at: SensorMount = HERE) -> bool:
+        reading = BottomVelocity(velocity, 0.01, 1.0, interval_s, 0)
+        return self.aiding.bottom_velocity(reading, at, self.time_s - late_s)
+
+    def pressure(self, depth_m: float, at: SensorMount = HERE) -> bool:
+        water = self.vehicle.water
+        pressure = water.surface_pressure_Pa + water.density_kgpm3 * GRAVITY_mps2 * depth_m
+        return self.aiding.pressure(Pressure(pressure, 20.0), at, 0.0)
+
+    def magnetic(self, heading_rad: float, delay_s: float = 0.0) -> bool:
+        """A field that says this heading from magnetic north."""
+        return self.field((EARTH_T * math.cos(heading_rad), -EARTH_T * math.sin(heading_rad), 0.5 * EARTH_T), delay_s)
+
+    def field(self, field_T: Vec3, delay_s: float = 0.0) -> bool:
+        return self.aiding.magnetic(Magnetic(field_T), HERE, delay_s)
+
+    def track(self, at: SensorMount = HERE, *, delay_s: float = 0.0, sonar_age_s: float = 0.0, **changes: Any) -> bool:
+        known = BottomTrack(True, 0.0, 0.0, 0.5, None, (0.0, 0.0), (), "3333", 0)
+        return self.aiding.bottom_track(replace(known, **changes), at, delay_s, sonar_age_s)
+
+
+def test_a_velocity_at_a_lever_is_that_of_the_origin_and_of_the_turn(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    rig.wait(1.0, (0.3, -0.4, 0.5))
+    # v + w x l = (0.1, 0.2, 0.05) + (0.3, -0.4, 0.5) x (0.2, -0.1, 0.3).
+    assert rig.dvl((0.1 - 0.12 + 0.05, 0.2 + 0.1 - 0.09, 0.05 - 0.03 + 0.08), at=THERE)
+    assert (rig.horizontal.u_mps, rig.horizontal.v_mps) == pytest.approx((0.1, 0.2), abs=3e-3)
+
+
+@pytest.mark.parametrize("velocity", [(3.1, 0.0, 0.0), (0.0, -3.1, 0.0), (-4.0, 4.0, 0.0)])
+def test_a_velocity_that_is_too_fast_is_not_used(hindrax: Vehicle, velocity: Vec3) -> None:
+    rig = Rig(hindrax, fastest_mps=3.0)
+    rig.wait(1.0)
+    assert not rig.dvl(velocity)
+    assert not rig.horizontal.known
+    assert rig.dvl((2.9, -2.9, 0.0))
+
+
+def test_a_velocity_without_an_interval_is_used_and_one_without_lock_or_from_long_ago_is_not(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    rig.wait(2.0)
+    assert rig.dvl((0.1, 0.0, 0.0), interval_s=0.0)
+    assert not rig.dvl((0.1, 0.0, 0.01), late_s=1.5)
+    assert not rig.aiding.bottom_velocity(BottomVelocity(None, 0.01, 0.0, 0.1, 0), HERE, rig.time_s)
+
+
+def test_the_way_down_by_dvl_is_compared_with_that_by_pressure(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax, TILT)
+    said: Vec3 = (0.08, -0.06, 0.05)
+    sinking_mps = rotate(rig.turn, said)[2]
+    rig.wait(1.0)
+    for tick in range(400):
+        rig.wait(0.1)
+        rig.pressure(1.0)
+        x, y, z = said
+        rig.dvl((x, y, z + 1e-6 * (tick % 2)))
+        if tick == 9:
+            # Nine tenths of a second, and half a second before the first.
+            assert rig.aiding.sunk_off_m == pytest.approx(5.0 * sinking_mps * -math.expm1(-1.4 / 5.0), rel=0.05)
+    assert rig.aiding.sunk_off_m == pytest.approx(5.0 * sinking_mps, rel=0.01), "what is older than 5 s fades"
+
+
+def test_a_silence_of_the_dvl_or_no_depth_is_no_way_down(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    rig.wait(1.0)
+    rig.dvl((0.0, 0.0, 0.1))
+    assert rig.aiding.sunk_off_m == 0.0, "no depth to compare with"
+    rig.pressure(1.0)
+    rig.wait(10.0)
+    rig.dvl((0.0, 0.0, 0.11))
+    assert 0.0 < rig.aiding.sunk_off_m < 0.1
+
+
+@pytest.mark.parametrize("attitude_rad", [(0.0, 0.0, 0.0), TILT, (0.1, 0.3, 2.0)])
+def test_pressure_and_sonar_are_taken_at_their_lever(hindrax: Vehicle, attitude_rad: Vec3) -> None:
+    rig = Rig(hindrax, attitude_rad, sonar_beam_deg=60.0)
+    below_m = rotate(rig.turn, LEVER)[2]
+    assert rig.pressure(1.0 + below_m, THERE)
+    assert rig.vertical.depth_m == pytest.approx(1.0, abs=1e-4)
+    assert rig.aiding.echo(Echo(0.8 - below_m, 1.0), THERE, 0.0)
+    assert rig.vertical.altitude_m == pytest.approx(0.8, abs=1e-3)
+
+
+def test_no_pressure_is_deeper_than_twice_the_rating(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    assert not rig.pressure(2.01 * hindrax.depth_rating_m)
+    assert not rig.vertical.knows_depth
+    assert rig.pressure(1.99 * hindrax.depth_rating_m)
+
+
+@pytest.mark.parametrize(("beam_deg", "tilt_deg"), [(10.0, 20.0), (10.0, 4.0), (30.0, 24.0)])
+def test_the_nearest_point_of_the_floor_in_its_beam_answers_a_sonar(
+    hindrax: Vehicle, beam_deg: float, tilt_deg: float
+) -> None:
+    rig = Rig(hindrax, (math.radians(tilt_deg), 0.0, 0.0), sonar_beam_deg=beam_deg)
+    rig.pressure(0.5)
+    slant = math.cos(math.radians(max(0.0, tilt_deg - 0.5 * beam_deg)))
+    assert rig.aiding.echo(Echo(2.0 / slant, 1.0), HERE, 0.0)
+    assert rig.vertical.altitude_m == pytest.approx(2.0, abs=1e-4)
+
+
+def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_aslant_may(hindrax: Vehicle) -> None:
+    aslant = sensor_mount(Mount("aslant", rotation_deg=(20.0, 0.0, 0.0)))
+    for roll_deg, used in ((0.0, True), (-20.0, True), (4.0, True), (6.0, False), (-46.0, False)):
+        rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0), sonar_tilt_deg=25.0)
+        assert rig.aiding.echo(Echo(2.0, 1.0), aslant, 0.0) is used
+        assert rig.vertical.knows_floor is used
+
+
+@pytest.mark.parametrize("reading", [Echo(2.0, 0.49), Echo(0.0, 1.0), Echo(-1.0, 1.0), Echo(math.inf, 1.0)])
+def test_an_echo_that_is_weak_or_no_distance_is_not_used(hindrax: Vehicle, reading: Echo) -> None:
+    rig = Rig(hindrax, sonar_confidence=0.5)
+    assert not rig.aiding.echo(reading, HERE, 0.0)
+    assert rig.aiding.echo(Echo(2.0, 0.5), HERE, 0.0)
+
+
+def test_a_sonar_is_trusted_less_far_away(hindrax: Vehicle) -> None:
+    # Near: 0.01 m. Far: hypot(0.01, 0.1) m, ten times as much, so what is refused near is believed there.
+    for range_m, used in ((0.1, False), (10.0, True)):
+        rig = Rig(hindrax, sonar_sigma_m=0.01, sonar_sigma=0.01, gate=5.0)
+        rig.pressure(1.0)
+        rig.aiding.echo(Echo(range_m, 1.0), HERE, 0.0)
+        assert rig.aiding.echo(Echo(range_m + 0.2, 1.0), HERE, 0.0) is used
+
+
+@pytest.mark.parametrize("heading_from", ["magnetometer", "both", "dvl", "none"])
+def test_the_heading_follows_what_it_is_told_to(hindrax: Vehicle, heading_from: str) -> None:
+    compass, dvl = (Rig(hindrax, heading_from=heading_from) for _ in range(2))
+    assert compass.magnetic(0.5) is (heading_from in ("magnetometer", "both"))
+    assert dvl.track() is (heading_from in ("dvl", "both"))
+    assert (compass.heading_rad, dvl.heading_rad) == pytest.approx(
+        (
+            0.5 if heading_from in ("magnetometer", "both") else 0.0,
+            0.5 if heading_from in ("dvl", "both") else 0.0,
+        ),
+        abs=1e-3,
+    )
+
+
+def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax, declination_deg=-20.0)
+    assert rig.magnetic(1.0)
+    assert rig.heading_rad == pytest.approx(1.0 - math.radians(20.0), abs=1e-3)
+
+
+def test_compass_and_heading_of_the_dvl_are_those_of_their_time(hindrax: Vehicle) -> None:
+    compass, dvl = Rig(hindrax), Rig(hindrax, heading_from="dvl")
+    for rig in (compass, dvl):
+        rig.aiding.yaw_rate_radps = 0.4
+    assert compass.magnetic(0.5, delay_s=0.25)
+    assert dvl.track(delay_s=0.25)
+    assert (compass.heading_rad, dvl.heading_rad) == pytest.approx((0.6, 0.6), abs=1e-3)
+
+
+def test_a_leaning_compass_is_leveled_and_not_used_when_it_leans_far(hindrax: Vehicle) -> None:
+    for roll_deg, used in ((10.0, True), (-14.0, True), (16.0, False)):
+        rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.8), compass_tilt_deg=15.0)
+        field = rotate_back(rig.turn, (EARTH_T, 0.0, 2.0 * EARTH_T))
+        assert rig.field(field), "the first one is better than none"
+        assert rig.heading_rad == pytest.approx(0.8, abs=1e-3)
+        assert rig.field(field) is used
+
+
+@pytest.mark.parametrize("field_T", [(0.0, 0.0, 4e-5), (math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
+def test_a_field_that_points_nowhere_is_not_used(hindrax: Vehicle, field_T: Vec3) -> None:
+    assert not Rig(hindrax).field(field_T)
+
+
+def test_a_compass_that_jumps_is_not_used(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    for _ in range(20):
+        assert rig.magnetic(0.2)
+    assert not rig.magnetic(2.0)
+    assert rig.heading_rad == pytest.approx(0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "used"),
+    [
+        ({"imu_calibration": "0003"}, True),
+        ({"imu_calibration": "0002"}, True),
+        ({"imu_calibration": "3331"}, False),
+        ({"imu_calibration": "333"}, True),
+        ({"heading_rad": math.nan}, False),
+        ({"locked": False}, True),
+    ],
+)
+def test_the_dvl_tells_its_heading_when_its_compass_is_calibrated(
+    hindrax: Vehicle, changes: dict[str, Any], used: bool
+) -> None:
+    rig = Rig(hindrax, heading_from="dvl")
+    assert rig.track(**changes) is used
+    assert rig.heading_rad == pytest.approx(0.5 if used else 0.0, abs=1e-3)
+
+
+def test_a_heading_of_the_dvl_beyond_the_turn_is_near(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax, (0.0, 0.0, 3.0), heading_from="dvl")
+    for _ in range(3):
+        assert rig.track(heading_rad=3.1)
+    assert rig.track(heading_rad=-3.1)
+    assert 3.1 < rig.heading_rad < math.pi
+
+
+@pytest.mark.parametrize(
+    ("changes", "sonar_age_s", "used"),
+    [
+        ({"altitude_m": 1.5}, 0.6, True),
+        ({"altitude_m": 1.5}, 0.4, False),
+        ({"altitude_m": None}, 9.0, False),
+        ({"altitude_m": 1.5, "locked": False}, 9.0, False),
+    ],
+)
+def test_the_altitude_of_the_dvl_serves_while_the_sonar_is_silent(
+    hindrax: Vehicle, changes: dict[str, Any], sonar_age_s: float, used: bool
+) -> None:
+    rig = Rig(hindrax, dvl_altitude_after_s=0.5)
+    assert rig.track(THERE, sonar_age_s=sonar_age_s, **changes) is used
+    assert (rig.vertical.altitude_m == pytest.approx(1.5 + LEVER[2], abs=1e-3)) is used
