@@ -174,6 +174,7 @@ def test_its_uncertainty_after_alignment_is_that_of_gravity_over_the_span() -> N
     assert ours.tilt_sigma_rad > 3.0
     ours.align(LEVEL, 4.0)
     assert ours.tilt_sigma_rad == pytest.approx(0.3 / GRAVITY_mps2 / 2.0)
+    assert ours.heading_rad == 0.0, "north, when nobody tells it"
     ours.know_bias((0.0, 0.0, 0.1), 0.02)
     assert (ours.bias_radps, ours.bias_sigma_radps) == ((0.0, 0.0, 0.1), 0.02)
 

@@ -69,7 +69,8 @@ class Reference:
     """Velocity and offset of one axis."""
 
     def __init__(self, knobs: HorizontalKnobs) -> None:
-        self.knobs, self.x, self.P = knobs, np.zeros(2), np.diag([1.0, knobs.offset_mps2**2])
+        self.knobs, self.x = knobs, np.zeros(2)
+        self.P: Array = np.diag([1.0, knobs.offset_mps2**2])
         self.times, self.path = [0.0], [0.0]
 
     def predict(self, acceleration: float, now_s: float, dt: float) -> None:

@@ -7,6 +7,7 @@ the horizontal filter. What other sensors said waits until the next tick and is 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -95,7 +96,7 @@ class Navigator:
             horizontal=self._horizontal,
         )
         self._aiding.forces_N = self._forces_N
-        self._waiting: list[tuple[Stamp, Reading, str]] = []
+        self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._heard: dict[str, Stamp] = {}
         self._echo = self._locked = LONG_AGO
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
@@ -131,7 +132,6 @@ class Navigator:
             return self._inertial(stamped.stamp, reading, source)
         if isinstance(reading, AIDS) and (self._aligned or not isinstance(reading, BottomVelocity)):
             self._waiting.append((stamped.stamp, reading, source))
-            self._waiting = self._waiting[-MOST_WAITING:] if len(self._waiting) > MOST_WAITING else self._waiting
         return None
 
     def _inertial(self, stamp: Stamp, reading: Inertial, source: str) -> Stamped[Navigation] | None:
@@ -185,7 +185,7 @@ class Navigator:
         # Ticks keep to their grid, so that the rate is right although samples do not fall on it.
         self._due = max(Stamp(self._due + self._period_ns), Stamp(stamp + self._period_ns // 2))
         # The IMU's samples come in batches: what was measured after this tick is left for the next one.
-        waiting, self._waiting = self._waiting, []
+        waiting, self._waiting = self._waiting, deque(maxlen=MOST_WAITING)
         for one in waiting:
             valid, reading, source = one
             if _end(valid, reading) > stamp:

@@ -1,0 +1,125 @@
+"""The navigator while everything moves at once, while a sensor is missing, and after a start that is no rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, rms
+
+from hindrax_control.navigation.navigator import NavigatorKnobs
+from hindrax_core.readings import BottomTrack, Inertial, Vec3
+from hindrax_core.vehicle import GRAVITY_mps2, Mount
+
+NO_COMPASS = NavigatorKnobs(heading_from="none")
+
+
+def sliding(t: float) -> Vec3:
+    """Always on with 0.3 m/s north, 0.2 m/s east and 0.15 m/s down: to an accelerometer that is rest."""
+    return (0.3 * t, 0.2 * t, 0.3 + 0.15 * t)
+
+
+def tumbling(t: float) -> Vec3:
+    since = max(0.0, t - 4.5)
+    return (0.5 * math.sin(0.7 * since), 0.4 * math.sin(0.9 * since), 0.5 * since)
+
+
+@pytest.mark.parametrize("lost_s", [1e9, 5.0])
+def test_whoever_tumbles_on_a_straight_way_is_on_a_straight_way(lost_s: float) -> None:
+    """Velocity turns in body axes: the accelerometer alone must follow, and the position adds up in those of earth."""
+    ride = Ride(position=sliding, attitude=tumbling, knobs=NO_COMPASS, dvl_until_s=lost_s, sonar_until_s=0.0)
+    ride.dvl_delay_s = 0.0
+    ride.run(10.0)
+    for axis in range(3):
+        off = ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda t, k=axis: ride.velocity(t)[k], 5.0)
+        assert max(map(abs, off)) < 0.05
+    for axis in range(2):
+        off = ride.errors(lambda n, k=axis: n.position_m[k], lambda t, k=axis: sliding(t)[k], 5.0)
+        assert max(off) - min(off) < 0.1
+
+
+def spinning(t: float) -> Vec3:
+    """Two turns in three seconds, reached in two."""
+    since = max(0.0, t - 2.0)
+    return (0.0, 0.0, 4.0 * (0.25 * since**2 if since < 2.0 else since - 1.0))
+
+
+def test_an_inertial_sensor_far_out_feels_no_acceleration_of_the_vehicle_when_it_spins() -> None:
+    sensors = dict(CENTERED.sensors) | {"icm20948": Mount("icm20948", position_m=(0.2, -0.1, 0.0))}
+    ride = Ride(vehicle=replace(CENTERED, sensors=sensors), attitude=spinning, knobs=NO_COMPASS, dvl_until_s=3.0)
+    ride.run(7.0)
+    for axis in range(3):
+        assert max(map(abs, ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda _: 0.0, 2.0))) < 0.05
+
+
+def test_at_rest_nothing_moves_from_the_first_state_on() -> None:
+    ride = Ride(vehicle=MOUNTED).run(2.0)
+    heave = [one.reading.velocity_mps[2] for one in ride.out if not math.isnan(one.reading.velocity_mps[2])]
+    assert len(heave) > 40
+    assert max(map(abs, heave)) < 0.01
+
+
+def test_how_sure_heave_is_has_nothing_to_do_with_surge_while_it_is_level() -> None:
+    level, leaning = (
+        Ride(attitude=lambda _, pitch=pitch: (0.0, pitch, 0.0), dvl_from_s=99.0).run(4.0).out[-1].reading
+        for pitch in (0.0, 0.5)
+    )
+    assert level.velocity_sigma_mps[2] < 0.05
+    assert leaning.velocity_sigma_mps[2] > 10.0 * level.velocity_sigma_mps[2]
+
+
+def test_while_the_sonar_is_heard_the_dvl_does_not_tell_the_altitude() -> None:
+    ride = Ride().run(4.0)
+    for number in range(800, 1600):
+        t = number * 0.005
+        ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")
+        ride.slow_sensors(t, number)
+        if number % 20 == 0:
+            ride.tell(t, BottomTrack(True, 0.0, 0.0, 0.0, 0.8, (0.0, 0.0), (), "3333", 0), "dvl75")
+    assert max(map(abs, ride.errors(lambda n: n.altitude_m, lambda _: 0.9, 4.0))) < 0.003
+
+
+def test_a_heading_that_drifts_after_a_long_rest_is_led_back_by_the_compass() -> None:
+    ride = Ride()
+    for number in range(1, 8000):
+        t = number * 0.01
+        drift = 0.002 if t > 20.0 else 0.0
+        ride.tell(t, Inertial((1e-6 * number, 0.0, -GRAVITY_mps2), (0.0, 0.0, drift), 20.0), "icm20948")
+        if number % 5 == 0:
+            ride.slow_sensors(t, number // 5 * 9)
+    assert abs(ride.out[-1].reading.attitude_rad[2]) < math.radians(1.5)
+
+
+def turned_away(t: float) -> Vec3:
+    """To a heading of 0.7 rad, and from the sixth second on never at rest."""
+    rock = min(1.0, max(0.0, t - 6.0))
+    return (0.3 * rock * math.sin(1.9 * t), 0.0, 0.35 * (1.0 - math.cos(min(3.0, max(0.0, t - 2.0)) / 3.0 * math.pi)))
+
+
+def test_after_a_gap_it_knows_gyroscope_and_heading_from_before_and_needs_no_rest() -> None:
+    offset = (0.03, -0.02, 0.025)
+    ride = Ride(attitude=turned_away, gyro_bias=offset, knobs=NO_COMPASS).run(6.0)
+    for number in range(1600, 2200):
+        t = number * 0.005
+        ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")
+    resumed = [one for one in ride.out if one.stamp > 8e9]
+    assert resumed[0].stamp < 9.1e9, "one window, not the whole patience"
+    assert resumed[-1].reading.attitude_rad[2] == pytest.approx(0.7, abs=0.05)
+    off = ride.errors(lambda n: math.dist(n.rate_radps, (0.0, 0.0, 0.0)), lambda t: math.hypot(*ride.rates(t)), 8.5)
+    assert rms(off) < 0.01
+
+
+def test_swinging_at_the_start_it_begins_with_the_tilt_of_the_last_moment() -> None:
+    swing = lambda t: (0.3 * math.sin(2.5 * t), 0.0, 0.0)  # noqa: E731
+    ride = Ride(attitude=swing, deep=False).run(7.5)
+    knobs = NavigatorKnobs()
+    first = ride.out[0]
+    assert first.stamp * 1e-9 > knobs.align_patience_s, "it waits for rest as long as its patience allows"
+    # The last fifth of a second is what it averages; it swings by 0.15 rad meanwhile at most.
+    assert first.reading.attitude_rad[0] == pytest.approx(swing(first.stamp * 1e-9 - 0.1)[0], abs=0.03)
+
+
+def test_a_steady_turn_that_no_gyroscope_is_off_by_is_a_turn() -> None:
+    ride = Ride(attitude=lambda t: (0.0, 0.0, 0.7 * t), position=HOVER, knobs=NO_COMPASS).run(3.0)
+    assert ride.out[-1].reading.rate_radps[2] == pytest.approx(0.7, abs=0.01)
