@@ -62,11 +62,27 @@ def test_turning_to_and_fro_about_the_vertical_shows_nothing() -> None:
     assert window.offset(SPAN_S).sigma_radps > 0.09
 
 
+def test_gravity_that_turns_steadily_is_a_turn_whatever_the_rates_say() -> None:
+    window = RestWindow()
+    for number in range(SPANS):
+        roll_rad = 0.02 * number
+        force = (0.0, -GRAVITY_mps2 * math.sin(roll_rad), -GRAVITY_mps2 * math.cos(roll_rad))
+        window.add((0.0, 0.0, 0.0), force)
+    assert window.offset(SPAN_S).sigma_radps == pytest.approx(0.02 / SPAN_S, rel=0.01)
+    assert window.last_force_mps2 == force
+    assert window.force_mps2[1] == pytest.approx(-GRAVITY_mps2 * 0.04, rel=0.01)
+
+
 @given(OFFSETS, st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))
 def test_two_sources_together_are_surer_than_each(rate: tuple[float, ...], one: float, other: float) -> None:
     found = Offset(rate, one).combined(Offset(rate, other))
     assert found.rate_radps == pytest.approx(rate)
     assert found.sigma_radps == pytest.approx(1.0 / math.hypot(1.0 / one, 1.0 / other))
+
+
+def test_the_surer_of_two_sources_weighs_more_by_its_variance() -> None:
+    found = Offset((0.0, 0.02, 0.01), 0.02).combined(Offset((0.03, 0.02, -0.02), 0.01))
+    assert found.rate_radps == pytest.approx((0.8 * 0.03, 0.02, 0.2 * 0.01 - 0.8 * 0.02))
 
 
 def test_an_offset_that_cannot_be_true_adds_nothing() -> None:

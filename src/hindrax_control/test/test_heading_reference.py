@@ -34,8 +34,8 @@ class Reference:
         motors = [rad(KNOBS.motor_sigma_deg)] * 4
         fixed = rad(KNOBS.compass_fixed_deg)
         self.P: Array = np.diag(np.square([0.5, rad(KNOBS.gyro_bias_dps), 0.5, fixed, fixed, *motors]))
-        self.x = np.array([0.0, 0.0, 1.0, *[0.0] * 6])
-        self.powers = np.zeros(THRUSTERS)
+        self.x: Array = np.array([0.0, 0.0, 1.0, *[0.0] * 6])
+        self.powers: Array = np.zeros(THRUSTERS)
 
     def predict(self, dt: float) -> None:
         F = np.eye(9)

@@ -69,7 +69,8 @@ class Reference:
     """Velocity and offset of one axis."""
 
     def __init__(self, knobs: HorizontalKnobs) -> None:
-        self.knobs, self.x = knobs, np.zeros(2)
+        self.knobs = knobs
+        self.x: Array = np.zeros(2)
         self.P: Array = np.diag([1.0, knobs.offset_mps2**2])
         self.times, self.path = [0.0], [0.0]
 
@@ -145,6 +146,7 @@ def test_the_first_velocity_is_taken_whatever_it_is() -> None:
     ours = HorizontalFilter(HorizontalKnobs())
     ours.predict((0.0, 0.0), STILL, DT_S, DT_S)
     assert not ours.known
+    assert (ours.u_mps, ours.v_mps, ours.refused) == (0.0, 0.0, 0)
     assert ours.fuse(9.0, -8.0, 0.01, NOW)
     assert ours.known
     assert (ours.u_mps, ours.v_mps) == pytest.approx((9.0, -8.0), abs=0.01)
@@ -169,6 +171,11 @@ def test_an_accepted_velocity_renews_its_patience() -> None:
     ours = rested(2.0, HorizontalKnobs(patience=3))
     for velocity_mps in (2.0, 2.0, 0.0, 2.0, 2.0, 0.0):
         assert ours.fuse(velocity_mps, 0.0, 0.01, NOW) is (velocity_mps == 0.0)
+
+
+def test_each_time_that_it_lets_go_takes_its_whole_patience() -> None:
+    ours = rested(2.0, HorizontalKnobs(patience=3, gate=1.0))
+    assert [ours.fuse(off, 0.0, 0.01, NOW) for off in (2.0, 2.0, 2.0, 50.0, 50.0, 50.0, 50.0)] == [False] * 6 + [True]
 
 
 def test_one_and_the_same_velocity_is_refused_for_ever() -> None:

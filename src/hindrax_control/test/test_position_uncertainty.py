@@ -38,14 +38,23 @@ def test_errors_of_the_believed_size_are_as_large_as_it_says() -> None:
     assert sum(ratios) / len(ratios) == pytest.approx(1.0, abs=0.15)
 
 
-def test_turning_around_takes_a_bias_back_and_coming_back_an_error_of_scale() -> None:
+@pytest.mark.parametrize("heading_rad", [0.0, 1.5, -2.0])
+def test_turning_around_takes_a_bias_back_and_coming_back_an_error_of_scale(heading_rad: float) -> None:
     bias, scale = PositionUncertainty(PositionKnobs(0.01, 0.0)), PositionUncertainty(PositionKnobs(0.0, 0.02))
     for doubt in (bias, scale):
-        doubt.move(0.0, 3.0, 4.0, 100.0)
+        doubt.move(heading_rad, 3.0, 4.0, 100.0)
     assert (bias.sigma_m, scale.sigma_m) == pytest.approx((1.0, 0.1))
     for doubt in (bias, scale):
-        doubt.move(math.pi, -3.0, -4.0, 100.0)
+        doubt.move(heading_rad + math.pi, -3.0, -4.0, 100.0)
     assert (bias.sigma_m, scale.sigma_m) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+def test_noise_adds_up_by_its_square_and_an_unmeasured_velocity_by_itself() -> None:
+    noise, unmeasured = (PositionUncertainty(PositionKnobs(0.0, 0.0)) for _ in range(2))
+    for _ in range(100):
+        noise.measured(0.02, 0.5)
+        unmeasured.unmeasured(0.02, 0.5)
+    assert (noise.sigma_m, unmeasured.sigma_m) == pytest.approx((0.1, 1.0))
 
 
 def flown(navigator: Navigator, dvl: tuple[tuple[float, float], ...], until_s: float) -> list[float]:

@@ -152,8 +152,8 @@ class EstimatorHealth:
         roll, pitch, _yaw = navigation.attitude_rad
         if not math.isfinite(roll + pitch):
             return ""
-        cosine = math.cos(roll) * math.cos(pitch)
-        found, most = math.degrees(math.acos(max(-1.0, min(1.0, cosine)))), self._limits.tilt_deg + BEYOND_deg
+        found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch)))
+        most = self._limits.tilt_deg + BEYOND_deg
         return f"{found:.0f} deg, wanted at most {most:.0f} deg" if found > most else ""
 
 

@@ -65,12 +65,12 @@ class RestWindow:
         return self._spans[-1][1]
 
     def offset(self, span_s: float) -> Offset:
-        """The offset that a window of spans of this length shows."""
+        """The offset that a window, full of spans of this length, shows."""
         rates = [rate for rate, _ in self._spans]
         mean = _mean(rates)
         scatter = math.sqrt(sum(math.dist(rate, mean) ** 2 for rate in rates) / len(rates))
         turned_rad = math.dist(self._spans[0][1], self._spans[-1][1]) / GRAVITY_mps2
-        turning = turned_rad / (max(1, len(rates) - 1) * span_s)
+        turning = turned_rad / ((len(rates) - 1) * span_s)
         return Offset(mean, math.hypot(scatter, turning, FINEST_radps))
 
 
