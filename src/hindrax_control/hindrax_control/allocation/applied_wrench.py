@@ -21,7 +21,7 @@ PULSE_FIELDS |= {
 
 def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[float]:
     """Pulses of the thrusters [us] out of those of all output channels, where 0 means stop; ValueError if unfit."""
-    wanted = max((thruster.channel for thruster in vehicle.thrusters), default=0) + 1
+    wanted = max((thruster.channel + 1 for thruster in vehicle.thrusters), default=0)
     if len(channels) < wanted:
         raise ValueError(f"holds {len(channels)} channels, wanted {wanted} for {vehicle.name}")
     pulses = [float(channels[one.channel]) or float(vehicle.curves[one.curve].stop_us) for one in vehicle.thrusters]
