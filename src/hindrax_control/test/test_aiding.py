@@ -83,10 +83,32 @@ class Rig:
 
 def test_a_velocity_at_a_lever_is_that_of_the_origin_and_of_the_turn(hindrax: Vehicle) -> None:
     rig = Rig(hindrax)
+    rig.pressure(1.0)
     rig.wait(1.0, (0.3, -0.4, 0.5))
     # v + w x l = (0.1, 0.2, 0.05) + (0.3, -0.4, 0.5) x (0.2, -0.1, 0.3).
     assert rig.dvl((0.1 - 0.12 + 0.05, 0.2 + 0.1 - 0.09, 0.05 - 0.03 + 0.08), at=THERE)
     assert (rig.horizontal.u_mps, rig.horizontal.v_mps) == pytest.approx((0.1, 0.2), abs=3e-3)
+    assert rig.aiding.sunk_off_m == pytest.approx(0.5 * 0.05), "of half a second"
+
+
+def test_the_turn_at_a_lever_is_that_within_the_interval_of_the_velocity(hindrax: Vehicle) -> None:
+    rig = Rig(hindrax)
+    for seconds, yaw_radps in ((1.0, 0.0), (0.1, 2.0), (0.2, 0.0)):
+        rig.wait(seconds, (0.0, 0.0, yaw_radps))
+    # (0, 0, 2) x (0.2, -0.1, 0.3), though nothing turns before 1.0 s and after 1.1 s.
+    assert rig.dvl((0.2, 0.4, 0.0), interval_s=0.1, late_s=0.25, at=THERE)
+    assert (rig.horizontal.u_mps, rig.horizontal.v_mps) == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize(("noise_mps", "believed"), [(0.0, False), (0.001, True)])
+def test_a_velocity_that_jumps_is_believed_in_the_end_unless_it_repeats_itself(
+    hindrax: Vehicle, noise_mps: float, believed: bool
+) -> None:
+    rig = Rig(hindrax, patience=5, repeated_s=60.0)
+    for tick in range(60):
+        rig.wait(0.1)
+        rig.dvl((0.0 if tick < 30 else 2.0 + noise_mps * (tick % 3), 0.0, 0.0))
+    assert (rig.horizontal.u_mps > 1.0) is believed
 
 
 @pytest.mark.parametrize("velocity", [(3.1, 0.0, 0.0), (0.0, -3.1, 0.0), (-4.0, 4.0, 0.0)])
@@ -108,12 +130,14 @@ def test_a_velocity_without_an_interval_is_used_and_one_without_lock_or_from_lon
 
 def test_the_way_down_by_dvl_is_compared_with_that_by_pressure(hindrax: Vehicle) -> None:
     rig = Rig(hindrax, TILT)
-    said: Vec3 = (0.08, -0.06, 0.05)
-    sinking_mps = rotate(rig.turn, said)[2]
-    rig.wait(1.0)
+    said: Vec3 = (0.08, -0.06, 0.08)
+    sinking_mps = rotate(rig.turn, said)[2] - 0.03
+    for _ in range(50):
+        rig.wait(0.1)
+        rig.pressure(1.0 + 0.03 * rig.time_s)
     for tick in range(400):
         rig.wait(0.1)
-        rig.pressure(1.0)
+        rig.pressure(1.0 + 0.03 * rig.time_s)
         x, y, z = said
         rig.dvl((x, y, z + 1e-6 * (tick % 2)))
         if tick == 9:
@@ -169,6 +193,14 @@ def test_a_sonar_that_looks_aside_tells_no_altitude_and_one_that_is_mounted_asla
         assert rig.vertical.knows_floor is used
 
 
+@pytest.mark.parametrize("looks_deg", [0.0, 180.0])
+def test_a_sonar_that_looks_straight_down_or_up_is_at_no_impossible_angle(hindrax: Vehicle, looks_deg: float) -> None:
+    for roll_deg in range(-90, 90):
+        at = sensor_mount(Mount("at", rotation_deg=(looks_deg - roll_deg, 0.0, 0.0)))
+        rig = Rig(hindrax, (math.radians(roll_deg), 0.0, 0.0))
+        assert rig.aiding.echo(Echo(2.0, 1.0), at, 0.0) is (looks_deg == 0.0)
+
+
 @pytest.mark.parametrize("reading", [Echo(2.0, 0.49), Echo(0.0, 1.0), Echo(-1.0, 1.0), Echo(math.inf, 1.0)])
 def test_an_echo_that_is_weak_or_no_distance_is_not_used(hindrax: Vehicle, reading: Echo) -> None:
     rig = Rig(hindrax, sonar_confidence=0.5)
@@ -199,8 +231,9 @@ def test_the_heading_follows_what_it_is_told_to(hindrax: Vehicle, heading_from: 
     )
 
 
-def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle) -> None:
-    rig = Rig(hindrax, declination_deg=-20.0)
+@pytest.mark.parametrize("believed_rad", [0.0, 0.9, -2.5])
+def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle, believed_rad: float) -> None:
+    rig = Rig(hindrax, (0.0, 0.0, believed_rad), declination_deg=-20.0)
     assert rig.magnetic(1.0)
     assert rig.heading_rad == pytest.approx(1.0 - math.radians(20.0), abs=1e-3)
 
@@ -275,6 +308,7 @@ def test_a_heading_of_the_dvl_beyond_the_turn_is_near(hindrax: Vehicle) -> None:
 def test_the_altitude_of_the_dvl_serves_while_the_sonar_is_silent(
     hindrax: Vehicle, changes: dict[str, Any], sonar_age_s: float, used: bool
 ) -> None:
-    rig = Rig(hindrax, dvl_altitude_after_s=0.5)
+    rig = Rig(hindrax, TILT, dvl_altitude_after_s=0.5)
     assert rig.track(THERE, sonar_age_s=sonar_age_s, **changes) is used
-    assert (rig.vertical.altitude_m == pytest.approx(1.5 + LEVER[2], abs=1e-3)) is used
+    altitude_m = 1.5 * rig.turn[2][2] + rotate(rig.turn, LEVER)[2]
+    assert (rig.vertical.altitude_m == pytest.approx(altitude_m, abs=1e-3)) is used

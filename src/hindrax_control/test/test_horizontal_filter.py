@@ -121,8 +121,9 @@ def ride(knobs: HorizontalKnobs, ticks: int) -> tuple[HorizontalFilter, tuple[Re
     return ours, theirs
 
 
-def test_it_agrees_with_a_kalman_filter_in_matrices_over_a_ride() -> None:
-    ours, (surge, sway) = ride(HorizontalKnobs(gate=100.0), 600)
+@pytest.mark.parametrize("ticks", [30, 600])
+def test_it_agrees_with_a_kalman_filter_in_matrices_over_a_ride(ticks: int) -> None:
+    ours, (surge, sway) = ride(HorizontalKnobs(gate=100.0), ticks)
     assert (ours.u_mps, ours.v_mps) == pytest.approx((surge.x[0], sway.x[0]), abs=1e-5)
     assert ours.sigma_mps == pytest.approx(math.sqrt(surge.P[0, 0]), rel=1e-6)
 
