@@ -103,27 +103,34 @@ def dived(knobs: VerticalKnobs) -> tuple[VerticalFilter, Reference]:
     return ours, theirs
 
 
+@pytest.mark.parametrize("delay_s", [0.05, 1.5])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_gate_stands_where_the_variance_of_the_innovation_puts_it(sign: float) -> None:
+def test_the_gate_stands_where_the_variance_of_the_innovation_puts_it(sign: float, delay_s: float) -> None:
     knobs = VerticalKnobs(gate=3.0)
     ours, theirs = dived(knobs)
-    P = theirs.kalman.P
-    for expected, sigma_m, H, fuse in (
-        (theirs.expected_depth(), DEPTH_SIGMA_m, DEPTH_ROW, lambda one, x: one.depth(x, DEPTH_SIGMA_m, DEPTH_DELAY_S)),
-        (
-            theirs.expected_altitude(),
-            ALTITUDE_SIGMA_m,
-            ALTITUDE_ROW,
-            lambda one, x: one.altitude(x, ALTITUDE_SIGMA_m, ALTITUDE_DELAY_S),
-        ),
+    x, P, sigma_m = theirs.kalman.x, theirs.kalman.P, 1e-4
+    bent_m = theirs.bend * delay_s**2
+    depth, altitude = np.array([[1.0, -delay_s, 0.0, 0.0]]), np.array([[-1.0, delay_s, 0.0, 1.0]])
+    for name, expected_m, H in (
+        ("depth", float((depth @ x).item()) + bent_m, depth),
+        ("altitude", float((altitude @ x).item()) - bent_m, altitude),
     ):
-        edge = sign * knobs.gate * float(np.sqrt(H @ P @ H.T + sigma_m**2).item())
-        assert fuse(copy.deepcopy(ours), expected + 0.999 * edge)
-        assert not fuse(copy.deepcopy(ours), expected + 1.001 * edge)
+        edge_m = sign * knobs.gate * float(np.sqrt(H @ P @ H.T + sigma_m**2).item())
+        for share, used in ((0.999, True), (1.001, False)):
+            assert getattr(copy.deepcopy(ours), name)(expected_m + share * edge_m, sigma_m, delay_s) is used
+
+
+@pytest.mark.parametrize("source", ["depth", "altitude"])
+def test_each_time_that_it_lets_go_takes_its_whole_patience(source: str) -> None:
+    ours, theirs = dived(VerticalKnobs(patience=4, gate=1.0))
+    expected_m = theirs.expected_depth() if source == "depth" else theirs.expected_altitude()
+    taken = [getattr(ours, source)(expected_m + off_m, 0.003, 0.02) for off_m in [3.0] * 4 + [90.0] * 5]
+    assert taken == [False] * 8 + [True]
 
 
 def test_before_the_first_depth_and_echo_nothing_is_known() -> None:
     ours = VerticalFilter(VerticalKnobs())
+    assert ours.refused_depths == 0
     ours.predict(0.0, 0.02)
     assert np.isnan([ours.depth_m, ours.altitude_m]).all()
     ours.altitude(1.2, 0.03, 0.0)
