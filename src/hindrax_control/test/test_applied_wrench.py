@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels, unfit_pulses
+from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels, unfit_pulses
 from hindrax_core.vehicle import Vehicle
 
 PULSES = (1600.0, 1400.0, 1500.0, 1700.0, 1550.0, 1450.0, 1300.0, 1650.0)
@@ -75,4 +75,10 @@ def test_a_lower_supply_gives_less(hindrax: Vehicle) -> None:
 
     full, low = (AppliedWrench(hindrax, volts).forces_N(PULSES) for volts in (hindrax.supply_V, 12.0))
     assert AppliedWrench(hindrax).forces_N(PULSES) == full
+    assert AppliedWrench(replace(hindrax, supply_V=12.0)).forces_N(PULSES) == low
     assert all(abs(less) < abs(more) for less, more in zip(low, full, strict=True) if more)
+
+
+def test_pulses_may_come_from_mavros_or_as_a_plain_array() -> None:
+    assert PULSE_FIELDS["mavros_msgs/msg/RCOut"] == "channels"
+    assert PULSE_FIELDS["std_msgs/msg/UInt16MultiArray"] == "data"

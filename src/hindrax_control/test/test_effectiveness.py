@@ -83,3 +83,30 @@ def test_two_nearly_parallel_thrusters_are_refused() -> None:
     good = checked_effectiveness(replace(HINDRAX, thrusters=HINDRAX.thrusters[:4]))
     assert quality(good).rank == 3
     assert quality(effectiveness(replace(HINDRAX, thrusters=twins))).condition > 100.0
+
+
+def test_thrusters_with_next_to_no_arm_are_refused() -> None:
+    narrow = [replace(one, position_m=(one.position_m[0], 1e-6 * one.position_m[1], 0.0)) for one in HINDRAX.thrusters]
+    with pytest.raises(UsageError, match="condition of the effectiveness matrix"):
+        checked_effectiveness(replace(HINDRAX, thrusters=tuple(narrow[4:]), center_of_mass_m=(0.0, 0.0, 0.0)))
+
+
+def test_one_thruster_alone_serves_one_axis() -> None:
+    assert quality(checked_effectiveness(replace(HINDRAX, thrusters=HINDRAX.thrusters[:1]))).rank == 1
+
+
+def test_thrusters_that_can_do_nothing_are_as_bad_as_can_be() -> None:
+    useless = quality(np.zeros((6, 3)))
+    assert (useless.rank, useless.condition) == (0, math.inf)
+
+
+@pytest.mark.parametrize("arm_m", [0.05, 1.0, 20.0])
+def test_condition_does_not_depend_on_the_size_of_a_vehicle(arm_m: float) -> None:
+    assert quality(np.diag([1.0, 1.0, 1.0, arm_m, arm_m, arm_m])).condition == pytest.approx(1.0)
+    assert quality(np.diag([1.0, 1.0, 1.0, arm_m, 0.0, 0.0])).condition == pytest.approx(1.0)
+    assert quality(np.diag([4.0, 2.0, 1.0, arm_m, arm_m, arm_m])).condition == pytest.approx(4.0)
+    assert quality(np.diag([1.0, 1.0, 1.0, arm_m, arm_m, arm_m / 3.0])).condition == pytest.approx(3.0)
+
+
+def test_weak_thrusters_serve_the_same_axes() -> None:
+    assert served_axes(1e-5 * B) == (0, 1, 2, 3, 4, 5)

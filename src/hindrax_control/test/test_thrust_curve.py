@@ -53,9 +53,11 @@ def test_what_cannot_be_a_thrust_curve_is_refused(curve: Curve, reason: str) -> 
         ThrustCurve(curve)
 
 
-def test_supply_that_is_not_a_voltage_is_refused() -> None:
-    with pytest.raises(UsageError, match="found a supply of nan V"):
-        ThrustCurve(CURVE, math.nan)
+@pytest.mark.parametrize("supply_V", [math.nan, math.inf, 0.0, -12.0])
+def test_supply_that_is_not_a_voltage_is_refused(supply_V: float) -> None:
+    with pytest.raises(UsageError, match=f"found a supply of {supply_V:g} V"):
+        ThrustCurve(CURVE, supply_V)
+    assert ThrustCurve(CURVE, 0.5).range_N[1] > 0.0
 
 
 def test_missing_positive_branch_is_the_mirror_image() -> None:
@@ -133,21 +135,41 @@ def test_thrust_falls_with_the_supply() -> None:
     assert half.range_N[1] == pytest.approx(15.5283 * 0.5**1.2)
 
 
-@given(st.floats(-20.0, 20.0))
-def test_curves_that_are_no_cubics_are_inverted_too(force: float) -> None:
-    """A parabola back and a line forth."""
-    curve = ThrustCurve(
-        Curve(
-            negative=Branch(c=(-112.5, 0.15, -5e-5, 0.0), from_us=1100.0, to_us=1475.0),
-            positive=Branch(c=(-60.0, 0.04, 0.0, 0.0), from_us=1525.0, to_us=1900.0),
-        )
-    )
+PARABOLA = Branch(c=(-112.5, 0.15, -5e-5, 0.0), from_us=1100.0, to_us=1475.0)
+LINE = Branch(c=(-60.0, 0.04, 0.0, 0.0), from_us=1525.0, to_us=1900.0)
+UNEVEN = (Curve(negative=PARABOLA, positive=LINE), Curve(negative=NEGATIVE, positive=LINE), Curve(negative=PARABOLA))
+
+
+@pytest.mark.parametrize("given_curve", UNEVEN)
+@given(force=st.floats(-20.0, 20.0))
+def test_curves_that_are_no_cubics_are_inverted_too(given_curve: Curve, force: float) -> None:
+    curve = ThrustCurve(given_curve)
     low, high = curve.range_N
     pulse = curve.pulse(force)
     if curve.gap_N[0] < force < curve.gap_N[1]:
-        assert pulse in (1475.0, 1500.0, 1525.0)
+        weakest_N, running_us = (curve.gap_N[1], 1525.0) if force >= 0.0 else (curve.gap_N[0], 1475.0)
+        assert pulse == (running_us if abs(force) > 0.5 * abs(weakest_N) else 1500.0)
     else:
         assert curve.force(pulse) == pytest.approx(max(low, min(high, force)), abs=1e-9)
+
+
+@pytest.mark.parametrize("given_curve", UNEVEN)
+def test_each_direction_has_its_own_smallest_force(given_curve: Curve) -> None:
+    curve = ThrustCurve(given_curve)
+    for weakest_N, running_us in zip(curve.gap_N, (1475.0, 1525.0), strict=True):
+        assert [curve.pulse(share * weakest_N) for share in (0.45, 0.55)] == [1500.0, running_us]
+        assert [curve.pulse(share * weakest_N, running_us) for share in (0.35, 0.45)] == [1500.0, running_us]
+        assert [curve.pulse(share * weakest_N, 1500.0) for share in (0.55, 0.65)] == [1500.0, running_us]
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_between_dead_band_and_the_first_point_of_the_curve_thrust_grows_in_proportion(mirrored: bool) -> None:
+    curve = ThrustCurve(replace(UNEVEN[1], dead_band_us=5.0), mirrored=mirrored)
+    assert [curve.force(pulse) for pulse in (1495.5, 1504.5)] == [0.0, 0.0]
+    for edge_us, begin_us in ((1495.0, 1475.0), (1505.0, 1525.0)):
+        for share in (0.1, 0.5, 0.9):
+            wanted_N = share * curve.force(begin_us)
+            assert curve.force(edge_us + share * (begin_us - edge_us)) == pytest.approx(wanted_N)
 
 
 def test_uncertainty_of_a_force_is_that_of_the_gain() -> None:

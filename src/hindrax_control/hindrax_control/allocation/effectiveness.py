@@ -66,7 +66,7 @@ def served_axes(B: Matrix, order: Sequence[int] = NEED) -> tuple[int, ...]:
 
 
 def quality(B: Matrix) -> Quality:
-    """Judge a layout (6, n); moments are scaled by the mean lever arm, so that newtons compare with newton meters."""
+    """Judge a layout (6, n); moments are divided by the largest lever arm, to compare them with forces."""
     served = served_axes(B)
     lost = tuple(name for index, name in enumerate(AXES) if index not in served)
     if not served:
@@ -83,8 +83,6 @@ def checked_effectiveness(vehicle: Vehicle) -> Matrix:
     if not vehicle.thrusters:
         raise UsageError(f"{vehicle.name}: thrusters: found none, wanted at least one")
     found = quality(B)
-    if found.rank == 0:
-        raise UsageError(f"{vehicle.name}: thrusters: no axis can be served; check positions and angles")
     if found.condition > WORST_CONDITION:
         raise UsageError(
             f"{vehicle.name}: thrusters: condition of the effectiveness matrix is {found.condition:.3g},"
