@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.allocator import AllocationKnobs, Allocator, finite_axes
+from hindrax_control.allocation.allocator import LARGEST, AllocationKnobs, Allocator, finite_axes
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.signals import Allocation
@@ -69,8 +69,18 @@ def test_zero_wrench_stops_every_thruster() -> None:
 def test_idle_thrusters_hold_against_each_other() -> None:
     allocation = ALLOCATOR.allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
     assert np.abs(allocation.forces_N) == pytest.approx([2.0] * 8, abs=ROUNDING_N + 1e-3)
-    quiet = Allocator(HINDRAX, AllocationKnobs(idle_bias_N=0.0)).allocate((0.0, 0.0, 1e-3, 0.0, 0.0, 0.0))
-    assert quiet.pulses_us == (1500,) * 8
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_without_idle_forces_thrusters_stand_until_half_of_the_smallest_force_is_wanted(axis: int, sign: float) -> None:
+    # 1.202 N at the edge of the dead band, 1.3 N beyond its margin.
+    quiet = Allocator(HINDRAX, AllocationKnobs(idle_bias_N=0.0))
+    for most_N, still in ((1e-3, True), (0.56, True), (0.75, False)):
+        forces = np.linalg.pinv(B)[:, axis]
+        wrench = np.zeros(6)
+        wrench[axis] = sign * most_N / np.max(np.abs(forces))
+        assert (quiet.allocate(tuple(wrench.tolist())).pulses_us == (1500,) * 8) is still
 
 
 @given(usual.filter(lambda wrench: any(0.4 * value for value in wrench)))
@@ -137,7 +147,7 @@ def test_axis_that_is_not_finite_is_refused_and_the_others_are_served() -> None:
 def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: tuple[float, ...]) -> None:
     accepted, refused = finite_axes(wrench)
     assert len(refused) == sum(not math.isfinite(value) for value in wrench)
-    assert all(map(math.isfinite, accepted))
+    assert all(abs(value) <= LARGEST for value in accepted)
     assert all(map(math.isfinite, ALLOCATOR.allocate(wrench).achieved))
 
 
@@ -145,10 +155,11 @@ def test_unknown_thruster_is_named() -> None:
     assert ALLOCATOR.allocate((1.0, 0.0, 0.0, 0.0, 0.0, 0.0), frozenset({"T9"})).refused == ("T9: no such thruster",)
 
 
-def test_saturation_is_shown() -> None:
-    allocation = ALLOCATOR.allocate((0.0, 0.0, -500.0, 0.0, 0.0, 0.0))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_saturation_is_shown(sign: float) -> None:
+    allocation = ALLOCATOR.allocate((0.0, 0.0, 500.0 * sign, 0.0, 0.0, 0.0))
     assert allocation.saturated == (False,) * 4 + (True,) * 4
-    assert allocation.shortfall[2] == pytest.approx(-500.0 + 4 * TOP, abs=0.1)
+    assert allocation.shortfall[2] == pytest.approx(sign * (500.0 - 4 * TOP), abs=0.1)
 
 
 def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it() -> None:
@@ -156,8 +167,12 @@ def test_low_battery_costs_thrust_and_the_pulse_makes_up_for_it() -> None:
     low = ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=12.0)
     assert low.pulses_us[4] > full.pulses_us[4]
     assert low.achieved[2] == pytest.approx(-30.0, abs=0.15)
-    with pytest.raises(UsageError, match="found nan V"):
-        ALLOCATOR.allocate((1.0,) * 6, supply_V=math.nan)
+
+
+@pytest.mark.parametrize("supply_V", [math.nan, math.inf, 0.0, -12.0])
+def test_a_supply_that_is_no_voltage_is_refused(supply_V: float) -> None:
+    with pytest.raises(UsageError, match=f"supply voltage: found {supply_V:g} V, wanted more than zero"):
+        ALLOCATOR.allocate((1.0,) * 6, supply_V=supply_V)
 
 
 def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force() -> None:
