@@ -41,6 +41,8 @@ def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench: tuple[flo
     allocation = ALLOCATOR.allocate(wrench, mask)
     assert all(-TOP - 1e-4 <= force <= TOP + 1e-4 for force in allocation.forces_N)
     assert all(1100 <= pulse <= 1900 for pulse in allocation.pulses_us)
+    running_us = 25.0 + ALLOCATOR.knobs.dead_band_margin_us
+    assert all(pulse == 1500 or abs(pulse - 1500) >= running_us for pulse in allocation.pulses_us)
     assert all(allocation.pulses_us[NAMES.index(name)] == 1500 for name in mask)
     assert np.allclose(allocation.achieved, applied_wrench(allocation), atol=1e-9)
     assert np.allclose(np.subtract(allocation.wanted, allocation.achieved), allocation.shortfall, rtol=1e-12, atol=1e-9)
