@@ -209,4 +209,4 @@ def test_the_angle_of_gravity_is_told_whole_when_it_lasts(angles_rad: Vec3, off:
         ours.level(vector(measured), DT_S)
     assert ours.gravity_off_rad == pytest.approx(wanted, rel=1e-3)
     ours.level(gravity_at(of_euler(angles_rad)), 10.0)
-    assert ours.gravity_off_rad < 0.01
+    assert ours.gravity_off_rad == pytest.approx(0.0, abs=0.01)

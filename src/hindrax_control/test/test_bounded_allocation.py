@@ -49,7 +49,13 @@ CUBE = [((0.3 * x, 0.2 * y, 0.15 * z), -45.0 * x * y, 35.0 * x * z) for x, y, z 
 # Four at 45 degrees and two vertical ones: no pitch.
 SIX = [((0.15 * x, 0.1 * y, 0.0), -45.0 * x * y, 0.0) for x, y in product((-1, 1), repeat=2)]
 SIX += [((0.0, 0.1, 0.0), 0.0, -90.0), ((0.0, -0.1, 0.0), 0.0, -90.0)]
-VEHICLES = {"hindrax": HINDRAX, "cube": vehicle_of(CUBE), "six": vehicle_of(SIX)}
+# Eight as nobody would mount them: every thruster has another share in both patterns.
+ASKEW = [
+    ((0.3, 0.1, -0.1), 20.0, 35.0), ((-0.2, 0.25, 0.05), -75.0, 10.0), ((0.05, -0.3, 0.2), 140.0, -50.0),
+    ((-0.3, -0.1, 0.1), 65.0, 70.0), ((0.2, 0.2, 0.15), -130.0, 25.0), ((0.1, -0.15, -0.2), 5.0, -80.0),
+    ((-0.15, 0.3, -0.05), 170.0, -15.0), ((-0.05, -0.2, 0.3), -40.0, 60.0),
+]  # fmt: skip
+VEHICLES = {"hindrax": HINDRAX, "cube": vehicle_of(CUBE), "six": vehicle_of(SIX), "askew": vehicle_of(ASKEW)}
 
 
 def split(wrenches: Array, priority: tuple[int, int, int, int, int, int], served: tuple[int, ...]) -> Array:
@@ -164,3 +170,21 @@ def test_limits_may_differ_and_be_zero(name: str) -> None:
         missed = inexact(B_all[:, used], limits, order, wrenches, np.array([forces for forces, _ in found]))
         wrong += [(order, used, limits.tolist(), tuple(wrench)) for wrench in wrenches[missed].tolist()]
     assert wrong == []
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_forces_within_limits_stay_and_those_that_no_pattern_brings_there_are_told(name: str) -> None:
+    rng = np.random.default_rng(3)
+    B_all = effectiveness(VEHICLES[name])
+    limits = np.array([(-4.0, 5.0)] * B_all.shape[1])
+    attainable = AttainableSet(thruster_layout(B_all, range(len(limits)), ORDERS[0]), limits.tolist())
+    for _ in range(50):
+        inside = rng.uniform(*limits.T)
+        forces, exact = attainable.fitted(inside.tolist())
+        assert exact
+        assert forces == pytest.approx(inside)
+        beyond = np.linalg.pinv(B_all) @ B_all @ np.where(inside > 0.0, 5.0, -4.0)
+        beyond *= 1.02 / np.max(beyond / np.where(beyond > 0.0, 5.0, -4.0))
+        forces, exact = attainable.fitted(beyond.tolist())
+        reached = bool(np.max(np.abs(B_all @ np.array(forces) - B_all @ beyond)) < 1e-5)
+        assert exact is reached
