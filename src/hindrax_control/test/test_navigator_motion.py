@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, rms
 
 from hindrax_control.navigation.navigator import NavigatorKnobs
-from hindrax_core.readings import BottomTrack, Inertial, Vec3
+from hindrax_core.readings import BottomTrack, Inertial, Pressure, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount
 
 NO_COMPASS = NavigatorKnobs(heading_from="none")
@@ -45,9 +47,21 @@ def spinning(t: float) -> Vec3:
     return (0.0, 0.0, 4.0 * (0.25 * since**2 if since < 2.0 else since - 1.0))
 
 
-def test_an_inertial_sensor_far_out_feels_no_acceleration_of_the_vehicle_when_it_spins() -> None:
-    sensors = dict(CENTERED.sensors) | {"icm20948": Mount("icm20948", position_m=(0.2, -0.1, 0.0))}
-    ride = Ride(vehicle=replace(CENTERED, sensors=sensors), attitude=spinning, knobs=NO_COMPASS, dvl_until_s=3.0)
+def nodding(t: float) -> Vec3:
+    return (0.0, 0.25 * (1.0 - math.cos(3.0 * max(0.0, t - 3.0))), 0.0)
+
+
+def rolling(t: float) -> Vec3:
+    return (0.25 * (1.0 - math.cos(3.0 * max(0.0, t - 3.0))), 0.0, 0.0)
+
+
+@pytest.mark.parametrize("attitude", [spinning, nodding, rolling])
+def test_an_inertial_sensor_far_out_feels_no_acceleration_of_the_vehicle_when_it_turns(
+    attitude: Callable[[float], Vec3],
+) -> None:
+    sensors = dict(CENTERED.sensors) | {"icm20948": Mount("icm20948", position_m=(0.3, -0.3, 0.2))}
+    vehicle = replace(CENTERED, sensors=sensors)
+    ride = Ride(vehicle=vehicle, attitude=attitude, knobs=NO_COMPASS, dvl_until_s=3.0, sonar_until_s=0.0)
     ride.run(7.0)
     for axis in range(3):
         assert max(map(abs, ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda _: 0.0, 2.0))) < 0.05
@@ -60,13 +74,27 @@ def test_at_rest_nothing_moves_from_the_first_state_on() -> None:
     assert max(map(abs, heave)) < 0.01
 
 
-def test_how_sure_heave_is_has_nothing_to_do_with_surge_while_it_is_level() -> None:
+def test_how_sure_heave_is_follows_from_surge_as_far_as_it_leans() -> None:
+    pitch = 0.5
     level, leaning = (
-        Ride(attitude=lambda _, pitch=pitch: (0.0, pitch, 0.0), dvl_from_s=99.0).run(4.0).out[-1].reading
-        for pitch in (0.0, 0.5)
+        Ride(attitude=lambda _, pitch=pitch: (0.0, pitch, 0.0), dvl_until_s=4.0).run(12.0).out[-1].reading
+        for pitch in (0.0, pitch)
     )
     assert level.velocity_sigma_mps[2] < 0.05
-    assert leaning.velocity_sigma_mps[2] > 10.0 * level.velocity_sigma_mps[2]
+    surge_mps = math.sin(pitch) * leaning.velocity_sigma_mps[0]
+    wanted = math.hypot(level.velocity_sigma_mps[2], surge_mps) / math.cos(pitch)
+    assert surge_mps > 2.0 * level.velocity_sigma_mps[2]
+    assert leaning.velocity_sigma_mps[2] == pytest.approx(wanted, rel=0.05)
+
+
+def test_after_a_short_pause_of_the_inertial_sensor_ticks_do_not_crowd() -> None:
+    ride = Ride().run(2.0)
+    for number in range(425, 500):
+        t = number * 0.005
+        ride.tell(t, ride.inertial(t, ride.vehicle.sensors["icm20948"]), "icm20948")
+    gaps_ns = [b.stamp - a.stamp for a, b in pairwise(ride.out)]
+    assert max(gaps_ns) > 100_000_000
+    assert min(gaps_ns) >= 10_000_000
 
 
 def test_while_the_sonar_is_heard_the_dvl_does_not_tell_the_altitude() -> None:
@@ -77,7 +105,7 @@ def test_while_the_sonar_is_heard_the_dvl_does_not_tell_the_altitude() -> None:
         ride.slow_sensors(t, number)
         if number % 20 == 0:
             ride.tell(t, BottomTrack(True, 0.0, 0.0, 0.0, 0.8, (0.0, 0.0), (), "3333", 0), "dvl75")
-    assert max(map(abs, ride.errors(lambda n: n.altitude_m, lambda _: 0.9, 4.0))) < 0.003
+    assert max(map(abs, ride.errors(lambda n: n.altitude_m, lambda _: 0.9, 4.0))) < 0.001
 
 
 def test_a_heading_that_drifts_after_a_long_rest_is_led_back_by_the_compass() -> None:
@@ -123,3 +151,18 @@ def test_swinging_at_the_start_it_begins_with_the_tilt_of_the_last_moment() -> N
 def test_a_steady_turn_that_no_gyroscope_is_off_by_is_a_turn() -> None:
     ride = Ride(attitude=lambda t: (0.0, 0.0, 0.7 * t), position=HOVER, knobs=NO_COMPASS).run(3.0)
     assert ride.out[-1].reading.rate_radps[2] == pytest.approx(0.7, abs=0.01)
+
+
+def test_a_start_that_is_no_rest_leaves_a_doubt_of_the_gyroscope_that_the_compass_settles() -> None:
+    offset = (0.0, 0.0, 0.1)
+    ride = Ride(attitude=lambda t: (0.2 * math.sin(2.5 * t), 0.0, 0.0), gyro_bias=offset).run(20.0)
+    late = ride.errors(lambda n: n.rate_radps[2], lambda t: ride.rates(t)[2], 15.0)
+    assert abs(sum(late) / len(late)) < 0.005
+
+
+def test_a_reading_that_cannot_be_is_told_with_its_sensor() -> None:
+    ride = Ride().run(1.5)
+    before = ride.navigator.refused
+    ride.tell(1.5, Pressure(math.nan, 20.0), "ms5837")
+    assert ride.navigator.refused == before + 1
+    assert ride.navigator.refusals.values()["refused: ms5837"] == "1"
