@@ -87,15 +87,33 @@ def test_a_size_is_left_only_for_a_gain_of_more_than_a_hop(forces_N: tuple[float
     assert size_of(forces_N, again) == pytest.approx(chosen, abs=1e-6), "where it is, it stays"
 
 
-@pytest.mark.parametrize(("previous_N", "wanted"), [(1.0, -0.1), (2.0, -0.1), (3.0, 4.5)])
-def test_it_stays_on_the_side_on_which_it_was(previous_N: float, wanted: float) -> None:
-    # Blocked between -0.1 and 4.5 by two thrusters: the lower end is nearer, but by less than a hop.
+@pytest.mark.parametrize(
+    ("forces_N", "previous_N", "wanted"),
+    [
+        # Blocked between -0.1 and 4.5 by two thrusters: the lower end is nearer, but by less than a hop.
+        ((-1.1, -3.3), 1.0, -0.1), ((-1.1, -3.3), 2.0, -0.1), ((-1.1, -3.3), 3.0, 4.5),
+        # Between -0.5 and 4.1: the upper end is.
+        ((-0.7, -2.9), 1.0, -0.5), ((-0.7, -2.9), 2.0, 4.1), ((-0.7, -2.9), 3.0, 4.1),
+    ],
+)  # fmt: skip
+def test_it_stays_on_the_side_on_which_it_was(forces_N: tuple[float, float], previous_N: float, wanted: float) -> None:
     bias = DeadbandBias(
         NullPattern(((0, 1.0), (1, 1.0))), [(-9.0, 9.0)] * 2, [(-1.2, 1.2)] * 2, preferred_N=2.0, hop_N=1.0
     )
-    changed = [-1.1, -3.3]
+    changed = list(forces_N)
     assert bias.add_nearest(changed, previous_N)
-    assert changed[0] + 1.1 == pytest.approx(wanted)
+    assert changed[0] - forces_N[0] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("previous_N", "wanted"), [(0.0, 4.0), (4.5, 4.0), (8.0, 7.0)])
+def test_it_stays_in_its_stretch_where_limits_keep_it_from_the_preferred_size(previous_N: float, wanted: float) -> None:
+    # The one thruster wants 4 to 12 N, and the other is in its gap between 5 and 7 N.
+    bias = DeadbandBias(
+        NullPattern(((0, 1.0), (1, 1.0))), [(4.0, 12.0), (-20.0, 20.0)], [(0.0, 0.0), (-1.0, 1.0)], 2.0, hop_N=4.0
+    )
+    changed = [0.0, -6.0]
+    assert bias.add_nearest(changed, previous_N)
+    assert changed == pytest.approx([wanted, wanted - 6.0])
 
 
 def test_one_size_alone_within_limits_is_taken() -> None:
