@@ -83,6 +83,8 @@ def test_a_depth_that_jumps_is_not_believed_again_so_soon(jump_m: float, counted
         ours.predict(0.0, 0.02)
         ours.depth(0.5 + (jump_m if number >= 200 else 0.0), 0.003, 0.0)
     assert ours.refused_depths == counted
+    assert ours.depth(0.5 + jump_m, 0.003, 0.0)
+    assert ours.refused_depths == counted - 1
 
 
 def dived(knobs: VerticalKnobs) -> tuple[VerticalFilter, Reference]:
