@@ -91,8 +91,20 @@ def test_clear_forgets_half_a_line() -> None:
     ],
 )
 def test_refused_sentences(line: bytes, reason: str) -> None:
-    with pytest.raises(SentenceError, match=reason):
+    with pytest.raises(SentenceError, match=f"^{reason}$"):
         split_verified(line)
+
+
+def test_the_fields_of_a_sentence_come_with_its_tag_first() -> None:
+    """A sentence of a GPS receiver, as Wikipedia has it under NMEA 0183."""
+    line = b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76"
+    tag, *fields = split_verified(line)
+    assert (tag, len(fields), fields[:4], fields[-3:]) == (
+        b"GPGGA",
+        14,
+        [b"092750.000", b"5321.6802", b"N", b"00630.3372"],
+        [b"M", b"", b""],
+    )
 
 
 def test_digits_of_the_checksum_may_be_small() -> None:
