@@ -51,8 +51,19 @@ def test_channels_that_collide_are_refused(channels: tuple[int, ...]) -> None:
 
 @pytest.mark.parametrize("pulse", [0.0, -1.0, 1e9])
 def test_a_pulse_that_cannot_be_made_is_refused(pulse: float) -> None:
-    with pytest.raises(ValueError, match="wanted more than 0"):
+    with pytest.raises(ValueError, match=r"wanted more than 0 and less than 5079\.04 us"):  # 4096 counts of 31 / 25 MHz
         list(chip().write([pulse, 1500.0, 1500.0]))
+
+
+@pytest.mark.parametrize("counts", [1, 4095])
+def test_the_shortest_and_the_longest_pulse_of_the_chip_can_be_made(counts: int) -> None:
+    made = chip()
+    assert made.applied([counts * made.step_us]) == pytest.approx((counts * 31.0 / 25.0,))
+
+
+def test_every_channel_wants_a_pulse() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        list(chip().write([1500.0, 1500.0]))
 
 
 def test_channels_out_of_order_and_with_gaps_are_still_one_burst() -> None:
@@ -60,6 +71,12 @@ def test_channels_out_of_order_and_with_gaps_are_still_one_burst() -> None:
     assert isinstance(write, Write)
     off = "00000010"
     assert write.data == bytes.fromhex("0e" + "0000e100" + off + off + "00008501")
+    transcript = [
+        (WriteRead(0x40, b"\x00", 2), b"\x20\x04"),
+        (WriteRead(0x40, b"\xfe", 1), b"\x79"),
+        (WriteRead(0x40, b"\x0e", 16), write.data[1:]),
+    ]
+    rehearse(chip((5, 2), rate_Hz=50.0).check([1900.0, 1100.0]), transcript)
 
 
 def test_the_vehicle_file_gives_thrusters_then_lights() -> None:
