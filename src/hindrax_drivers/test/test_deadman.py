@@ -42,7 +42,7 @@ class Neutral:
     """Counts what would be put on the wire."""
 
     def __init__(self, _settings: object) -> None:
-        self.writes, self.trouble, self.waits, self.woken = 0, "", 0, 0
+        self.writes, self.trouble, self.waits, self.woken, self.closed = 0, "", 0, 0, False
 
     def now(self) -> Stamp:
         return NOW
@@ -58,7 +58,7 @@ class Neutral:
         self.woken += 1
 
     def close(self) -> None:
-        pass
+        self.closed = True
 
 
 class Child(WatchedProcess):
@@ -124,7 +124,7 @@ def test_however_often_the_node_crashes_it_is_started_again_ever_later(
 
 def test_a_node_that_was_well_for_long_is_started_at_once(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
     _, waits = run(man, monkeypatch, Child(1), Child(1), Child(1, lived_s=WELL_AFTER_S + 1.0), Child(1), Child(0))
-    assert waits == [BACK_OFF_S[1], BACK_OFF_S[2], BACK_OFF_S[0], BACK_OFF_S[1]]
+    assert waits == [BACK_OFF_S[1], BACK_OFF_S[2], 0.0, BACK_OFF_S[1]]
 
 
 def test_a_child_that_hangs_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -172,6 +172,7 @@ def test_an_order_to_end_goes_to_the_child_once_and_neutral_is_last(
     assert (code, waits, child.asked, child.killed) == (0, [], 1, 0)
     neutral: Any = man._neutral
     assert neutral.writes >= 3
+    assert neutral.closed
     neutral.trouble = "no bus"
     assert run(man, monkeypatch, Child(-15, ends=False))[0] == 1, "neutral is not on the wire"
 
@@ -416,6 +417,29 @@ def test_between_two_nodes_neutral_is_repeated_until_it_is_time_or_asked_to_end(
     before = neutral.writes
     assert not man._wait(20.0)
     assert neutral.writes == before
+
+
+def test_what_a_dying_child_may_still_have_written_is_neutral_again_before_the_next_one_starts(
+    man: DeadMan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    neutral: Any = man._neutral
+
+    class Witness(Child):
+        """Knows how often neutral had been written when it began to live and when it was gone."""
+
+        begun = gone = -1
+
+        def listen(self, now: Stamp) -> bool:
+            self.begun = neutral.writes if self.begun < 0 else self.begun
+            return super().listen(now)
+
+        def reap(self) -> int:
+            self.gone = neutral.writes
+            return super().reap()
+
+    first, second = Witness(1), Witness(0)
+    run(man, monkeypatch, first, second)
+    assert second.begun > first.gone
 
 
 def test_a_child_that_does_not_end_when_it_is_asked_to_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
