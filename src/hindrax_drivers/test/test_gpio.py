@@ -13,7 +13,7 @@ from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
 from hindrax_core.vehicle import Output
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
-from hindrax_drivers.output.enable_line import open_enable_line, outputs_enabled
+from hindrax_drivers.output.enable_line import TRIGGER_S, open_enable_line, outputs_enabled
 
 LINE, BUS = "pinctrl-bcm2711:26", "/dev/i2c-1"
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
@@ -214,4 +214,9 @@ def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeG
     output = Output(enable_line=LINE, enable_timer=timer)
     with outputs_enabled(output, BUS):
         assert low.wait(10.0), "a timer is triggered again and again"
+    assert gpiod.said[-1] == 1, "a line that is given back may keep its level: the outputs are off before"
     assert levels == {}, "given back"
+
+
+def test_a_timer_that_runs_out_after_0_3_s_is_triggered_early_enough_with_one_pulse_lost() -> None:
+    assert 2.0 * TRIGGER_S < 0.3
