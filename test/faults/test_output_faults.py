@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
-from hindrax_drivers.devices.pca9685 import Pca9685
+from hindrax_drivers.devices.pca9685 import LED0, Pca9685
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
@@ -34,7 +36,7 @@ FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kin
 
 class Line:
     def __init__(self) -> None:
-        self.enabled, self.writes = False, 0
+        self.enabled, self.writes, self.closed = False, 0, False
 
     def written(self) -> None:
         self.writes += 1
@@ -43,7 +45,22 @@ class Line:
         self.enabled = enabled
 
     def close(self) -> None:
-        pass
+        self.closed = True
+
+
+class GarblingBus(LockStep):
+    """A bus on which a burst to the channels can lose a bit, unnoticed by either side."""
+
+    garbles = closed = False
+
+    def close(self) -> None:
+        self.closed = True
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        if self.garbles and isinstance(transaction, Write) and transaction.data[0] == LED0:
+            self.garbles = False
+            transaction = replace(transaction, data=transaction.data[:-1] + bytes([transaction.data[-1] ^ 1]))
+        return super().transfer(transaction)
 
 
 class Flight:
@@ -54,11 +71,12 @@ class Flight:
         afflicted = with_bus_faults("thrusters", self.chip, list(specs), seed=5, start_s=100.0)
         wires = VirtualI2c()
         wires.attach(0x40, afflicted.at(self.chip))
-        self.bus = LockStep(wires, START)
+        self.bus = GarblingBus(wires, START)
         self.driver = Pca9685((*range(8), 8, 9), REST)
         self.told: list[AppliedOutput] = []
         self.refusals: list[str] = []
         self.troubles: list[str] = []
+        self.identities: list[str] = []
         self.frames = 0
         output = RegisterOutput(self.bus, self.driver, self.line, self.tap)
         self.host = OutputHost(output, OutputGuard(8, 2, KNOBS), self)
@@ -74,8 +92,8 @@ class Flight:
     def refused(self, refusal: Refusal, _stamp: Stamp) -> None:
         self.refusals.append(refusal.reason)
 
-    def found(self, _identity: str) -> None:
-        pass
+    def found(self, identity: str) -> None:
+        self.identities.append(identity)
 
     def troubled(self, text: str) -> None:
         self.troubles.append(text)
@@ -128,6 +146,16 @@ def test_neutral_before_anything_else() -> None:
     flight.host.turn()
     assert flight.wire() == flight.neutral()
     assert flight.line.enabled
+    assert (flight.phase, flight.told[-1].reason) == (ArmingPhase.DISARMED, "not armed since start")
+    assert [one.split(":")[0] for one in flight.identities] == ["PCA9685 at 0x40"]
+
+
+def test_lamps_are_lit_in_the_turn_that_follows() -> None:
+    flight = Flight()
+    flight.run(0.1)
+    flight.host.light((1.0, 0.0))
+    flight.host.turn()
+    assert flight.chip.pulses_us()[8:10] == pytest.approx(flight.driver.applied((1900.0, 1100.0)))
 
 
 def test_silence_is_neutral_on_the_wire_in_the_time_promised_and_stays_so() -> None:
@@ -143,9 +171,11 @@ def test_silence_is_neutral_on_the_wire_in_the_time_promised_and_stays_so() -> N
 def test_neutral_is_repeated_at_ten_hertz_or_more() -> None:
     flight = Flight()
     flight.run(0.1, None)
-    before = len(flight.told)
+    before, frames = len(flight.told), flight.frames
     flight.run(5.0, None)
-    assert len(flight.told) - before >= 50
+    writes, checks = len(flight.told) - before, 6
+    assert writes >= 50
+    assert (flight.frames - frames) / 2 <= writes + 3 * checks, "the rest of the bus is for others"
 
 
 def test_the_timer_of_the_enable_line_is_triggered_in_time_while_the_output_is_served_and_only_then() -> None:
@@ -172,6 +202,17 @@ def test_the_end_is_neutral() -> None:
     flight = Flight().armed()
     flight.host.end()
     assert flight.wire() == flight.neutral()
+    assert (flight.line.closed, flight.bus.closed) == (True, True)
+
+
+def test_an_end_without_neutral_is_told_and_bus_and_line_are_given_back() -> None:
+    flight = Flight([FaultSpec("absent", ("thrusters",), 2.0, 3.0)]).armed()
+    flight.run(2.1 - flight.elapsed_s())
+    flight.troubles.clear()
+    flight.host.end()
+    assert flight.troubles
+    assert all("neutral at the end: " in text and "no acknowledge" in text for text in flight.troubles)
+    assert (flight.line.closed, flight.bus.closed) == (True, True)
 
 
 def test_disarm_is_neutral() -> None:
@@ -210,11 +251,30 @@ def test_a_fault_is_survived_and_nobody_is_armed_by_it(fault: str) -> None:
     assert flight.wire() == pytest.approx(flight.driver.applied(MOVING))
 
 
+def test_writes_that_fail_for_a_moment_are_told_and_the_flight_goes_on() -> None:
+    flight = Flight([FaultSpec("absent", ("thrusters",), from_s, 0.1) for from_s in (2.1, 2.6)]).armed()
+    flight.run(3.0 - flight.elapsed_s())
+    assert len(flight.troubles) >= 6
+    assert all("no acknowledge" in text for text in flight.troubles)
+    assert {one.phase for one in flight.told[-40:]} == {ArmingPhase.ARMED}
+
+
+def test_pulses_that_a_bad_line_has_changed_are_written_again_before_anybody_is_disarmed() -> None:
+    flight = Flight().armed()
+    flight.bus.sleep_until(after(flight.bus.now(), 1.0))  # a write and a check are due together
+    flight.bus.garbles = True
+    flight.host.turn()
+    assert ["channels read back" in text for text in flight.troubles] == [True]
+    assert flight.wire() == flight.neutral()
+    assert flight.phase is ArmingPhase.ARMED
+
+
 @pytest.mark.parametrize("fault", ["absent", "bus_stuck"])
 def test_an_output_that_cannot_be_reached_is_faulted_and_its_outputs_are_disabled(fault: str) -> None:
-    flight = Flight([FaultSpec(fault, ("thrusters",), 2.0, 3.0)]).armed()
+    flight = Flight([FaultSpec(fault, ("thrusters",), 2.1, 2.9)]).armed()
     flight.run(2.5 - flight.elapsed_s())
     assert flight.phase is ArmingPhase.FAULTED
+    assert any("faulted" in one.phase and one.reason in flight.troubles for one in flight.told)
     assert not flight.line.enabled
     answer = flight.arm()
     assert not answer.accepted
@@ -238,6 +298,8 @@ def test_an_absent_output_is_found_when_it_comes() -> None:
     flight.run(2.9)
     assert flight.phase is ArmingPhase.FAULTED
     assert "no acknowledge" in flight.told[-1].reason
+    assert 3 <= len(flight.troubles) <= 7, "looked for now and then, not in every turn"
+    assert flight.host.turn() > flight.bus.now()
     flight.run(1.0)
     assert flight.wire() == flight.neutral()
     flight.armed()
@@ -253,9 +315,11 @@ def test_inhibited_is_neutral_disarmed_and_obeys_nobody_until_it_ends() -> None:
     assert flight.wire() == flight.neutral()
     refused = len(flight.refusals)
     flight.run(1.0)
+    commanded = len(flight.refusals)
     flight.host.light((1.0, 1.0))
     assert flight.wire() == flight.neutral()
-    assert set(flight.refusals[refused:]) == {"inhibited"}
+    assert commanded - refused >= 50
+    assert flight.refusals[refused:] == ["inhibited"] * (commanded - refused + 1)
     assert flight.arm() == Answer(accepted=False, reason=WHY)
     assert flight.phase is ArmingPhase.DISARMED
     flight.host.inhibit("")

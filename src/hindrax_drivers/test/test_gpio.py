@@ -3,6 +3,7 @@
 import struct
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -10,10 +11,11 @@ from typing import Any
 import pytest
 
 from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
-from hindrax_core.vehicle import Output
+from hindrax_core.vehicle import Output, load_vehicle
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.output.enable_line import TRIGGER_S, open_enable_line, outputs_enabled
+from hindrax_drivers.output.output_ports import open_output
 
 LINE, BUS = "pinctrl-bcm2711:26", "/dev/i2c-1"
 LABELS = {"gpiochip0": "pinctrl-bcm2711", "gpiochip1": "raspberrypi-exp-gpio"}
@@ -216,6 +218,14 @@ def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeG
         assert low.wait(10.0), "a timer is triggered again and again"
     assert gpiod.said[-1] == 1, "a line that is given back may keep its level: the outputs are off before"
     assert levels == {}, "given back"
+
+
+def test_a_line_is_given_back_when_the_bus_behind_it_cannot_be_opened(gpiod: FakeGpiod, tmp_path: Path) -> None:
+    vehicle = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+    wired = replace(vehicle, output=replace(vehicle.output, enable_line=LINE))
+    with pytest.raises(DeviceError, match="no such"):
+        open_output(wired, str(tmp_path / "i2c-7"), "", lambda *_: None, "thrusters")
+    assert gpiod.levels == {}
 
 
 def test_a_timer_that_runs_out_after_0_3_s_is_triggered_early_enough_with_one_pulse_lost() -> None:
