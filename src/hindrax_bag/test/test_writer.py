@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -191,11 +192,20 @@ def test_budget_drops_the_oldest_file_when_asked(tmp_path: Path) -> None:
     bag.close()
     assert any("dropped the oldest, bag_0.mcap" in sentence for sentence in said)
     assert not bag.stopped
+    assert bag.counts == {WORD.topic: 3000}
     stamps = [one.received for one in messages(tmp_path / "bag")]
     assert stamps[-1] == 30 * NS_PER_S + 990_000_000
     assert len(stamps) < 3000
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == len(stamps)
+
+
+def test_a_dropped_file_is_named_no_more_even_if_the_recorder_is_killed_then(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.02, when_full="oldest", keep_free_MB=0.0))
+    while not any("dropped" in sentence for sentence in _record(bag, 1)):
+        pass
+    assert "bag_0.mcap" not in (tmp_path / "bag" / "metadata.yaml").read_text()
+    bag.close()
 
 
 def test_a_full_disk_is_noticed_before_and_during_the_recording(tmp_path: Path) -> None:
@@ -211,6 +221,7 @@ def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: P
     bag = writer(tmp_path / "bag", BagLimits(keep_free_MB=50.0))
     bag.describe("hindrax", {"notes": "full"})
     for free_MB, said, stopped in (
+        (50, [], False),
         (49, ["less than 50 MB are free on the disk; recording waits for room"], True),
         (74, [], True),
         (75, ["there is room on the disk again; recording goes on in bag_1.mcap"], False),
@@ -220,7 +231,7 @@ def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: P
         assert _record(bag, 1) == said
         assert bool(bag.stopped) is stopped
     bag.close()
-    assert [len(list(messages(file))) for file in bag_files(tmp_path / "bag")] == [100, 100]
+    assert [len(list(messages(file))) for file in bag_files(tmp_path / "bag")] == [200, 100]
     with bag_files(tmp_path / "bag")[1].open("rb") as stream:
         assert next(iter(make_reader(stream).iter_metadata())).metadata == {"notes": "full"}
 
@@ -230,6 +241,7 @@ def test_a_bag_of_no_planned_length_begins_on_a_full_disk_and_waits(tmp_path: Pa
     bag.free = lambda _folder: 1_000_000
     bag.open()
     bag.describe("hindrax", {"notes": "full"})
+    assert (bag.path.name, bag.size_bytes) == ("bag_0.mcap", 0)
     assert bag.stopped == "less than 50 MB are free on the disk; recording waits for room"
     assert _record(bag, 1) == []
     bag.free = lambda _folder: 1_000_000_000
@@ -237,6 +249,34 @@ def test_a_bag_of_no_planned_length_begins_on_a_full_disk_and_waits(tmp_path: Pa
     _record(bag, 1)
     bag.close()
     assert len(list(messages(tmp_path / "bag"))) == 100
+
+
+def test_a_bag_that_has_used_its_budget_does_not_go_on_for_want_of_room_before(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(budget_MB=0.006, keep_free_MB=50.0))
+    bag.free = lambda _folder: 1_000_000
+    _record(bag, 1)
+    bag.free = lambda _folder: 1_000_000_000
+    said = _record(bag, 10)
+    assert ["goes on" in sentence for sentence in said] == [True, False]
+    assert said[-1] == bag.stopped == "the bag has used its 0.006 MB of the disk; recording stopped"
+    bag.close()
+
+
+def test_a_disk_that_refuses_the_end_of_a_file_is_told_and_what_was_flushed_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = writer(tmp_path / "bag")
+    _record(bag, 1)
+
+    def refuse(*_args: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", refuse)
+        bag.close()
+    assert "Input/output error" in bag.stopped
+    assert len(list(messages(tmp_path / "bag"))) == 100
+    bag.close()
 
 
 def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(
