@@ -160,6 +160,7 @@ def _zstd_of_zeros(size: int, claimed: int | None = None) -> bytes:
         ("", bytes(2**21), 2**21),
         ("brotli", bytes(100), 100),
     ],
+    ids=["zstd", "zstd claims less", "zstd claims more", "zstd of 2^63", "lz4", "lz4 of 2^63", "none", "unknown"],
 )
 def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str, data: bytes, claimed: int
