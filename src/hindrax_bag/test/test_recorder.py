@@ -155,9 +155,12 @@ def test_names_of_hashes_and_parameter_files() -> None:
         version, value = 1, bytes(range(32))
 
     assert type_hash(Hash()) == "RIHS01_" + bytes(range(32)).hex()
-    Hash.value = bytes(32)
+    Hash.version = 0
     assert type_hash(Hash()) == ""
+    Hash.version, Hash.value = 1, bytes(32)
+    assert type_hash(Hash()) == type_hash(None) == ""
     assert parameter_file(["recorder", "--ros-args", "--params-file", "a.yaml"]) == "a.yaml"
+    assert parameter_file(["recorder", "--params-file", "a.yaml", "--params-file", "b.yaml"]) == "b.yaml"
     assert parameter_file(["recorder"]) == ""
 
 
@@ -315,6 +318,9 @@ def test_offered_quality_is_that_of_the_publisher() -> None:
         (1, [7, 8, 9], 0),  # heard from the middle on
         (1, [1, 2, 5, 6], 2),
         (1, [1, 2, 3, 1, 2, 4], 1),  # begun anew
+        (1, [1, 2, 5, 1, 2, 6], 5),  # begun anew after a gap
+        (1, [1, 2, 5, 8], 4),
+        (2, [5, 4, 6, 5], 0),
         (2, [4, 1, 2, 5, 3, 6, 9, 4], 2),
         (2, [1, 1, 2, 2, 3, 3], 0),
         (2, [5, 6, 9, 7, 10, 8], 0),  # the other began later

@@ -1,0 +1,285 @@
+"""The recorder in the process of its test: stamps, the clock of a mock, what it says of itself, what it leaves."""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
+import rclpy
+from bag_samples import small_bag
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from mcap.reader import make_reader
+from rclpy.serialization import serialize_message
+from rosbags.rosbag2 import Reader
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Float32MultiArray
+
+from hindrax_bag.bag_index import is_whole
+from hindrax_bag.nodes.recorder import QUEUE, Recorder
+from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
+from hindrax_bag.software_version import software_version
+from hindrax_core.events import NS_PER_S
+from hindrax_core.topics import DIAGNOSTICS, IMU, LIGHTS, NAMESPACE, STATE, THRUSTER_COMMAND, Topic, resolved
+from hindrax_ros.batched_node import SpinLoop, events_executor
+from hindrax_ros.graph import message_class, publisher, subscription
+
+PATIENT_S = 60.0
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", STATE, 0, False, "time of a mock")
+
+
+class Bench:
+    """A recorder, turned by hand, and a node that publishes to it."""
+
+    def __init__(self, folder: Path, **parameters: object) -> None:
+        self.bag = folder / "bag"
+        told = {"bag": self.bag, **parameters}
+        rclpy.init(args=["--ros-args", *(word for key, value in told.items() for word in ("-p", f"{key}:={value}"))])
+        self.recorder, self.closed = Recorder(), False
+        self.speaker = rclpy.create_node("speaker", namespace=NAMESPACE)
+        self.statuses: list[DiagnosticStatus] = []
+        subscription(self.speaker, DIAGNOSTICS, self._keep)
+        self._executor = events_executor()
+        for node in (self.recorder, self.speaker):
+            self._executor.add_node(node)
+        self._loop = SpinLoop([self.recorder], self._executor)
+
+    def _keep(self, message: DiagnosticArray) -> None:
+        self.statuses += message.status
+
+    def voice(self, topic: Topic) -> Any:
+        """A publisher that the recorder has found."""
+        made = publisher(self.speaker, topic)
+        self.until(lambda: made.get_subscription_count() > 0)
+        return made
+
+    def until(self, done: Callable[[], Any], *, turning: bool = True) -> None:
+        deadline = time.monotonic() + PATIENT_S
+        while not done():
+            assert time.monotonic() < deadline
+            if turning:
+                self._loop.spin_once()
+
+    def report(self) -> DiagnosticStatus:
+        """What the recorder says of itself next."""
+        self.statuses.clear()
+        self.until(lambda: self.statuses)
+        return self.statuses[-1]
+
+    def close(self) -> None:
+        if not self.closed:
+            self.closed = True
+            self.recorder.close()
+
+    def recorded(self, topic: Topic) -> list[BagMessage]:
+        """What is in the bag of a topic, once the recorder has ended."""
+        self.close()
+        return list(messages(self.bag, {resolved(topic)}))
+
+    def end(self) -> None:
+        self.close()
+        self._executor.shutdown()
+        for node in (self.recorder, self.speaker):
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Bench]]:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    monkeypatch.setattr(sys, "argv", ["recorder"])
+    made: list[Bench] = []
+
+    def make(**parameters: object) -> Bench:
+        made.append(Bench(tmp_path, **parameters))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.end()
+
+
+def told(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def imu(stamp_s: int) -> Imu:
+    made = Imu()
+    made.header.stamp.sec = stamp_s
+    return made
+
+
+def test_what_comes_before_the_clock_of_a_mock_waits_for_it_and_is_written_once(bench: Callable[..., Bench]) -> None:
+    made = bench(use_sim_time="true")
+    inertial, lamps, clock = made.voice(IMU), made.voice(LIGHTS), made.voice(CLOCK)
+    inertial.publish(imu(95))
+    lamps.publish(Float32MultiArray())
+    made.recorder.drain()
+    clock.publish(Clock(clock=imu(100).header.stamp))
+    made.until(made.recorder.now)
+    inertial.publish(imu(96))
+    lamps.publish(Float32MultiArray())
+    made.recorder.drain()
+    found = [(one.received, one.sent) for one in made.recorded(IMU)]
+    assert found == [(100 * NS_PER_S, 95 * NS_PER_S), (100 * NS_PER_S, 96 * NS_PER_S)]
+    assert [(one.received, one.sent) for one in made.recorded(LIGHTS)] == [(100 * NS_PER_S, 100 * NS_PER_S)] * 2
+
+
+def test_without_any_clock_what_came_is_still_in_the_bag_at_the_latest_time_that_was_said(
+    bench: Callable[..., Bench],
+) -> None:
+    made = bench(use_sim_time="true")
+    inertial, lamps = made.voice(IMU), made.voice(LIGHTS)
+    for message in (imu(7), imu(9), imu(8)):
+        inertial.publish(message)
+    lamps.publish(Float32MultiArray())
+    assert [(one.received, one.sent) for one in made.recorded(IMU)] == [
+        (9 * NS_PER_S, stamp_s * NS_PER_S) for stamp_s in (7, 9, 8)
+    ]
+    assert [(one.received, one.sent) for one in made.recorded(LIGHTS)] == [(9 * NS_PER_S, 9 * NS_PER_S)]
+
+
+def test_messages_that_are_taken_together_have_one_time_of_receipt_and_later_ones_a_later(
+    bench: Callable[..., Bench],
+) -> None:
+    made = bench()
+    inertial = made.voice(IMU)
+    for stamps_s in ((1, 2), (3, 4)):
+        for stamp_s in stamps_s:
+            inertial.publish(imu(stamp_s))
+        made.recorder.drain()
+    one, same, later, last = (message.received for message in made.recorded(IMU))
+    assert one == same < later == last
+    assert abs(last - time.time_ns()) < 60 * NS_PER_S
+
+
+def test_a_stamp_that_is_none_is_counted_and_the_message_recorded_as_received(bench: Callable[..., Bench]) -> None:
+    made = bench()
+    inertial, lamps = made.voice(IMU), made.voice(LIGHTS)
+    whole = serialize_message(imu(7))
+    for seconds, nanoseconds in ((-1, 0), (0, NS_PER_S), (7, 5)):
+        inertial.publish(whole[:4] + struct.pack("<iI", seconds, nanoseconds) + whole[12:])
+    lamps.publish(Float32MultiArray())
+    made.recorder.drain()
+    words = told(made.report())
+    assert {key: value for key, value in words.items() if key.startswith("invalid")} == {
+        f"invalid stamps: {IMU.name}": "2"
+    }
+    found = made.recorded(IMU)
+    assert [one.sent == one.received for one in found] == [True, True, False]
+    assert found[2].sent == 7 * NS_PER_S + 5
+    assert found[2].data[12:] == whole[12:]
+    (lamp,) = made.recorded(LIGHTS)
+    assert lamp.sent == lamp.received
+
+
+def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) -> None:
+    made = bench()
+    inertial = made.voice(IMU)
+    for stamp_s in range(300):
+        inertial.publish(imu(stamp_s))
+    made.recorder.drain()
+    status = made.report()
+    words = told(status)
+    assert (status.name, status.level, status.message) == ("hindrax: recorder", DiagnosticStatus.OK, "recording")
+    assert int(words["messages"]) >= 300
+    assert words["lost"] == "0"
+    assert words["bag"] == str(made.bag / "bag_0.mcap")
+    free = os.statvfs(made.bag)
+    assert float(words["free [MB]"]) == pytest.approx(free.f_bavail * free.f_frsize / 1e6, rel=0.05)
+    assert float(words["size [MB]"]) == pytest.approx((made.bag / "bag_0.mcap").stat().st_size / 1e6, abs=0.1)
+
+
+def test_what_its_queue_has_lost_is_a_warning_with_the_topic(bench: Callable[..., Bench]) -> None:
+    made = bench()
+    inertial = made.voice(IMU)
+    inertial.publish(imu(1))
+    made.recorder.drain()
+    for _ in range(QUEUE + 100):
+        inertial.publish(imu(2))
+    made.recorder.drain()
+    status = made.report()
+    lost = QUEUE + 101 - len(made.recorded(IMU))
+    assert lost >= 100
+    assert (status.level, status.message) == (DiagnosticStatus.WARN, f"recording; {lost} messages lost")
+    assert (told(status)["lost"], told(status)[f"lost: {IMU.name}"]) == (str(lost), str(lost))
+
+
+def test_a_bag_that_may_not_grow_is_an_error_that_says_why(bench: Callable[..., Bench]) -> None:
+    made = bench(budget_MB=0.001)
+    inertial = made.voice(IMU)
+    for stamp_s in range(300):
+        inertial.publish(imu(stamp_s))
+    made.recorder.drain()
+    made.report()
+    status = made.report()
+    assert status.level == DiagnosticStatus.ERROR
+    assert status.message == "the bag has used its 0.001 MB of the disk; recording stopped"
+
+
+def test_the_bag_says_what_the_run_was(
+    bench: Callable[..., Bench], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {name: tmp_path / name for name in ("sub.yaml", "given.yaml")}
+    for file in files.values():
+        file.write_text(f"# {file.name}\n")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+    monkeypatch.setattr(sys, "argv", ["recorder", "--params-file", str(files["given.yaml"])])
+    made = bench(vehicle=files["sub.yaml"], notes="a dive", truth="none")
+    made.close()
+    assert attachments(made.bag) == {"vehicle.yaml": b"# sub.yaml\n", "parameters.yaml": b"# given.yaml\n"}
+    with (made.bag / "bag_0.mcap").open("rb") as stream:
+        inside = {one.name: one.metadata for one in make_reader(stream).iter_metadata()}
+    assert inside["hindrax"] == {
+        "notes": "a dive",
+        "truth": "none",
+        "version": software_version(),
+        "rmw": "rmw_fastrtps_cpp",
+        "namespace": NAMESPACE,
+    }
+
+
+def test_the_bag_names_the_quality_that_was_offered_and_that_of_the_table_if_the_publisher_is_gone(
+    bench: Callable[..., Bench],
+) -> None:
+    made = bench()
+    lasting = replace(THRUSTER_COMMAND, quality=replace(THRUSTER_COMMAND.quality, lifespan_s=7.0))
+    orders, lamps = made.voice(lasting), made.voice(LIGHTS)
+    orders.publish(message_class(THRUSTER_COMMAND.type)())
+    lamps.publish(Float32MultiArray())
+    made.speaker.destroy_publisher(lamps)
+    made.until(lambda: not made.recorder.get_publishers_info_by_topic(resolved(LIGHTS)), turning=False)
+    made.close()
+    with Reader(made.bag) as reader:
+        found = {one.topic: one for one in reader.connections}
+        (offered,) = found[resolved(THRUSTER_COMMAND)].ext.offered_qos_profiles
+        (assumed,) = found[resolved(LIGHTS)].ext.offered_qos_profiles
+    assert offered.lifespan.sec == 7
+    assert (assumed.depth, assumed.reliability.name) == (LIGHTS.quality.depth, "RELIABLE")
+
+
+def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
+    bench: Callable[..., Bench], tmp_path: Path
+) -> None:
+    left = small_bag(tmp_path / "bag")
+    left.write_bytes(left.read_bytes()[:-20])
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    made = bench()
+    inertial = made.voice(IMU)
+    inertial.publish(imu(3))
+    made.close()
+    assert [is_whole(file) for file in sorted(made.bag.glob("*.mcap"))] == [True, True]
+    with Reader(made.bag) as reader:
+        assert {"/demo/level", resolved(IMU)} <= {one.topic for one in reader.connections}
