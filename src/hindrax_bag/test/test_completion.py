@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from itertools import islice
@@ -17,7 +18,7 @@ from rosbags.rosbag2 import Reader
 
 from hindrax_bag.bag_index import is_whole, write_metadata
 from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.read.completion import complete, unfinished_files
+from hindrax_bag.read.completion import begin_completion, complete, main, unfinished_files
 from hindrax_bag.read.survey import find_bags
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
@@ -106,6 +107,7 @@ def test_unfinished_files_of_all_bags_below_a_folder_are_found(tmp_path: Path) -
     path = unfinished_bag(tmp_path / "a" / "bag")
     small_bag(tmp_path / "b" / "bag", count=1)
     assert unfinished_files(tmp_path) == [path]
+    resumed(path.parent)[0].close()  # nobody holds the bag after the look
 
 
 def test_a_bag_of_several_files_is_unfinished_as_long_as_metadata_lacks_one(tmp_path: Path) -> None:
@@ -132,6 +134,41 @@ def test_a_file_with_a_damaged_chunk_is_kept_beside_its_copy(tmp_path: Path) -> 
     assert "completed, 161 messages" in complete(path)
     assert is_whole(path)
     assert (tmp_path / "bag" / "bag_0.mcap.damaged").read_bytes() == data
+
+
+def test_a_copy_that_was_cut_short_before_is_made_anew(tmp_path: Path) -> None:
+    path = unfinished_bag(tmp_path / "bag")
+    (tmp_path / "bag" / "bag_0.mcap.completed").write_bytes(b"half a copy")
+    assert "completed, 181 messages" in complete(path)
+    assert [file.name for file in path.parent.iterdir()] == ["bag_0.mcap"]
+
+
+def test_files_are_completed_beside_the_flight_or_nothing_is_started(tmp_path: Path) -> None:
+    assert begin_completion([]) is None
+    path = unfinished_bag(tmp_path / "bag")
+    begun = begin_completion([path])
+    assert begun is not None
+    assert begun.wait(60.0) == 0
+    assert is_whole(path)
+
+
+def test_the_process_that_completes_yields_to_the_flight_outlives_ctrl_c_and_indexes_every_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [unfinished_bag(tmp_path / name / "bag") for name in ("a", "b")]
+    yields: list[int] = []
+    signals: list[tuple[int, object]] = []
+    monkeypatch.setattr(os, "nice", yields.append)
+    monkeypatch.setattr(signal, "signal", lambda *what: signals.append(what))
+    monkeypatch.setattr(sys, "argv", ["completion", *map(str, files)])
+    assert main() == 0
+    assert yields[0] > 0
+    assert signals == [(signal.SIGINT, signal.SIG_IGN)]
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"{file}: was left unfinished; completed, 181 messages" for file in files]
+    for file in files:
+        with Reader(file.parent) as reader:
+            assert reader.message_count == 181
 
 
 @pytest.mark.parametrize("content", [bytes(5000), b"no bag at all, by any means"])
