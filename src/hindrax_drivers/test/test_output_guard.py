@@ -346,6 +346,7 @@ def test_a_malformed_command_makes_neutral_until_the_next_good_one() -> None:
     state, moving = say(armed(), command(8.05, 81), 8.05)
     assert moving.thrusters != NEUTRAL
     state, _ = GUARD.command(state, command(8.06, 82, (float("nan"),) * 8), at(8.06))
+    assert GUARD.due(state) == at(8.06), "at once"
     state, pulses = GUARD.tick(state, at(8.06))
     assert pulses is not None
     assert pulses.thrusters == NEUTRAL
