@@ -31,7 +31,7 @@ from hindrax_bag.nodes.recorder import QUEUE, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.software_version import software_version
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import DIAGNOSTICS, IMU, LIGHTS, NAMESPACE, STATE, THRUSTER_COMMAND, Topic, resolved
+from hindrax_core.topics import DIAGNOSTICS, IMU, LIGHTS, NAMESPACE, ROSOUT, STATE, THRUSTER_COMMAND, Topic, resolved
 from hindrax_ros.batched_node import SpinLoop, events_executor
 from hindrax_ros.graph import message_class, publisher, subscription
 
@@ -115,6 +115,11 @@ def told(status: DiagnosticStatus) -> dict[str, str]:
     return {pair.key: pair.value for pair in status.values}
 
 
+def said_by(bench: Bench) -> list[str]:
+    """What is in the bag of the log."""
+    return [one.decoded().msg for one in bench.recorded(ROSOUT)]
+
+
 def imu(stamp_s: int) -> Imu:
     made = Imu()
     made.header.stamp.sec = stamp_s
@@ -193,6 +198,7 @@ def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) 
     made.recorder.drain()
     status = made.report()
     words = told(status)
+    assert not any("recording goes on" in text for text in said_by(made))
     assert (status.name, status.level, status.message) == ("hindrax: recorder", DiagnosticStatus.OK, "recording")
     assert int(words["messages"]) >= 300
     assert words["lost"] == "0"
@@ -279,7 +285,7 @@ def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
     made = bench()
     inertial = made.voice(IMU)
     inertial.publish(imu(3))
-    made.close()
+    assert any("recording goes on in bag_1.mcap" in text for text in said_by(made))
     assert [is_whole(file) for file in sorted(made.bag.glob("*.mcap"))] == [True, True]
     with Reader(made.bag) as reader:
         assert {"/demo/level", resolved(IMU)} <= {one.topic for one in reader.connections}
