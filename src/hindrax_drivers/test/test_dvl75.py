@@ -102,6 +102,7 @@ def test_a_sign_that_is_none_is_refused() -> None:
         (delta(10**6, moved="1e-3,0.000,0.000"), "DVPDL: number"),
         (delta(10**6, moved=",0.000,0.000"), "DVPDL: number"),
         (delta(10**6, moved="0.000,0.000"), "DVPDL: fields"),
+        (delta(10**6, moved="0.000,0.000,0.000,0.000"), "DVPDL: fields"),
         (delta(10**6)[:-8] + b"\r\n", "DVPDL: no checksum"),
         (sentence("GPGGA,1,2"), "sentence: unknown"),
         (b"0.001,0.002,100*79\n", "line: cut"),
@@ -157,6 +158,44 @@ def test_a_restart_of_the_device_is_told_and_measuring_goes_on() -> None:
     assert "has restarted" in troubles(outputs)[0]
     (stamped,) = (one for one in outputs if isinstance(one, Stamped))
     assert abs(stamped.stamp - stamp_from_s(3.0)) < 40_000_000
+    assert troubles(driver.feed(delta(450_000), stamp_from_s(3.05))) == [], "told once"
+
+
+def test_no_stamp_is_before_the_last_one_even_across_a_restart_of_the_device() -> None:
+    driver = started()
+    (first,) = (one for one in driver.feed(delta(10**9), stamp_from_s(1.0)) if isinstance(one, Stamped))
+    late = driver.feed(delta(2_000_000, 1_000_000), stamp_from_s(1.1))  # its middle would be at 0.6 s
+    (second,) = (one for one in late if isinstance(one, Stamped))
+    assert "has restarted" in troubles(late)[0]
+    assert second.stamp == first.stamp
+
+
+def test_stamps_follow_a_host_whose_clock_was_set_back() -> None:
+    driver = started()
+    driver.feed(delta(10**6), stamp_from_s(100.0))
+    outputs = driver.feed(delta(10**6 + 50_000), stamp_from_s(50.0))
+    (stamped,) = (one for one in outputs if isinstance(one, Stamped))
+    assert stamp_from_s(49.9) < stamped.stamp < stamp_from_s(50.0)
+    assert "the host's was set back" in troubles(outputs)[0]
+
+
+def test_a_line_that_is_opened_again_is_that_of_a_device_that_nobody_knows_yet() -> None:
+    driver = started()
+    assert [one.text for one in driver.feed(delta(10**9), stamp_from_s(1.0)) if isinstance(one, Identity)]
+    assert driver.ready
+    driver.feed(delta(10**9 + 50_000)[:20], stamp_from_s(1.05))
+    driver.start(stamp_from_s(9.0))
+    assert not driver.ready
+    assert troubles(driver.tick(stamp_from_s(9.1))) == []
+    outputs = driver.feed(delta(10**6), stamp_from_s(10.0))
+    assert [one.text for one in outputs if isinstance(one, Identity)] == ["Cerulean DVL-75"]
+    assert (troubles(outputs), reasons(outputs), len(readings(outputs, BottomVelocity))) == ([], [], 1)
+
+
+def test_extended_data_have_the_time_at_which_their_first_byte_was_sent() -> None:
+    line, driver = extended(), started(Dvl75Knobs(baud=115_200))
+    stamped, _ = (one for one in driver.feed(line, stamp_from_s(5.0)) if isinstance(one, Stamped))
+    assert stamped.stamp == pytest.approx(stamp_from_s(5.0 - len(line) * 10 / 115_200), abs=1000)
 
 
 def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twice() -> None:
@@ -164,9 +203,16 @@ def test_a_tracker_650_gives_altitude_too_and_its_plain_delta_is_not_counted_twi
     body = "10000,50000,0.000000,0.000000,0.000000,0.001,0.002,0.003,100"
     outputs = driver.feed(sentence(f"DVPDX,{body},2,1.5,-0.5,1.250") + sentence(f"DVPDL,{body}"), Stamp(0))
     assert [type(one) for one in readings(outputs)] == [BottomVelocity, Echo]
-    assert readings(outputs, Echo)[0].range_m == 1.25
+    assert driver.counts == {"DVPDX": 1, "DVPDL": 1}
+    assert readings(outputs, Echo) == [Echo(1.25, 1.0)]
     assert [one.text for one in outputs if isinstance(one, Identity)] == ["Cerulean Tracker 650"]
     assert reasons(outputs) == []
+
+
+def test_a_tracker_650_that_has_lost_the_bottom_gives_no_altitude() -> None:
+    body = "10000,50000,0.000000,0.000000,0.000000,0.000,0.000,0.000,20"
+    outputs = started().feed(sentence(f"DVPDX,{body},2,1.5,-0.5,1.250"), Stamp(0))
+    assert [type(one) for one in readings(outputs)] == [BottomVelocity]
 
 
 def test_a_tracker_650_that_tells_the_plain_delta_first_gives_altitude_all_the_same() -> None:
@@ -192,6 +238,16 @@ def test_what_is_recognized_without_a_reading_is_counted() -> None:
     assert driver.counts == {"DVKFC": 1, "IMU": 1}
 
 
+def test_every_verified_sentence_is_counted_by_its_tag() -> None:
+    driver = started()
+    minimum = sentence("GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W")
+    kalman = sentence("DVKFA,15,42,0.05,1.5,2")
+    for turn in range(2):
+        driver.feed(delta(10**6 + turn * 50_000) + kalman + minimum + extended(place=f"44.9,-93.{turn}"), Stamp(turn))
+        driver.feed(sentence("DVTXT,Hello") + sentence("DVNVM,Model=DVL-75,"), Stamp(turn))
+    assert driver.counts == dict.fromkeys(("DVPDL", "DVKFA", "GPRMC", "DVEXT", "DVTXT", "DVNVM"), 2)
+
+
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
 
@@ -206,6 +262,7 @@ def test_what_a_gps_at_the_dvl_says_is_no_reject_and_no_other_device() -> None:
         "sentence: unknown",
     ]
     assert readings(driver.feed(b"GPS:" + delta(10**6), Stamp(3)), BottomVelocity)
+    assert readings(driver.feed(b"GPS:" + extended(), Stamp(4)), BottomTrack)
 
 
 def extended(calibration: str = "3333", place: str = "0,0", gains: str = "25,25,25,25") -> bytes:
@@ -234,7 +291,7 @@ def test_the_place_is_that_of_the_extended_data_and_else_that_of_the_recommended
     assert readings(driver.feed(extended(place="44.9,-93.5"), Stamp(1)), Position) == [Position(44.9, -93.5, True)]
     assert readings(driver.feed(minimum, Stamp(2))) == []
     for place in (",", "91,0", "0,-181", "x,1"):
-        assert readings(driver.feed(extended(place=place), Stamp(3)), Position) == []
+        assert [type(one) for one in readings(driver.feed(extended(place=place), Stamp(3)))] == [BottomTrack]
 
 
 def test_numbers_for_a_kalman_filter_come_in_their_order() -> None:
@@ -281,6 +338,10 @@ def test_foreign_talk_is_told_and_nothing_is_sent_to_the_stranger() -> None:
     assert ["check line speed and device" in one for one in troubles(outputs)] == [True]
     assert not [one for one in outputs if isinstance(one, Send)]
     assert not driver.ready
+
+
+def test_a_device_that_only_passes_a_gps_on_is_no_stranger() -> None:
+    assert troubles(run(started(), 20.0, lambda _: b"GPS:" + GPS)) == []
 
 
 def test_deltas_are_asked_for_a_few_times_and_then_given_up() -> None:
