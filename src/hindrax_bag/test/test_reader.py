@@ -14,6 +14,7 @@ from mcap.records import Schema
 from hindrax_bag.definitions import definition
 from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
+from hindrax_bag.read.recovery import recover
 from hindrax_core.errors import UsageError
 
 
@@ -58,6 +59,16 @@ def test_sqlite_bag(tmp_path: Path, with_definitions: bool) -> None:
     assert [one.decoded().level for one in found] == [2.0, 4.0, 6.0, 8.0, 10.0]
     assert found[0].received == 100
     assert found[0].type == LEVEL.type
+
+
+def test_a_recovered_sqlite_bag_is_mcap_with_the_same_messages(tmp_path: Path) -> None:
+    made = recover(sqlite_bag(tmp_path / "other", with_definitions=True), tmp_path / "out")
+    assert [file.name for file in bag_files(made.output)] == ["out_0.mcap"]
+    found = list(messages(made.output))
+    assert [(one.received, one.sent, one.decoded().level) for one in found] == [
+        (index * 100, index * 100, index * 2.0) for index in range(1, 6)
+    ]
+    assert {(one.topic, one.type) for one in found} == {(LEVEL.topic, LEVEL.type)}
 
 
 def test_sqlite_bag_of_an_unknown_type_says_what_to_install(tmp_path: Path) -> None:

@@ -136,6 +136,40 @@ def test_output_is_never_overwritten(tmp_path: Path) -> None:
         recover(path, path.parent)
 
 
+def test_the_output_may_be_an_empty_folder_or_one_to_be_made_but_no_file(tmp_path: Path) -> None:
+    path = small_bag(tmp_path / "bag", count=3)
+    (tmp_path / "empty").mkdir()
+    for output in (tmp_path / "empty", tmp_path / "far" / "away"):
+        made = recover(path, output)
+        assert [one.decoded().level for one in messages(made.output, {LEVEL.topic})] == [0.0, 0.5, 1.0]
+    (tmp_path / "file").touch()
+    with pytest.raises(UsageError, match="exists already"):
+        recover(path, tmp_path / "file")
+
+
+def test_what_is_no_bag_leaves_no_output(tmp_path: Path) -> None:
+    (tmp_path / "x.db3").write_text("a text that is no bag")
+    with pytest.raises(UsageError, match="sqlite3"):
+        recover(tmp_path / "x.db3", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_messages_are_kept_by_topic_and_by_seconds_since_the_first(tmp_path: Path) -> None:
+    path = small_bag(tmp_path / "bag")
+    made = recover(path, tmp_path / "out", keep=lambda topic, after_s: topic == LEVEL.topic and after_s < 1.0)
+    found = list(messages(made.output))
+    assert [one.data for one in found] == [level(NS_PER_S + i * 10_000_000, i * 0.5) for i in range(100)]
+
+
+def test_a_long_recovery_says_now_and_then_how_far_it_is(tmp_path: Path) -> None:
+    path = small_bag(tmp_path / "bag", count=25_000, per_flush=5_000)
+    told: list[int] = []
+    made = recover(path, tmp_path / "out", told.append)
+    assert 1 <= len(told) <= 10
+    assert told == sorted(set(told))
+    assert 0 < told[-1] <= made.messages == 25_001
+
+
 def _zstd_of_zeros(size: int, claimed: int | None = None) -> bytes:
     """A frame of RLE blocks (RFC 8878, 3.1.1): four bytes for each 128 KiB of zeros; it may claim another size."""
     head = b"\x28\xb5\x2f\xfd" + (b"\x00\x38" if claimed is None else b"\xc0\x38" + struct.pack("<Q", claimed))
