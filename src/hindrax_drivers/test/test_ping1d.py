@@ -127,6 +127,25 @@ def test_a_stranger_is_told_and_never_ordered_about() -> None:
     assert not sends(outputs)
     assert not readings(driver.feed(distance(1), Stamp(0)))
     assert driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(1)) == []
+    driver.feed(INFORMATION, Stamp(2))
+    driver.start(Stamp(3))
+    again = driver.feed(encode(protocol.DEVICE_INFORMATION, bytes([2, 1, 1, 0, 0, 0])), Stamp(4))
+    assert "found device type 2, wanted 1" in troubles(again)[0], "the cable was changed again"
+
+
+def test_the_round_trip_is_from_the_last_question_to_its_answer() -> None:
+    driver = Ping1d(Ping1dKnobs(continuous=False, interval_s=0.1))
+    assert driver.round_trip_s is None
+    driver.start(stamp_from_s(1.0))
+    (order,) = sends(driver.feed(INFORMATION, stamp_from_s(1.04)))
+    assert driver.round_trip_s == pytest.approx(0.04)
+    driver.feed(obedient(order.data), stamp_from_s(1.06))
+    assert driver.round_trip_s == pytest.approx(0.02)
+    driver = ready(continuous=False, interval_s=0.1)
+    (_,) = sends(driver.tick(stamp_from_s(0.2)))
+    driver.feed(distance(1), stamp_from_s(0.23))
+    driver.feed(distance(2), stamp_from_s(0.3))
+    assert driver.round_trip_s == pytest.approx(0.03), "nobody asked for the second"
 
 
 def test_an_order_without_answer_is_repeated_then_told_then_left() -> None:
@@ -236,6 +255,14 @@ def test_a_supply_that_sags_is_told_once() -> None:
     ]
 
 
+def test_a_supply_that_sags_from_the_beginning_is_told() -> None:
+    def sagging(sent: bytes) -> bytes:
+        return obedient(sent).replace(encode(protocol.SUPPLY_mV, TOLD[protocol.SUPPLY_mV]), low)
+
+    low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200))
+    assert ["supply 4.20 V" in text for text in troubles(set_up(Ping1d(), sagging))] == [True]
+
+
 def test_a_corrupt_length_does_not_delay_the_echoes_behind_it() -> None:
     driver = ready(continuous=False)
     corrupt = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
@@ -266,6 +293,12 @@ def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer(
     assert [index for index, _ in asked] == [10, 20, 30, 40, 50, 80]
     assert {data for _, data in asked} == {request(protocol.DISTANCE)}
     assert driver.request_profile() == [Send(request(protocol.PROFILE))]
+
+
+def test_polled_for_profiles_it_is_asked_for_profiles() -> None:
+    driver = ready(continuous=False, interval_s=0.1, profile=True)
+    assert [one.data for one in sends(driver.tick(stamp_from_s(0.1)))] == [request(protocol.PROFILE)]
+    assert [type(one) for one in readings(driver.feed(profile(2), stamp_from_s(0.1)))] == [Echo, EchoProfile]
 
 
 def test_an_echo_is_stamped_with_the_moment_of_the_reflection() -> None:

@@ -108,7 +108,6 @@ class Ping1d:
         """Wake the sonar and request its identity."""
         self._frames.clear()
         self._silence.restart(stamp)
-        self._last_stamp = Stamp(0)
         return self._wake(stamp)
 
     def _wake(self, stamp: Stamp) -> list[Output]:
