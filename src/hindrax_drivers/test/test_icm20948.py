@@ -1,7 +1,9 @@
 """The inertial sensor's driver where it must doubt: fill levels, repeats, saturation, leaps, a lost magnetometer."""
 
+import math
 import struct
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,9 +15,10 @@ from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s
 from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Reading
 from hindrax_core.testing import rehearse
+from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.ak09916 import SET_UP_EVERY_S, Ak09916
-from hindrax_drivers.devices.icm20948 import CROOKED, NO_DATA_S, Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock
 from hindrax_drivers.imu_calibration import Correction
 
@@ -187,6 +190,28 @@ def test_a_single_damaged_sample_is_refused_and_a_real_step_is_believed(sensor: 
     assert [isinstance(one, Rejected) for one in outputs] == [True] * 3 + [False] * 2
 
 
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_every_axis_has_its_largest_step(sensor: Icm20948, chip: Chip, axis: int, sign: int) -> None:
+    """5 m/s^2 at 8192 counts for g, 1 rad/s at 65.5 counts for a degree per second (data sheet, tables 1 and 2)."""
+    largest = 5.0 / 9.80665 * 8192.0 if axis < 3 else math.degrees(1.0) * 65.5
+    turning = (500, -700, 8192, 900, -1100, 1300)
+    far, near = (list(turning) for _ in range(2))
+    far[axis] += sign * round(1.02 * largest)
+    near[axis] += sign * round(0.98 * largest)
+    chip.fill(turning, tuple(far), tuple(near))
+    assert reasons(cycle(sensor, chip, 1)) == ["leap: no vehicle moves like that"]
+
+
+def test_a_damaged_sample_at_the_very_beginning_costs_itself_only(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    chip.fill((0, 20_000, -8192, 0, 0, 0))
+    chip.still(4)
+    outputs = play(sensor.cycle(START), chip)
+    assert [isinstance(one, Rejected) for one in outputs] == [True] + [False] * 4
+
+
 @pytest.mark.parametrize(("divider", "believed"), [(4, False), (44, True)])
 def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, believed: bool) -> None:
     """20 m/s^2 in 40 ms is a vehicle that is set down, in 4 ms it is damage."""
@@ -197,8 +222,8 @@ def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, believed:
 
 
 def test_samples_that_burst_mode_has_skipped_widen_the_step() -> None:
-    ready, count = (WriteRead(0x68, b"\x1a", 1), b"\x01"), 16706
-    for late_s, believed in ((0.0045, False), (0.045, True)):
+    ready = (WriteRead(0x68, b"\x1a", 1), b"\x01")
+    for late_s, count, believed in ((0.0045, 6266, False), (0.0045, 16706, False), (0.045, 16706, True)):
         sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
         for at, z in ((START, 8192), (after(START, late_s), 8192 + count)):
             newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", 0, 0, z, 0, 0, 0))
@@ -235,6 +260,26 @@ def test_burst_mode_reads_the_newest_sample_when_there_is_one() -> None:
     assert list(rehearse(sensor.cycle(START), [none])) == []
     (output,) = rehearse(sensor.cycle(START), [ready, newest])
     assert START - 6_000_000 < output.stamp < START
+
+
+def test_burst_mode_bears_turns_without_a_new_sample_but_not_a_quarter_of_a_second_of_them() -> None:
+    sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
+    none, ready = ((WriteRead(0x68, b"\x1a", 1), answer) for answer in (b"\x00", b"\x01"))
+    for turn in range(40):
+        newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", turn, 0, 8192, 0, 0, 0))
+        rehearse(sensor.cycle(after(START, 0.02 * turn)), [none] if turn % 2 else [ready, newest])
+    with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
+        rehearse(sensor.cycle(after(START, 0.76 + 0.26)), [none])
+
+
+@pytest.mark.parametrize(("ordered", "line"), [("", "line 3 of chip"), ("other:4", "line 4 of other")])
+def test_the_line_of_the_vehicle_file_times_the_samples_unless_another_is_ordered(
+    vehicle: Vehicle, chip: Chip, ordered: str, line: str
+) -> None:
+    mount = replace(vehicle.sensors["icm20948"], data_ready="chip:3")
+    sensor = DRIVER.make(Icm20948Knobs(data_ready=ordered, magnetometer=False), mount, vehicle)
+    identity: Any = play(sensor.configure(), chip)
+    assert identity.text.endswith(f"timed by {line}")
 
 
 SET_UP: list[tuple[Operation, bytes | DeviceError]] = [
