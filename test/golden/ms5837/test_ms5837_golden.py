@@ -7,12 +7,14 @@ import pytest
 import yaml
 
 from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
-from hindrax_core.events import Stamp, Stamped
+from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Pressure
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.ms5837 import (
     CONVERSION_S,
+    HUNG_AFTER,
     OSRS,
+    REPEATS,
     Ms5837,
     Ms5837Knobs,
     Prom,
@@ -113,3 +115,79 @@ def test_the_model_may_be_ordered_and_a_contradiction_is_remarked() -> None:
     sensor = Ms5837(Ms5837Knobs(model="02BA"))
     identity = rehearse(sensor.configure(), configuration(WORDS))
     assert identity.text == "MS5837-02BA at 0x76, C1 34982 (its calibration looks like 30BA)"
+
+
+def test_a_30ba_may_be_ordered_where_the_calibration_looks_like_the_other() -> None:
+    words = [bytes.fromhex(word) for word in CASES["prom"][2]["words"].split()]
+    identity = rehearse(Ms5837(Ms5837Knobs(model="30BA")).configure(), configuration(words))
+    assert identity.text == "MS5837-30BA at 0x76, C1 46372 (its calibration looks like 02BA)"
+
+
+def test_the_model_is_told_by_the_first_coefficient_whatever_the_second_is() -> None:
+    first, *others = (0, 34982, 45000, 20328, 22354, 26646, 26146)
+    words = [first | crc4([first, *others]) << 12, *others]
+    identity = rehearse(Ms5837().configure(), configuration([word.to_bytes(2, "big") for word in words]))
+    assert identity.text == "MS5837-30BA at 0x76, C1 34982"
+
+
+def converted(sensor: Ms5837, turn: int, d1: int, d2: int = EXAMPLE["d2"]) -> tuple[list[Any], list[int]]:
+    """Outputs of one cycle at 50 Hz in which the sensor converts to these numbers, and the commands that it got."""
+    commands: list[int] = []
+    program = sensor.cycle(stamp_from_s(1.0 + 0.02 * turn))
+    try:
+        operation = next(program)
+        while True:
+            if isinstance(operation, Write):
+                commands.append(operation.data[0])
+            temperature = bool(commands) and commands[-1] >= 0x50
+            answer = (d2 if temperature else d1).to_bytes(3, "big") if isinstance(operation, WriteRead) else b""
+            operation = program.send(answer)
+    except StopIteration as stop:
+        return list(stop.value), commands
+
+
+def ready() -> Ms5837:
+    sensor = Ms5837()
+    rehearse(sensor.configure(), configuration(WORDS))
+    return sensor
+
+
+@pytest.mark.parametrize(
+    ("d1", "d2", "what"),
+    [
+        (1, EXAMPLE["d2"], "Pa is outside what an MS5837-30BA measures"),
+        (0xFFFFFF, EXAMPLE["d2"], "Pa is outside what an MS5837-30BA measures"),
+        (EXAMPLE["d1"], 0x400000, "C is outside what an MS5837-30BA measures"),
+        (EXAMPLE["d1"], 0x8F0000, "C is outside what an MS5837-30BA measures"),
+    ],
+)
+def test_what_the_part_cannot_measure_is_refused_and_the_temperature_converted_anew(
+    d1: int, d2: int, what: str
+) -> None:
+    sensor = ready()
+    ((refused,), _) = converted(sensor, 0, d1, d2)
+    assert isinstance(refused, Rejected)
+    assert what in refused.reason
+    assert refused.data == d1.to_bytes(3, "big") + d2.to_bytes(3, "big")
+    ((good,), commands) = converted(sensor, 1, EXAMPLE["d1"])
+    assert good.reading == Pressure(399980.0, pytest.approx(19.81))
+    assert commands == [0x58, 0x48]
+
+
+def test_a_converter_that_gives_the_same_again_and_again_is_refused_and_in_the_end_configured_anew() -> None:
+    sensor = ready()
+    for turn in range(REPEATS):
+        ((accepted,), _) = converted(sensor, turn, EXAMPLE["d1"])
+        assert isinstance(accepted, Stamped)
+    ((refused,), _) = converted(sensor, REPEATS, EXAMPLE["d1"])
+    assert refused.reason == f"{REPEATS + 1} equal conversions"
+    ((accepted,), _) = converted(sensor, REPEATS + 1, EXAMPLE["d1"] + 1)
+    assert isinstance(accepted, Stamped), "it lives"
+    for turn in range(HUNG_AFTER):
+        converted(sensor, REPEATS + 2 + turn, EXAMPLE["d1"] + 1)
+    with pytest.raises(DeviceError, match="the same conversion again and again"):
+        converted(sensor, REPEATS + 2 + HUNG_AFTER, EXAMPLE["d1"] + 1)
+    rehearse(sensor.configure(), configuration(WORDS))
+    ((accepted,), commands) = converted(sensor, 100, EXAMPLE["d1"])
+    assert isinstance(accepted, Stamped)
+    assert commands == [0x58, 0x48]
