@@ -310,6 +310,33 @@ def test_no_attitude_is_believed_beyond_a_turn() -> None:
     assert reasons(started().feed(sentence(f"DVEXT,Q,X,3333,1.0,2.0,0.0,{zeros}"), Stamp(0))) == ["DVEXT: flag"]
 
 
+def attitude(roll_deg: float, pitch_deg: float, heading_deg: float) -> bytes:
+    zeros = "0,0.0,0.00,0.0,0.0,0.0,0.0,0.05,1,0,0,0,25,25,25,25,F,F,F,F,0,0,0,0,-1,-1,-1,-1,"
+    return sentence(f"DVEXT,F,X,3333,{roll_deg},{pitch_deg},{heading_deg},{zeros}")
+
+
+@pytest.mark.parametrize("angles", [(180.5, 0, 0), (0, -180.5, 0), (0, 0, 360.5), (0, 0, -0.5)])
+def test_every_angle_has_its_limit(angles: tuple[float, float, float]) -> None:
+    assert reasons(started().feed(attitude(*angles), Stamp(0))) == ["DVEXT: range"]
+
+
+@pytest.mark.parametrize("angles", [(180, -180, 360), (-180, 180, 0)])
+def test_angles_at_their_limits_are_believed(angles: tuple[float, float, float]) -> None:
+    assert len(readings(started().feed(attitude(*angles), Stamp(0)), BottomTrack)) == 1
+
+
+@pytest.mark.parametrize(
+    ("signs", "wanted_deg"),
+    [((1.0, 1.0, 1.0), (10, 20, 30)), ((-1.0, 1.0, 1.0), (-10, 20, 30)), ((1.0, -1.0, -1.0), (10, -20, 330))],
+)
+def test_each_angle_has_the_sign_that_the_vehicle_gives_it(
+    signs: tuple[float, float, float], wanted_deg: tuple[float, float, float]
+) -> None:
+    (track,) = readings(started(Dvl75Knobs(attitude_sign=signs)).feed(attitude(10, 20, 30), Stamp(0)), BottomTrack)
+    found = (track.roll_rad, track.pitch_rad, track.heading_rad)
+    assert [math.degrees(angle) for angle in found] == pytest.approx(wanted_deg)
+
+
 def run(driver: Dvl75, seconds: float, line: Callable[[Any], bytes] | None = None, start_s: float = 0.0) -> list[Any]:
     """Tick at 10 Hz; `line(index)` gives the bytes before each tick."""
     outputs: list = []
