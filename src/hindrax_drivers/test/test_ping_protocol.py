@@ -121,6 +121,30 @@ def test_clear_forgets_what_was_told_of_a_false_frame() -> None:
     assert garbage(splitter.feed(bytes(64))) == [64]
 
 
+def test_clear_forgets_a_false_frame_whose_end_may_be_another() -> None:
+    splitter = FrameSplitter()
+    assert [one.reason for one in splitter.feed(b"BR\0\0\0\0BR") if isinstance(one, Refused)] == ["unknown"]
+    splitter.clear()
+    assert garbage(splitter.feed(bytes(64))) == [64]
+
+
+LENGTHS = {4: 6, 5: 4, 1201: 1, 1202: 2, 1203: 4, 1204: 8, 1205: 1, 1206: 2, 1207: 4, 1208: 2}
+LENGTHS |= {1200: 6, 1210: 10, 1211: 5, 1212: 24, 1213: 2, 1214: 2, 1215: 1}
+"""Payload by message: common.json and ping1d.json of ping-protocol."""
+
+
+@pytest.mark.parametrize(("message", "size"), LENGTHS.items())
+def test_every_message_has_the_length_of_its_definition_and_no_other(message: int, size: int) -> None:
+    assert split(encode(message, bytes(size))) == [Frame(message, bytes(size))]
+    for wrong in (size - 1, size + 1):
+        assert not any(isinstance(one, Frame) for one in split(encode(message, bytes(wrong))))
+
+
+def test_a_profile_may_be_empty_but_its_head_is_whole() -> None:
+    assert split(encode(protocol.PROFILE, bytes(26))) == [Frame(protocol.PROFILE, bytes(26))]
+    assert not any(isinstance(one, Frame) for one in split(encode(protocol.PROFILE, bytes(25))))
+
+
 @pytest.mark.parametrize(("message", "reason"), [(protocol.DISTANCE_SIMPLE, "length"), (1999, "unknown")])
 def test_a_known_message_of_a_wrong_length_is_told_apart_from_an_unknown_one(message: int, reason: str) -> None:
     (refused, *_) = split(encode(message, b"abc"))
