@@ -2,6 +2,7 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import common
 
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.testing import chunks
@@ -59,11 +60,26 @@ def test_refusals_say_why() -> None:
     unknown = b"\xfd\x01\x00\x00\x00\x01\x01\xe8\x03\x00\x00\x00\x00"
     long = b"\xfd\x30\x00\x00\x00\x01\x01\x00\x00\x00"
     damaged = beat[:-1] + bytes([beat[-1] ^ 1])
+    signed = beat[:2] + b"\x01" + beat[3:]
     reasons = []
-    for bad in (unknown, long, damaged, b"hello"):
+    for bad in (unknown, long, damaged, signed, b"hello"):
         first, second = events(bad + beat, [999])
         assert isinstance(first, Rejected)
         assert isinstance(second, Frame)
         assert first.data == bad
         reasons.append(first.reason)
-    assert reasons == ["unknown message 1000", "impossible length for message 0", "checksum", "no start of a frame"]
+    assert reasons == [
+        "unknown message 1000",
+        "impossible length for message 0",
+        "checksum",
+        "signed, or of a later version",
+        "no start of a frame",
+    ]
+
+
+def test_our_heartbeat_is_read_by_pymavlink_as_that_of_an_onboard_computer() -> None:
+    reader = common.MAVLink(None)
+    (beat,) = reader.parse_buffer(encode(Heartbeat(18, 8, 0, 4), 7))
+    assert (beat.get_srcSystem(), beat.get_srcComponent(), beat.get_seq()) == (1, 191, 7)
+    assert (beat.type, beat.autopilot, beat.base_mode, beat.system_status) == (18, 8, 0, 4)
+    assert (beat.custom_mode, beat.mavlink_version) == (0, 3)

@@ -202,7 +202,8 @@ def test_what_it_hears_becomes_readings() -> None:
     device = ready()
     (stamped,) = heard(device, ServoOutput(1, tuple(range(1500, 1516))), 0.2)
     assert stamped == Stamped(at(0.2), AppliedPulses(tuple(float(pulse) for pulse in range(1500, 1510))))
-    assert heard(device, BatteryStatus(14.8, 3.5), 0.2) == [Stamped(at(0.2), Battery(14.8, 3.5))]
+    for current_A in (3.5, 0.0):
+        assert heard(device, BatteryStatus(14.8, current_A), 0.2) == [Stamped(at(0.2), Battery(14.8, current_A))]
     (stamped,) = heard(device, BatteryStatus(14.8, None), 0.2)
     assert isinstance(stamped, Stamped)
     assert isinstance(stamped.reading, Battery)
