@@ -181,8 +181,11 @@ def test_an_output_that_is_not_there_is_told_and_not_armed_until_it_comes(bench:
 
 
 def test_an_inhibition_from_before_the_output_was_open_holds_until_it_ends(bench: Bench) -> None:
-    bench.thread.inhibit(WHY)
+    bench.there = False
     bench.thread.start()
+    bench.thread.inhibit(WHY)
+    assert bench.thread.arm(bench.request()).result(PATIENT_S).reason == NO_BUS
+    bench.there = True
     bench.until(lambda: bench.thread.ready)
     assert bench.thread.arm(bench.request()).result(PATIENT_S).reason == WHY
     bench.thread.inhibit("")
