@@ -34,9 +34,9 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
         if not isinstance(node, yaml.MappingNode):
             raise UsageError(f"{source}: found no block {'.'.join(keys[: depth + 1])}, wanted it there to be changed")
     found = _child(node, keys[-1])
-    written = yaml.safe_dump([value], default_flow_style=True, width=10_000).strip()[1:-1]
     if found is not None:
-        return text[: found.start_mark.index] + written + _rest(text, found)
+        return text[: found.start_mark.index] + _in_the_style_of(found, value) + text[_end(text, found) :]
+    written = _on_one_line(value)
     if node.flow_style:
         end = node.end_mark.index - 1
         separator = ", " if node.value else ""
@@ -50,9 +50,24 @@ def _child(node: Any, key: str) -> Any:
     return next((value for name, value in pairs if name.value == key), None)
 
 
-def _rest(text: str, node: Any) -> str:
-    """Text behind a value; a block that ends with its line keeps the end of that line."""
-    end = node.end_mark.index
+def _in_the_style_of(node: Any, value: object) -> str:
+    """The value as text: a block on lines of its own where it replaces a block, else on one line."""
+    if not (isinstance(value, dict) and value and isinstance(node, yaml.MappingNode) and not node.flow_style):
+        return _on_one_line(value)
+    lines = yaml.safe_dump(value, default_flow_style=None, sort_keys=False, width=10_000).splitlines()
+    return f"\n{' ' * node.start_mark.column}".join(lines)
+
+
+def _on_one_line(value: object) -> str:
+    return yaml.safe_dump([value], default_flow_style=True, width=10_000).strip()[1:-1]
+
+
+def _end(text: str, node: Any) -> int:
+    """Where a value ends: a block ends with its last entry, not with the comments below it; lines keep their end."""
+    if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
+        last = node.value[-1]
+        return _end(text, last[1] if isinstance(last, tuple) else last)
+    end = int(node.end_mark.index)
     while end > node.start_mark.index and text[end - 1] in " \n":
         end -= 1
-    return text[end:]
+    return end

@@ -48,6 +48,38 @@ def test_the_value_is_there_and_all_else_is_as_it_was(keys: tuple[str, ...], val
         assert comment in changed
 
 
+CURVE = """\
+curves:
+  main:
+    source: table 2      # of the paper
+    negative: {c: [1.0, 2.0], from_us: 1100.0}
+    supply_V: 14.8       # at full charge
+
+# Prior for plans.
+hydrodynamics: {surge: 1.0}
+"""
+
+
+def test_a_block_stays_a_block_and_the_comments_below_it_stay() -> None:
+    value = {"negative": {"c": [3.0, 4.0], "from_us": 1200.0}, "supply_V": 12.0}
+    changed = edited(CURVE, ("curves", "main"), value, "file")
+    assert (
+        changed
+        == """\
+curves:
+  main:
+    negative:
+      c: [3.0, 4.0]
+      from_us: 1200.0
+    supply_V: 12.0       # at full charge
+
+# Prior for plans.
+hydrodynamics: {surge: 1.0}
+"""
+    )
+    assert edited(changed, ("curves", "main"), value, "file") == changed
+
+
 def test_setting_twice_is_setting_once() -> None:
     once = edited(TEXT, ("sensors", "imu", "calibration"), {"a": [1.0]}, "file")
     assert edited(once, ("sensors", "imu", "calibration"), {"a": [1.0]}, "file") == once
