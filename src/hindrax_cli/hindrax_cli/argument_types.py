@@ -32,7 +32,7 @@ def share(text: str) -> float:
     """Argument type: a share above zero, also as percent: 0.02 or 2%."""
     number = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0)
     if not 0.0 < number <= 1.0:
-        raise argparse.ArgumentTypeError(f"found {text}, wanted more than 0, at most 1 or 100%%")
+        raise argparse.ArgumentTypeError(f"found {text}, wanted more than 0, at most 1 or 100%")
     return number
 
 

@@ -43,6 +43,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["pool-test", "--dof", "surg"], "invalid choice: 'surg' (choose from 'surge', 'sway'"),
         (["pool-test", "--mock", "--excitation", "sinus"], "invalid choice: 'sinus' (choose from 'plateaus'"),
         (["pool-test", "--seed", "x"], "--seed: invalid seed value: 'x'"),
+        (["pool-test", "--until", "5"], "--until: found 5, wanted more than 0, at most 1 or 100%; "),
         (["pool-test", "--mock", "--out", "/proc/nowhere"], "/proc/nowhere cannot be written"),
         (["bag", "inof"], "invalid choice: 'inof'"),
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),

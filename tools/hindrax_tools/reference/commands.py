@@ -55,7 +55,7 @@ def _examples(parser: argparse.ArgumentParser) -> str:
 
 def _options(parser: argparse.ArgumentParser) -> str:
     rows = [
-        (code(_form(action)), action.help or "")
+        (code(_form(action)), (action.help or "").replace("%%", "%"))
         for action in parser._actions  # noqa: SLF001  # argparse has no public way to read a parser
         if not isinstance(action, argparse._HelpAction | argparse._SubParsersAction)  # noqa: SLF001  # as above
         and action.help != argparse.SUPPRESS
