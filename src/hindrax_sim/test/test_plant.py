@@ -14,6 +14,7 @@ from hindrax_core.curves.curve_branches import Curve, reflected, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle, load_vehicle
+from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.quaternion import euler, quaternion, rotate
 from hindrax_sim.physics.steady_thrust import steady_force, thruster_force, wrench_per_newton
@@ -208,8 +209,10 @@ def test_energy_that_could_be_negative_is_refused() -> None:
 
 
 def test_a_vehicle_file_without_hydrodynamics_cannot_be_mocked() -> None:
-    with pytest.raises(UsageError, match=r"hydrodynamics: missing"):
-        Plant(replace(VEHICLE, hydrodynamics=None))
+    bare = replace(VEHICLE, hydrodynamics=None)
+    for make in (Plant, lambda vehicle: Realization(vehicle).hydrodynamics):
+        with pytest.raises(UsageError, match=r"hydrodynamics: missing, .*`./hindrax estimate --vehicle FILE` prints"):
+            make(bare)
 
 
 def test_center_of_mass_ahead_lifts_the_bow_by_buoyancy() -> None:

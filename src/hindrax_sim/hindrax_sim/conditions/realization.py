@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
-from hindrax_sim.physics.plant import Influence, ThrustLoss
+from hindrax_sim.physics.plant import Influence, ThrustLoss, truth_of
 
 Travel: TypeAlias = tuple[Vec3, Vec3]
 """Angle turned [rad] and ground covered [m] since the start, in body axes."""
@@ -39,8 +39,7 @@ class Realization:
     @property
     def hydrodynamics(self) -> Hydrodynamics:
         """Those of the true vehicle, which a mock vehicle has."""
-        assert self.vehicle.hydrodynamics is not None, "hydrodynamics: missing, wanted the mock's truth"
-        return self.vehicle.hydrodynamics
+        return truth_of(self.vehicle)
 
     def resistance(self, axis: int, speed: float) -> float:
         """Drag of the hull against a motion, positive with a positive speed [N, Nm]."""

@@ -52,7 +52,7 @@ class Plant:
     def __init__(
         self, vehicle: Vehicle, influences: Sequence[Influence] = (), losses: Sequence[ThrustLoss] = ()
     ) -> None:
-        hydrodynamics = _hydrodynamics(vehicle)
+        hydrodynamics = truth_of(vehicle)
         self._vehicle = vehicle
         self._influences, self._losses = tuple(influences), tuple(losses)
         self._inertia = _inertia(vehicle, hydrodynamics)
@@ -315,9 +315,11 @@ class Plant:
         self.qw, self.qx, self.qy, self.qz = nw * unit, nx * unit, ny * unit, nz * unit
 
 
-def _hydrodynamics(vehicle: Vehicle) -> Hydrodynamics:
+def truth_of(vehicle: Vehicle) -> Hydrodynamics:
+    """Hydrodynamics of a mock vehicle; UsageError where its file has none."""
     if vehicle.hydrodynamics is None:
-        raise UsageError(f"{vehicle.name}.hydrodynamics: missing, wanted the mock's truth; add it to the vehicle file")
+        remedy = "`./hindrax estimate --vehicle FILE` prints a block to add to the file"
+        raise UsageError(f"{vehicle.name}.hydrodynamics: missing, wanted the mock's truth; {remedy}")
     return vehicle.hydrodynamics
 
 
