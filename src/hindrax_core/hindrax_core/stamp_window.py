@@ -18,6 +18,9 @@ REMEDIES = {
     UNSTAMPED: "stamp it with the time of the clock in use",
     TIMELESS: "wait for the clock (/clock in mock) and ask again",
 }
+OTHER_CLOCK = "one of the two lives in the time of a mock: add --sim-time to a command, use_sim_time to a node"
+OTHER_CLOCK_s = 1e9
+"""Clocks of two machines never differ by this; the time of a mock begins at zero."""
 LAST = Stamp((2**31 - 1) * 10**9)
 """Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
 
@@ -28,11 +31,17 @@ class Untimely:
 
     kind: str
     text: str
+    other_clock: bool = False
 
     @property
     def sentence(self) -> str:
         """What was found and wanted, and the remedy."""
-        return f"{self.text}; {REMEDIES[self.kind]}"
+        return f"{self.text}; {self.remedy}"
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return OTHER_CLOCK if self.other_clock else REMEDIES[self.kind]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +58,12 @@ class StampWindow:
         if now <= 0:
             return Untimely(TIMELESS, "cannot be judged, because the vehicle's clock is not known yet")
         age_s = seconds_between(stamp, now)
+        other_clock = abs(age_s) > OTHER_CLOCK_s
         if age_s > self.oldest_s:
-            return Untimely(EXPIRED, f"{_number(age_s)} s old, wanted at most {_number(self.oldest_s)} s")
+            return Untimely(EXPIRED, f"{_number(age_s)} s old, wanted at most {_number(self.oldest_s)} s", other_clock)
         if age_s < -self.lead_s:
             wanted = f"wanted at most {_number(self.lead_s)} s ahead of the vehicle's clock"
-            return Untimely(FUTURE, f"stamped {_number(-age_s)} s in the future, {wanted}")
+            return Untimely(FUTURE, f"stamped {_number(-age_s)} s in the future, {wanted}", other_clock)
         return None
 
     @property

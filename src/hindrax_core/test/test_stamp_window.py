@@ -30,7 +30,9 @@ NOW = stamp_from_s(1.8e9)
     [
         (-1.5, EXPIRED, r"1\.5 s old, wanted at most 1\.0 s; ask again, .*set the clocks.*"),
         (0.25, FUTURE, r"stamped 0\.25 s in the future, wanted at most 0\.10 s ahead of the vehicle's clock; set .*"),
-        (2e8, FUTURE, r"stamped 200000000\.0 s in the future, .*"),
+        (2e8, FUTURE, r"stamped 200000000\.0 s in the future, .*; set the clocks of both machines"),
+        (1.1e9, FUTURE, r"stamped .* s in the future, .*; one of the two .*mock.*--sim-time.*"),
+        (-1.7e9, EXPIRED, r"1700000000\.0 s old, .*; one of the two .*mock.*--sim-time.*"),
     ],
 )
 def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_core.stamp_window import OTHER_CLOCK_s
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
 
@@ -41,6 +42,9 @@ def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
     return clocks(ages_s)
 
 
+MOCK_CLOCK = "if it is a mock vehicle, nothing: it has a clock of its own, and commands need --sim-time"
+
+
 def clocks(ages_s: Sequence[float]) -> Check:
     """Judge two clocks by how old stamps are on arrival [s]: the youngest is the offset and the least delay."""
     if not ages_s:
@@ -49,7 +53,8 @@ def clocks(ages_s: Sequence[float]) -> Check:
     if abs(least) > OFFSET_s:
         which = "behind" if least > 0.0 else "ahead of"
         found = f"the vehicle's clock is {abs(least):.2f} s {which} this one"
-        return bad("clocks", found, "let the vehicle take its time from here: docs/how-to/two-machines.md")
+        remedy = "let the vehicle take its time from here: docs/how-to/two-machines.md"
+        return bad("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_s else remedy)
     return good("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
 

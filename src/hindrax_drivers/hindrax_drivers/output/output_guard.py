@@ -401,7 +401,8 @@ class OutputGuard:
     def _request_fault(self, state: OutputGuardState, request: Request, now: Stamp) -> str:
         untimely = StampWindow(self.knobs.arm_lifespan_s, self.knobs.future_s).judge(request.stamp, now)
         if untimely is not None:
-            return f"request is {untimely.text}; set the clocks of both machines if this lasts, and {ASK_AGAIN}"
+            clocks = untimely.remedy if untimely.other_clock else "set the clocks of both machines if this lasts"
+            return f"request is {untimely.text}; {clocks}, and {ASK_AGAIN}"
         last = state.last_request
         if last is not None:
             # A restarted console counts from the beginning: accepted once no late request can still arrive.
