@@ -468,3 +468,4 @@ def test_measurements_are_read_while_a_verdict_is_made(
     ((judged, was_read, was_alive),) = seen
     assert (was_read, was_alive, response.success) == (True, True, False)
     assert judged is not identifier._session, "what comes meanwhile would change it"
+    assert response.message.startswith("nothing to judge yet: ")

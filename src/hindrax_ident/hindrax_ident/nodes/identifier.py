@@ -45,6 +45,7 @@ from hindrax_ros.process import spin
 
 REPORT_S = 1.0
 ASSESS = "ident/assess"
+NOTHING = "nothing to judge yet: found no velocities and thrust, wanted a maneuver, or `odometry` and `wrench`"
 Events: TypeAlias = Sequence[Stamped[IdentEvent]]
 Judged = TypeVar("Judged")
 Verdict = TypeVar("Verdict")
@@ -119,7 +120,8 @@ class Identifier(BatchedNode):
     def _on_assess(self, _request: Any, response: Any) -> Any:
         """Verdict on every motion so far, a line each; success if there is any."""
         motions = self._judged(_motions, self._any if self._any_heard else self._session)
-        response.success, response.message = bool(motions), "\n".join(map(verdict_text, motions.values()))
+        response.success = bool(motions)
+        response.message = "\n".join(map(verdict_text, motions.values())) or NOTHING
         return response
 
     def _judged(self, judge: Callable[[Judged], Verdict], session: Judged) -> Verdict:
