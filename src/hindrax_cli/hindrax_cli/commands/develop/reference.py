@@ -40,13 +40,21 @@ def run(arguments: argparse.Namespace) -> int:
         for name in reference.write(folder):
             print(folder / name)
         if arguments.out is None:
-            (share_folder("security") / "policies.xml").write_text(policies(), encoding="utf-8")
+            _write_policies(share_folder("security") / "policies.xml")
         return 0
     stale = reference.stale(folder)
     if stale:
         raise HindraxError(f"{folder}: stale are {', '.join(stale)}; `{reference.COMMAND}` writes them")
     print(f"{folder}: up to date", file=sys.stderr)
     return 0
+
+
+def _write_policies(file: Path) -> None:
+    """Write the access policies if they are stale, and tell it as of a page."""
+    text = policies()
+    if file.read_text(encoding="utf-8") != text:
+        file.write_text(text, encoding="utf-8")
+        print(file.resolve())
 
 
 def _draw(folder: Path, *, again: bool) -> int:
