@@ -69,12 +69,13 @@ setup_command() {
 # --- What needs no set-up ---------------------------------------------------------------------------------------------
 
 answers_before_setup() { # WORD...
-  local word
+  local word commands=$root/src/hindrax_cli/hindrax_cli/commands
   case ${1-} in '' | -h | --help | help | --version | completion) return ;; esac
   for word; do
     case $word in -h | --help) return ;; esac
   done
-  return 1
+  # Neither must a word that is no command.
+  [ -d "$commands" ] && ! compgen -G "$commands/*/${1//-/_}.py" >/dev/null
 }
 
 # With any Python from 3.9 on, of which nothing is wanted but its library.

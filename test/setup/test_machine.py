@@ -383,6 +383,15 @@ def test_help_version_and_completion_need_no_set_up(clone: Clone, words: list[st
     assert clone.run(*words).stdout.startswith("the tool got:")
 
 
+def test_a_word_that_is_no_command_is_refused_before_a_set_up(clone: Clone) -> None:
+    command = clone.root / "src/hindrax_cli/hindrax_cli/commands/pool/pool_test.py"
+    command.parent.mkdir(parents=True)
+    command.touch()
+    assert clone.run("pol-test").stdout == "answered without a set-up: pol-test\n"
+    assert clone.steps() == []
+    assert clone.run("pool-test").stdout.startswith("the tool got:")
+
+
 def test_help_of_the_set_up_needs_nothing_at_all(clone: Clone) -> None:
     outcome = clone.run("setup", "--help")
     assert outcome.returncode == 0
