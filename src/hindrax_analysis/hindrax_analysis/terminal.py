@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from textwrap import TextWrapper
 
 from rich.console import Console, RenderableType
 from rich.markup import escape
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -30,6 +32,23 @@ def print_json(document: Mapping[str, object] | object) -> None:
 def console() -> Console:
     """Console of stdout; off a terminal as wide as what is printed, so that a pipe or a file gets whole lines."""
     return Console(width=None if sys.stdout.isatty() else UNBOUNDED)
+
+
+@contextmanager
+def working(sentence: str) -> Iterator[None]:
+    """Tell on a terminal what is being computed and for how long; a file or a pipe gets nothing."""
+    shown = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    screen = Console(stderr=True)
+    with Progress(
+        *shown,
+        console=screen,
+        transient=True,
+        refresh_per_second=4,
+        redirect_stdout=False,
+        disable=not sys.stderr.isatty(),
+    ) as progress:
+        progress.add_task(sentence, total=None)
+        yield
 
 
 def make_table(title: str, words: Sequence[str], numbers: Sequence[str], prose: Sequence[str] = ()) -> Table:

@@ -1,5 +1,6 @@
 """Tables on narrow screens, wide ones and in pipes: no name and no number is ever cut."""
 
+import io
 import re
 import sys
 
@@ -7,10 +8,17 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.terminal import make_table, measured, print_table
+from hindrax_analysis.terminal import make_table, measured, print_table, working
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
 NOTE = "a sentence that may well go on for more than one line of a narrow screen"
+
+
+class Screen(io.StringIO):
+    """Something that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None) -> str:
@@ -70,3 +78,18 @@ def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch
 )
 def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std: float, text: str) -> None:
     assert measured(value, std) == text
+
+
+def test_long_work_is_told_on_a_terminal_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with working("identifying over pool"):
+        pass
+    assert capsys.readouterr() == ("", "")
+    screen = Screen()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with working("identifying over [pool]"):
+        print("a result")
+    assert "identifying over [pool]" in screen.getvalue()
+    assert capsys.readouterr().out == "a result\n"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from hindrax_analysis.screen_text import screen_width
 from hindrax_cli import command_line as cli
 from hindrax_cli import command_page
 
@@ -12,7 +14,9 @@ from hindrax_cli import command_page
 def main(root: Path, words: Sequence[str]) -> int:
     """Answer and return the exit code; the help of a command comes from its page, as its parser needs libraries."""
     asked = [word for word in words if word not in ("-h", "--help")]
-    text = command_page.help_of(command_page.page_of(root), asked) if asked and len(asked) < len(words) else None
+    if not asked or len(asked) == len(words):
+        return cli.main(words)
+    text = command_page.help_of(command_page.page_of(root), asked, screen_width(sys.stdout))
     if text is None:
         return cli.main(words)
     print(text, end="")

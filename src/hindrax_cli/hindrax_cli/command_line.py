@@ -17,6 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn, Protocol
 
+from hindrax_analysis.screen_text import fitted, fitted_prose, print_fitted, screen_width
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
@@ -59,6 +60,15 @@ class Command(Protocol):
         """Do the work and return the exit code."""
 
 
+class HelpText(argparse.RawDescriptionHelpFormatter):
+    """Keeps the lines of a description that fit, breaks others between words, and leaves commands in one piece."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        del indent
+        lines = text.splitlines()
+        return "\n".join(line if "./hindrax " in line else fitted_prose(line, width) for line in lines)
+
+
 class Parser(argparse.ArgumentParser):
     """Invalid arguments give a one-line error with the nearest known word; the usage is in the help."""
 
@@ -68,7 +78,8 @@ class Parser(argparse.ArgumentParser):
         if stray:
             word = stray[1].split()[0]
             message = f"no option {word!r}{meant(word, self._option_string_actions)}"
-        self.exit(UsageError.exit_code, f"{self.prog}: {message}; ./{self.prog} --help shows how\n")
+        print_fitted(f"{self.prog}: {message}; ./{self.prog} --help shows how", sys.stderr)
+        self.exit(UsageError.exit_code)
 
 
 def meant(word: str, known: Iterable[str]) -> str:
@@ -132,7 +143,7 @@ def parser_of(command: ModuleType) -> argparse.ArgumentParser:
         prog=f"hindrax {command.NAME}",
         description=command.HELP,
         epilog=f"example:\n  {command.EXAMPLE}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=HelpText,
     )
     command.add_arguments(parser)
     return parser
@@ -146,7 +157,7 @@ def run_command(command: ModuleType, words: list[str]) -> int:
     try:
         return int(command.run(parser.parse_args(words)))
     except HindraxError as error:
-        print(f"hindrax {command.NAME}: {error}", file=sys.stderr)
+        print_fitted(f"hindrax {command.NAME}: {error}", sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         print(f"hindrax {command.NAME}: stopped by Ctrl-C", file=sys.stderr)
@@ -155,13 +166,14 @@ def run_command(command: ModuleType, words: list[str]) -> int:
 
 def print_overview() -> None:
     """Print every command with its one line of help."""
-    print("usage: ./hindrax COMMAND [OPTIONS]      (./hindrax COMMAND --help shows an example)")
+    print("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)")
+    width = screen_width(sys.stdout)
     for title, names in grouped():
         print(f"\n{title}")
         for name in names:
-            print(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}")
+            print(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
     print("\n./hindrax --version says which software this is")
-    print("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
+    print_fitted("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
 
 
 def grouped() -> list[tuple[str, list[str]]]:

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from itertools import starmap
 from pathlib import Path
 
+from hindrax_analysis.screen_text import UNBOUNDED, fitted, fitted_prose
+
 WIDTH = 24
 """Of the column of the options, as argparse sets it."""
 SHELLS = ("bash", "zsh", "fish")
@@ -45,24 +47,26 @@ def sections(page: str) -> dict[str, str]:
     return {name: text for name, _, text in (part.partition("\n") for part in SECTION.split(page)[1:])}
 
 
-def help_of(page: str, words: list[str]) -> str | None:
-    """Return the help of a command, or of a word of one; None when there is no such command."""
+def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
+    """Return the help of a command, or of a word of one, on a screen; None when there is no such command."""
     found = sections(page)
     name = next((name for name in (" ".join(words[:2]), *words[:1]) if name in found), None)
     if name is None:
         return None
     below = [f"  {one.partition(' ')[2]}" for one in found if one.startswith(f"{name} ")]
-    text = [_line(line) for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
+    text = [_line(line, width) for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
     more = [f"\nwords, each with --help of its own:\n{chr(10).join(below)}"] if below else []
     return "\n".join([f"usage: ./hindrax {name} {'WORD ' if below else ''}[OPTIONS]\n", *text, *more]) + "\n"
 
 
-def _line(line: str) -> str:
+def _line(line: str, width: int) -> str:
     row = ROW.match(line)
     if not row:
-        return line
+        # A command stays in one piece, to be copied.
+        return line if "./hindrax " in line else fitted_prose(line, width)
     form, meaning = _plain(row["form"]), _plain(row["meaning"])
-    return f"  {form:<{WIDTH}}  {meaning}" if len(form) <= WIDTH else f"  {form}\n{'':{WIDTH + 4}}{meaning}"
+    text = f"  {form:<{WIDTH}}  {meaning}" if len(form) <= WIDTH else f"  {form}\n{'':{WIDTH + 4}}{meaning}"
+    return fitted(text, width, WIDTH + 4)
 
 
 def _plain(text: str) -> str:

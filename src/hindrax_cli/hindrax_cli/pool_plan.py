@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table, working
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
@@ -31,7 +31,10 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
     if aim is not None:
         check_experiment(servable.flown, aim)
-    found = rehearse(servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim)
+    with working("rehearsing in lock-step"):
+        found = rehearse(
+            servable.flown, arguments.seed, world, vehicle=vehicle, excitation=arguments.excitation, aim=aim
+        )
     if arguments.json:
         print_json(found.document())
     else:
@@ -49,7 +52,8 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
     print("rehearsing in lock-step what to expect", file=sys.stderr, flush=True)
-    found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
+    with working("rehearsing"):
+        found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
     told = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended

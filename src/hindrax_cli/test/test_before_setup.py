@@ -61,6 +61,7 @@ def test_help_of_a_command_and_of_a_word_of_one() -> None:
     assert said.returncode == 0, said.stderr
     assert "\n  --mock                    fly the mock vehicle instead of the one on this machine\n" in said.stdout
     assert "surge|sway|heave" in said.stdout
+    assert "such as 2%: " in said.stdout
     assert "usage: ./hindrax bag info [OPTIONS]\n" in asked("bag", "info", "-h").stdout
 
 

@@ -23,6 +23,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.data import identify
 from hindrax_control.allocation.applied_wrench import AppliedWrench
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
@@ -176,7 +177,7 @@ def test_the_table_says_what_is_known_and_what_is_not(
     said = capsys.readouterr().out
     assert "surge: not identifiable" in said
     assert re.search(r"drag: 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s, 0\.\d+ \+- 0\.\d+ N at 0\.\d+ m/s", said)
-    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come -?0\.\d\d s late", said)
+    assert re.search(r"surge: thrust lags by 0\.\d\d s, velocities come 0\.\d\d s (late|early)", said)
     assert "COB-2023" not in said
 
 
@@ -768,6 +769,17 @@ def test_a_span_beyond_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[
     code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 50)
     assert code == 2
     assert "the record lasts" in said
+
+
+def test_a_span_of_our_own_bag_in_which_nothing_was_flown(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said = refused(capsys, clone_root() / "test" / "replay" / "bags" / "pitch_reset", "--from", 900)
+    assert code == 2
+    assert "no motion was flown from 900 s" in said
+
+
+@pytest.mark.parametrize(("latency_s", "said"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])
+def test_velocities_come_late_or_early(latency_s: float, said: str) -> None:
+    assert identify._delays(0.01, latency_s) == f"thrust lags by 0.01 s, velocities come {said}"
 
 
 def test_a_span_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

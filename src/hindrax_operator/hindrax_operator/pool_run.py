@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
@@ -143,7 +144,7 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
         if not identified.results.motions:
             print("nothing was flown: there is no data, so there are no coefficients", file=sys.stderr)
     if world := flight.facts.get("world"):
-        print(f"the mock's world: {', '.join(f'{name} {size:.3g}' for name, size in world.items())}")
+        print_fitted(f"the mock's world: {', '.join(f'{name} {size:.3g}' for name, size in world.items())}")
     if flight.facts.get("wall_hits"):
         print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
     print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")

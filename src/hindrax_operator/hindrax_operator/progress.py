@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from hindrax_analysis.screen_text import fitted, screen_width
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
@@ -50,7 +51,7 @@ class Progress:
     def report(self, text: str) -> None:
         """Print one line with the wall time since the start."""
         line = f"[{time.monotonic() - self._begin:5.1f} s] {text}"
-        self._console.print(line, highlight=False, markup=False, soft_wrap=True)
+        self._console.print(fitted(line, screen_width(sys.stderr)), highlight=False, markup=False, soft_wrap=True)
 
     def show(self, maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]]) -> None:
         """Show the state of the maneuver, at most five times a second."""

@@ -14,6 +14,7 @@ from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of
 from hindrax_analysis.report.published import CITATION, PAPER
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import make_table, measured, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
@@ -80,16 +81,17 @@ def show(identified: IdentifiedBag) -> None:
     if table.row_count:
         print_table(table)
     if table.row_count and papers:
-        print(f"{PAPER}: {CITATION}")
+        print_fitted(f"{PAPER}: {CITATION}")
     show_budgets(motions, identified.predicted)
     for motion, result in motions.items():
         for warning in result.warnings:
-            print(f"{motion}: {warning}")
+            print_fitted(f"{motion}: {warning}")
         if not result.identifiable:
             print(f"{motion}: not identifiable")
-            print("".join(f"  {reason}\n" for reason in result.reasons), end="")
+            for reason in result.reasons:
+                print_fitted(f"  {reason}")
             if result.drag is not None:
-                print(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
+                print_fitted(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
 
 
 def show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float] | None = None) -> None:

@@ -201,6 +201,11 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
     ours = _own(sources)
     if ours:
         outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize()
+        if not outcome.results.motions:
+            end = "on" if math.isinf(span.to_s) else f"to {span.to_s:g} s"
+            raise UsageError(
+                f"no motion was flown from {span.from_s:g} s {end}; `./hindrax bag plot` shows when it was"
+            )
         mock = all(source.mock for source in ours)
         truths = [truth_in(source.path, vehicle) for source in ours if mock]
         # Runs in different worlds have no truth in common.

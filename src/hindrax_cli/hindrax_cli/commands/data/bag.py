@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=does.__doc__,
             description=does.__doc__,
             epilog=f"example:\n  ./hindrax bag {name} {example}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=parser.formatter_class,
         )
         for names, options in arguments:
             one.add_argument(*names, **options)

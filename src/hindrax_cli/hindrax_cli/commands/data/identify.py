@@ -29,6 +29,8 @@ from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport
+from hindrax_analysis.screen_text import print_fitted
+from hindrax_analysis.terminal import working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
@@ -129,7 +131,8 @@ def run(arguments: argparse.Namespace) -> int:
     gain_sigma = _gain_sigma(arguments.gain_sigma, vehicle, sources[0], said)
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
     task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in said, tuning=tuning)
-    found = identify_sources(sources, vehicle, task, lambda text: print(text, file=sys.stderr, flush=True))
+    with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
+        found = identify_sources(sources, vehicle, task, lambda text: print(text, file=sys.stderr, flush=True))
     took_s = time.monotonic() - began
     conditions = _conditions(vehicle, sources, found, said)
     if arguments.report:
@@ -229,15 +232,23 @@ def _document(
     return out
 
 
+def _delays(lag_s: float, latency_s: float) -> str:
+    """How thrust and velocities stand in time to the commands and to each other."""
+    late = "early" if round(latency_s, 2) < 0.0 else "late"
+    return f"thrust lags by {lag_s:.2f} s, velocities come {abs(latency_s):.2f} s {late}"
+
+
 def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: Conditions) -> None:
     for assumption in conditions.assumptions:
-        print(f"assumed: {assumption}", file=sys.stderr)
+        print_fitted(f"assumed: {assumption}", sys.stderr)
     show(found.identified)
+    if not found.identified.results.motions:
+        print("no motion was flown in this record; `./hindrax bag info` tells what it holds", file=sys.stderr)
     foreign = not conditions.mock and found.identified.origin is None
     for motion, result in found.identified.results.motions.items() if foreign else ():
         if result.quality:
-            lag_s, late_s = result.quality["lag_s"], result.quality["latency_s"]
-            print(f"{motion}: thrust lags by {lag_s:.2f} s, velocities come {late_s:.2f} s late, as the record has it")
+            delays = _delays(result.quality["lag_s"], result.quality["latency_s"])
+            print_fitted(f"{motion}: {delays}, as the record has it")
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"

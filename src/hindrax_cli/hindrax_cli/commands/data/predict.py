@@ -14,7 +14,7 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.records.prediction import predict_record
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot
@@ -54,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     sources = open_sources(arguments.records, wanted, named)
     vehicle = named or _recorded(sources[0])
     task = IdentificationTask(axes, span)
-    found, reasons = _predictions(arguments, saved, sources, vehicle, task)
+    with working("predicting"):
+        found, reasons = _predictions(arguments, saved, sources, vehicle, task)
     if not found:
         raise HindraxError("; ".join(reasons) or "the records hold no motion with both velocities and forces")
     save_plot(arguments.plot, "prediction", found)

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from hindrax_analysis.terminal import working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_vehicle
@@ -74,6 +75,11 @@ def _reference_bags() -> list[Path]:
 
 def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
     print(f"replaying {bag} ...", file=sys.stderr, flush=True)
+    with working("comparing with the record"):
+        return _replayed(bag, arguments)
+
+
+def _replayed(bag: Path, arguments: argparse.Namespace) -> Replayed:
     if arguments.ros:
         rules = load_rules(arguments.tolerances, "ros")
         return replay_ros(bag, rules, arguments.vehicle, arguments.out)

@@ -7,6 +7,7 @@ import sys
 
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.experiment_command import add_output, save_plot
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate and print."""
     model = empirical(_dimensions(arguments))
     for note in model.notes:
-        print(f"note: {note}", file=sys.stderr)
+        print_fitted(f"note: {note}", sys.stderr)
     save_plot(arguments.plot, "estimate", model)
     if arguments.json:
         print_json(model)

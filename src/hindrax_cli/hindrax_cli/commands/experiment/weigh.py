@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of, weigh
 from hindrax_analysis.records.bag_events import bag_events
-from hindrax_analysis.terminal import make_table, print_json, print_table, print_values
+from hindrax_analysis.terminal import make_table, print_json, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_cli.argument_types import add_vehicle, positive, seed
 from hindrax_cli.vehicle_edit import set_key
@@ -102,7 +102,8 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
 
         load = f"={arguments.load}" if arguments.load else ""
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"
-        flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
+        with working(f"holding {arguments.axis} in lock-step against each load"):
+            flight = fly_weighing(vehicle, axis, world, arguments.seed, shares)
         return holds_of(flight.events, axis, [Span(*one) for one in flight.spans])
     if not arguments.load or (arguments.axis == "yaw" and not arguments.lever):
         raise UsageError(

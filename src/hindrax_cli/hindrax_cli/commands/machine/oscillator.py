@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
@@ -22,8 +23,8 @@ NAME = "oscillator"
 HELP = "measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO"
 EXAMPLE = "./hindrax oscillator --channel 15 --gpio pinctrl-bcm2711:17 --write"
 GUIDE = """Keep fingers off the propellers: the thrusters get their neutral pulse.
-Wire the signal pin of channel {channel} to GPIO {gpio} and the grounds together. The PCA9685 must run from 3.3 V:
-5 V destroys the GPIO."""
+Wire the signal pin of channel {channel} to GPIO {gpio} and the grounds together.
+The PCA9685 must run from 3.3 V: 5 V destroys the GPIO."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,12 +44,13 @@ def run(arguments: argparse.Namespace) -> int:
     chip, line = _gpio(arguments.gpio)
     _require_channel(vehicle, arguments.channel)
     require_output_free(vehicle)
-    print(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), file=sys.stderr)
+    print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
     output, port = vehicle.output, arguments.port or vehicle.output.port
     with outputs_enabled(output, port):
         identity = run_once(port, pca9685_of(vehicle).configure()).text
         prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
         try:
+            print(f"measuring for {arguments.seconds:g} s", file=sys.stderr, flush=True)
             edges = run_once(port, oscillator.edges(chip, line, arguments.seconds))
             found_Hz = oscillator.clock_Hz(edges, prescale)
         except DeviceError as error:

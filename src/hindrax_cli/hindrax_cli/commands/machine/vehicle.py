@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=does.__doc__,
             description=does.__doc__,
             epilog=f"example:\n  ./hindrax vehicle {word} myrov",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=parser.formatter_class,
         )
         one.add_argument("vehicle", metavar="NAME", help="its name, or its file")
         if word == "new":

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
@@ -81,10 +82,10 @@ def _model(file: Path, named: str | None) -> ExportModel:
     if stranger and not named:
         raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
     if stranger:
-        print(f"note: {stranger}", file=sys.stderr)
+        print_fitted(f"note: {stranger}", sys.stderr)
     model = export_model(document, vehicle, str(file), complete=named is not None)
     for note in model.notes:
-        print(f"note: {note}", file=sys.stderr)
+        print_fitted(f"note: {note}", sys.stderr)
     return model
 
 

@@ -12,6 +12,7 @@ from hindrax_analysis.identification.record_identification import RecordSource, 
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write, write_report
 from hindrax_analysis.records.provenance import is_mock
 from hindrax_analysis.report import RunReport, comparison_page
+from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
@@ -37,7 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
     """One run: evaluate its bag again. Several: compare what their files say."""
     runs: list[Path] = arguments.runs
     if len(runs) == 1:
-        out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out)
+        with working(f"identifying over {runs[0]} again"):
+            out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out)
     else:
         out = arguments.out or Path("comparison.html")
         write(out, comparison_page(_labelled([*runs, *arguments.earlier])))

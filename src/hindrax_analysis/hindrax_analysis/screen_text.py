@@ -1,0 +1,64 @@
+"""Sentences on a screen: they break between words there, and stay whole in a pipe or a file.
+
+Needs nothing but the standard library of Python 3.9: help uses it before hindrax is set up.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from textwrap import wrap
+from typing import TextIO
+
+UNBOUNDED = 100_000
+LEAST = 20
+"""Narrower than this is no width of a screen."""
+
+
+def screen_width(stream: TextIO) -> int:
+    """Characters a line of the screen that a stream goes to; UNBOUNDED where it goes to none."""
+    try:
+        width = os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError, AttributeError):
+        return UNBOUNDED
+    chosen = os.environ.get("COLUMNS", "")
+    width = int(chosen) if chosen.isdecimal() else width
+    return width if width >= LEAST else UNBOUNDED
+
+
+def fitted(text: str, width: int, hang: int | None = None) -> str:
+    """Break the lines that are too long between words; what follows is indented by `hang`, or 2 more than its line.
+
+    A word that is longer than the screen, such as a path, stays in one piece.
+    """
+    return "\n".join(_broken(line, width, hang) for line in text.split("\n"))
+
+
+def fitted_prose(line: str, width: int) -> str:
+    """The same for a line of a description: what follows is indented only if the line is, as an entry of a list."""
+    return fitted(line, width, None if line.startswith(" ") else 0)
+
+
+def _broken(line: str, width: int, hang: int | None) -> str:
+    if len(line) <= width:
+        return line
+    begin = len(line) - len(line.lstrip())
+    rest = " " * (begin + 2 if hang is None else hang)
+    words = line.lstrip()
+    found = wrap(
+        words,
+        width,
+        initial_indent=line[:begin],
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+        drop_whitespace=True,
+        replace_whitespace=False,
+    )
+    return "\n".join(found)
+
+
+def print_fitted(text: str, stream: TextIO | None = None) -> None:
+    """Print sentences, on a screen broken between words; default: to stdout."""
+    to = sys.stdout if stream is None else stream
+    print(fitted(text, screen_width(to)), file=to, flush=True)

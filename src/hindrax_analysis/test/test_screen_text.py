@@ -1,0 +1,50 @@
+"""Sentences break between words on a screen, and nowhere else."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hindrax_analysis.screen_text import UNBOUNDED, fitted, print_fitted, screen_width
+
+WORDS = st.lists(st.text("abc-/.", min_size=1, max_size=12), min_size=1, max_size=40)
+
+
+@given(WORDS, st.integers(20, 80))
+def test_every_word_stays_in_one_piece_and_no_line_is_too_long(words: list[str], width: int) -> None:
+    lines = fitted(" ".join(words), width).split("\n")
+    assert " ".join(" ".join(lines).split()) == " ".join(words)
+    assert all(len(line) <= width for line in lines)
+
+
+def test_a_path_stays_whole_and_what_follows_hangs() -> None:
+    path = "/" + "x" * 40
+    assert fitted(f"  see {path} now", 20) == f"  see\n    {path}\n    now"
+    assert fitted("  --seed    of the noise", 20, hang=12) == "  --seed    of the\n            noise"
+
+
+def test_a_file_gets_whole_lines(tmp_path: Path) -> None:
+    text = "word " * 100
+    with (tmp_path / "out").open("w") as file:
+        assert screen_width(file) == UNBOUNDED
+        print_fitted(text, file)
+    assert (tmp_path / "out").read_text() == text + "\n"
+    assert screen_width(io.StringIO()) == UNBOUNDED
+
+
+def test_a_screen_is_as_wide_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    mine, its = pty.openpty()
+    with open(its, "w", encoding="utf-8") as screen:  # noqa: PTH123  # a descriptor
+        monkeypatch.setenv("COLUMNS", "60")
+        assert screen_width(screen) == 60
+        print_fitted("word " * 20, screen)
+        said = os.read(mine, 4096).decode().splitlines()
+    os.close(mine)
+    assert len(said) == 2
+    assert all(len(line) <= 60 for line in said)
