@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import Leg
+from hindrax_control.maneuver.leg import LegController, LegOutput
+from hindrax_control.maneuver.plan import CHARACTERS, LAG_S, Leg
 
 STEP_s = 0.05
 LAG_s = 0.2
@@ -18,14 +18,16 @@ MASS_kg, ADDED_kg, DRAG = 11.5, 5.5, 141.0
 RATE_mps = 0.45
 
 
-def leg(braking_mps2: float, sign: float = 1.0, *, coast_s: float = 0.0, drag: float = DRAG) -> Leg:
+def leg(
+    braking_mps2: float, sign: float = 1.0, *, coast_s: float = 0.0, drag: float = DRAG, axis: str = "surge"
+) -> Leg:
     """Leg of 6 m along the pool; boost and brake take off `braking_mps2`, drag apart. `drag`: what is believed."""
     inertia = MASS_kg + ADDED_kg
     level = drag * RATE_mps * RATE_mps
     boost = braking_mps2 * inertia
     return Leg(
-        axis="surge",
-        name="surge",
+        axis=axis,
+        name=axis,
         sign=sign,
         level=sign * level,
         rate=sign * RATE_mps,
@@ -115,3 +117,95 @@ def test_a_coast_goes_less_far_than_its_first_rate_and_further_than_its_last() -
     assert leg(2.1, coast_s=2.0).coast(0.0) == (0.0, 0.0)
     way_m, left_mps = leg(2.1, coast_s=2.0).coast(0.4)
     assert left_mps * 2.0 < way_m < 0.4 * 2.0
+
+
+BEGIN_s = 100.0
+"""Legs begin at any time, not at zero."""
+
+
+def at_speed(one: Leg) -> LegController:
+    """A leg that is at its plateau's rate from its first step on."""
+    driver = LegController(one)
+    assert driver.step(one.start, one.rate, BEGIN_s) == LegOutput(one.level, "transient")
+    return driver
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_boost_pushes_until_the_thrust_that_still_comes_makes_up_the_rest(sign: float) -> None:
+    one = leg(2.1, sign)
+    driver = LegController(one)
+    for forward_mps in (0.0, 0.5 * RATE_mps):
+        assert driver.step(one.start, sign * forward_mps, BEGIN_s) == LegOutput(sign * one.boost, "transient")
+    nearly_mps = RATE_mps - 0.5 * LAG_S * one.pace
+    assert driver.step(one.start, sign * nearly_mps, BEGIN_s) == LegOutput(one.level, "transient")
+
+
+@pytest.mark.parametrize("axis", ["surge", "roll"])
+def test_a_boost_that_does_not_get_up_to_speed_is_given_up(axis: str) -> None:
+    one = leg(2.1, axis=axis)
+    driver, boost_s = LegController(one), CHARACTERS[axis].boost_s
+    for elapsed_s in (0.0, boost_s):
+        assert driver.step(one.start, 0.0, BEGIN_s + elapsed_s).force == one.boost
+    assert driver.step(one.start, 0.0, BEGIN_s + 2.0 * boost_s + 2.0).force == one.level
+
+
+def test_a_plateau_that_takes_twice_its_time_is_given_up() -> None:
+    one = leg(2.1)
+    driver = at_speed(one)
+    assert driver.step(0.0, 0.0, BEGIN_s + one.seconds).force == one.level
+    driver.step(0.0, 0.0, BEGIN_s + 2.0 * one.seconds)
+    assert driver.step(0.0, 0.0, BEGIN_s + 2.0 * one.seconds).phase == "transit"
+
+
+def test_a_brake_that_does_not_stop_it_ends_nevertheless() -> None:
+    one = leg(2.1)
+    driver, planned_s = at_speed(one), RATE_mps / one.pace
+    for elapsed_s, finished in ((0.0, False), (4.0 * planned_s, False), (10.0 * planned_s, True)):
+        told = driver.step(one.end, 2.0 * RATE_mps, BEGIN_s + elapsed_s)
+        assert told == LegOutput(-one.boost, "transit", finished=finished)
+
+
+@pytest.mark.parametrize(("axis", "finished"), [("surge", False), ("roll", True)])
+def test_an_angle_does_not_wait_for_thrust_that_still_comes(axis: str, finished: bool) -> None:
+    one = leg(2.1, axis=axis)
+    slow = 0.9 * LAG_S * one.boost / one.inertia
+    assert at_speed(one).step(one.end, slow, BEGIN_s).finished is finished
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_carries_it_backward_is_braked_before_the_room_ends_but_not_in_the_boost(sign: float) -> None:
+    one = leg(2.1, sign)
+    boosting, driver = LegController(one), at_speed(one)
+    back_m, mid_m, back_mps = -2.99 * sign, -1.0 * sign, -0.2 * sign
+    assert boosting.step(back_m, back_mps, BEGIN_s).force == sign * one.boost
+    assert driver.step(mid_m, back_mps, BEGIN_s).force == one.level
+    assert driver.step(back_m, back_mps, BEGIN_s) == LegOutput(sign * one.boost, "transit")
+    assert driver.step(back_m, 0.0, BEGIN_s + 1.0).finished
+
+
+def phases(one: Leg, *, slope_mps2: float = 0.0, blind_s: float = math.inf) -> list[tuple[float, str]]:
+    """Times and phases in 6 s from the middle of a leg at speed; for one sample its rate is not measured."""
+    driver, told = at_speed(one), list[tuple[float, str]]()
+    for index in range(120):
+        time_s = STEP_s * index
+        rate_mps, trusted = RATE_mps + slope_mps2 * time_s, abs(time_s - blind_s) > 0.5 * STEP_s
+        told.append((time_s, driver.step(0.0, rate_mps, BEGIN_s + time_s, trusted=trusted).phase))
+    return told
+
+
+def test_a_plateau_begins_when_its_rate_was_measured_steady_for_a_window() -> None:
+    one, window_s = leg(2.1), CHARACTERS["surge"].window_s
+    for told, since_s in ((phases(one), 0.0), (phases(one, blind_s=3.0), 3.0)):
+        unsteady = [time_s for time_s, phase in told if phase == "transient"]
+        assert max(unsteady) - since_s == pytest.approx(window_s, abs=3.0 * STEP_s)
+
+
+@pytest.mark.parametrize(("share", "steady"), [(0.001, True), (0.1, False)])
+def test_a_rate_that_still_takes_a_good_part_of_the_force_is_no_plateau(share: float, steady: bool) -> None:
+    one = leg(2.1)
+    assert (phases(one, slope_mps2=share * one.level / one.inertia)[-1][1] == "plateau") is steady
+
+
+def test_what_is_not_said_to_be_unmeasured_counts_as_measured() -> None:
+    driver = at_speed(leg(2.1))
+    assert [driver.step(0.0, RATE_mps, BEGIN_s + STEP_s * index).phase for index in range(120)][-1] == "plateau"

@@ -32,7 +32,7 @@ class LegController:
         self._steadiness = SteadyStateTest(character.window_s, character.negligible * abs(leg.level) / leg.inertia)
         self._boost_s = character.boost_s
         self._stretch, self._way = "boost", 1.0
-        self._since_s: float | None = None
+        self._since_s = math.nan
 
     @property
     def seconds(self) -> float:
@@ -42,7 +42,7 @@ class LegController:
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:
         """Drive on, given where the vehicle is along the motion and how fast; `trusted`: the rate is measured."""
         leg = self.leg
-        if self._since_s is None:
+        if math.isnan(self._since_s):
             self._since_s = time_s
         forward = rate * leg.sign
         if self._stretch != "brake" and self._at_an_end(coordinate, forward):
@@ -67,10 +67,9 @@ class LegController:
 
     def _enter(self, stretch: str, time_s: float) -> None:
         self._stretch, self._since_s = stretch, time_s
-        self._steadiness.clear()
 
     def _elapsed_s(self, time_s: float) -> float:
-        return time_s - (time_s if self._since_s is None else self._since_s)
+        return time_s - self._since_s
 
     def _boost(self, forward: float, time_s: float) -> LegOutput:
         leg = self.leg
