@@ -50,11 +50,25 @@ def test_plateau_that_ends_is_noticed() -> None:
 
 def test_change_of_force_starts_the_window_anew() -> None:
     steadiness = SteadyStateTest(1.0, 0.001)
-    for index in range(100):
-        steadiness.push(0.02 * index, 0.3)
-    assert steadiness.steady
+    assert [steadiness.push(0.02 * index, 0.3) for index in range(100)][-1]
     steadiness.clear()
-    assert not steadiness.push(2.0, 0.3)
+    judged = [(t, steadiness.push(t, 0.3)) for t in (2.0 + 0.02 * index for index in range(100))]
+    assert min(t for t, steady in judged if steady) == pytest.approx(3.0, abs=0.1)
+
+
+def test_after_a_gap_it_is_steady_only_when_the_window_is_full_again() -> None:
+    steadiness = SteadyStateTest(1.0, 0.001)
+    times = [0.02 * index for index in range(100)]
+    assert [steadiness.push(t, 0.3) for t in times][-1]
+    judged = [(t, steadiness.push(5.0 + t, 0.3)) for t in times]
+    assert not any(steady for t, steady in judged if t < 0.9)
+    assert judged[-1][1]
+
+
+def test_a_plateau_bears_a_slope_with_which_none_begins() -> None:
+    slight = 0.002
+    assert not any(steady for _, steady in pushed(lambda t: 0.3 + slight * t, seconds=8.0))
+    assert pushed(lambda t: 0.3 + slight * max(0.0, t - 4.0), seconds=8.0)[-1][1]
 
 
 def test_slope_and_its_scatter_are_those_of_least_squares() -> None:

@@ -25,28 +25,27 @@ class SteadyStateTest:
     def __init__(self, window_s: float, negligible: float) -> None:
         self._window_s, self._negligible = window_s, negligible
         self._samples: deque[tuple[float, float]] = deque()
-        self.steady = False
+        self._steady = False
 
     def push(self, time_s: float, rate: float) -> bool:
         """Take a sample and return whether the rate is steady now."""
         samples = self._samples
         if samples and time_s - samples[-1][0] < SAMPLE_S * 0.9:
-            return self.steady
+            return self._steady
         samples.append((time_s, rate))
         while time_s - samples[0][0] > self._window_s + 0.5 * SAMPLE_S:
             samples.popleft()
         if time_s - samples[0][0] < self._window_s - 1.5 * SAMPLE_S:
-            self.steady = False
+            self._steady = False
             return False
         slope, sigma = line(samples)
         allowed = SURE * sigma + self._negligible
-        self.steady = abs(slope) < (LET_GO * allowed if self.steady else allowed)
-        return self.steady
+        self._steady = abs(slope) < (LET_GO * allowed if self._steady else allowed)
+        return self._steady
 
     def clear(self) -> None:
         """Forget all samples: the force has changed."""
         self._samples.clear()
-        self.steady = False
 
 
 def line(samples: deque[tuple[float, float]]) -> tuple[float, float]:
