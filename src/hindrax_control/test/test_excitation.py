@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -45,10 +46,114 @@ def test_signals_push_both_ways_and_hold_several_frequencies(kind: str) -> None:
     assert np.sum(power > 0.01 * power.sum()) >= 5
 
 
-def test_frequencies_of_a_chirp_rise() -> None:
-    wave = signal("chirp", 1, 60.0, 0.05)
-    crossings = [t for t in np.arange(0.0, 60.0, 0.01) if wave(t) * wave(t + 0.01) < 0.0]
-    assert np.diff(crossings)[:3].mean() > 3.0 * np.diff(crossings)[-3:].mean()
+SLOWEST_Hz = 0.05
+TICK_s = 0.01
+
+
+def pieces(kind: str, seed: int, seconds: float) -> list[tuple[float, float]]:
+    """Values of a signal of constant pieces, each with how long it lasts, from its start to its end."""
+    wave = signal(kind, seed, seconds, SLOWEST_Hz)
+    grouped = itertools.groupby(wave(TICK_s * (index + 0.5)) for index in range(round(seconds / TICK_s)))
+    return [(value, TICK_s * len(list(same))) for value, same in grouped]
+
+
+def test_steps_take_every_level_once_each_way_and_so_come_back() -> None:
+    orders = set()
+    for seed in range(4):
+        values, lengths_s = zip(*pieces("steps", seed, 60.0), strict=True)
+        there, back = values[::2], values[1::2]
+        assert back == tuple(-value for value in there)
+        assert sorted(map(abs, there)) == pytest.approx([(index + 1) / len(there) for index in range(len(there))])
+        assert lengths_s == pytest.approx([60.0 / len(values)] * len(values), abs=2.0 * TICK_s)
+        assert 2.0 * max(lengths_s) < 1.0 / SLOWEST_Hz
+        orders.add(tuple(map(abs, there)))
+    assert len(orders) > 1
+    assert abs(signal("steps", 1, 1.0, SLOWEST_Hz)(0.0)) == 1.0
+
+
+def test_doublets_come_back_and_pause_before_the_next() -> None:
+    found = pieces("doublets", 1, 600.0)
+    assert signal("doublets", 1, 600.0, SLOWEST_Hz)(-1.0) == 0.0
+    sizes, widths_s = [], []
+    for (there, there_s), (back, back_s), (pause, pause_s) in list(zip(*(found[k::3] for k in range(3)), strict=False))[
+        :-1
+    ]:
+        assert (back, pause) == (-there, 0.0)
+        assert (back_s, pause_s) == pytest.approx((there_s, there_s), abs=2.0 * TICK_s)
+        sizes.append(there)
+        widths_s.append(there_s)
+    assert 2.0 * max(widths_s) <= 1.0 / SLOWEST_Hz
+    assert max(widths_s) > 2.0 * min(widths_s)
+    assert min(sizes) < 0.0 < max(sizes)
+    assert max(map(abs, sizes)) <= 1.0
+
+
+def test_a_chirp_rises_evenly_from_the_slowest_frequency_by_three_octaves_and_a_half() -> None:
+    wave = signal("chirp", 1, 60.0, SLOWEST_Hz)
+    crossings = np.array([t for t in np.arange(0.0, 60.0, TICK_s) if wave(t) * wave(t + TICK_s) < 0.0])
+    frequencies_Hz = 0.5 / np.diff(crossings)
+    rise, begin_Hz = np.polyfit(0.5 * (crossings[1:] + crossings[:-1]), frequencies_Hz, 1)
+    assert begin_Hz == pytest.approx(SLOWEST_Hz, rel=0.1)
+    assert (begin_Hz + 60.0 * rise) / SLOWEST_Hz == pytest.approx(2.0**3.5, rel=0.05)
+
+
+def test_a_multisine_is_lines_of_one_height_evenly_apart_and_reaches_its_peak() -> None:
+    wave, seconds = signal("multisine", 1, 200.0, SLOWEST_Hz), 200.0
+    values = np.array([wave(t) for t in np.arange(0.0, seconds, 0.1)])
+    lines = np.abs(np.fft.rfft(values)) / len(values)
+    at = np.flatnonzero(lines > 0.5 * lines.max())
+    assert at[0] / seconds == pytest.approx(SLOWEST_Hz)
+    assert len(set(np.diff(at))) == 1
+    assert lines[at] == pytest.approx([lines[at].mean()] * len(at), rel=0.02)
+    assert np.abs(values).max() == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_swing_at_full_rate_and_the_slowest_frequency_fills_half_of_the_room() -> None:
+    assert BOUNDS.rate / (math.tau * BOUNDS.slowest_Hz) == pytest.approx(0.5 * BOUNDS.room)
+
+
+def pushed(off_m: float, rate_mps: float = 0.0, wanted: float = 0.0) -> float:
+    """Force at a place off the middle of the room while the signal has a value [N]."""
+    return Excite(lambda _t: wanted, BOUNDS, 60.0).step(BOUNDS.middle + off_m, rate_mps, 100.0).force
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_signal_rules_alone_in_the_inner_half_of_the_room(side: float) -> None:
+    for wanted in (-1.0, 0.3, 1.0):
+        assert pushed(0.49 * side * BOUNDS.room, 0.4 * side, wanted) == BOUNDS.force * wanted
+    assert pushed(0.5001 * side * BOUNDS.room, 0.0, side) == pytest.approx(side * BOUNDS.force, rel=0.01)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_in_the_outer_half_a_spring_pulls_back_and_a_critical_damper_takes_the_speed_off(side: float) -> None:
+    outer_m = 0.5 * BOUNDS.room
+    halfway, end = (-side * pushed(side * (outer_m + share * outer_m)) for share in (0.5, 1.0))
+    assert end > BOUNDS.force
+    assert halfway == pytest.approx(0.5 * end)
+    at_m, stiffness = side * 1.2 * outer_m, end / outer_m
+    damping = side * (pushed(at_m) - pushed(at_m, side * 0.01)) / 0.01
+    assert damping**2 == pytest.approx(4.0 * stiffness * BOUNDS.inertia)
+    assert pushed(at_m, -side * 0.01) == pushed(at_m)
+    assert -side * pushed(side * BOUNDS.room, side * 5.0) == pytest.approx(end)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_in_the_outer_half_the_signal_may_push_inward_only(side: float) -> None:
+    at_m = side * 0.8 * BOUNDS.room
+    assert pushed(at_m, wanted=side) == pushed(at_m)
+    assert pushed(at_m, wanted=-0.3 * side) == pytest.approx(pushed(at_m) - 0.3 * side * BOUNDS.force)
+    faded = [-side * (pushed(side * share * BOUNDS.room) - pushed(side * share * BOUNDS.room, wanted=side))
+             for share in (0.52, 0.54, 0.56)]  # fmt: skip
+    assert BOUNDS.force > faded[0] > faded[1] > faded[2] > 0.0
+
+
+def test_an_excitation_lasts_as_long_as_asked_from_its_first_step_and_names_its_room() -> None:
+    driver = Excite(lambda t: t / 60.0, BOUNDS, 60.0)
+    assert driver.ends == pytest.approx((BOUNDS.middle - BOUNDS.room, BOUNDS.middle + BOUNDS.room))
+    for elapsed_s in (0.0, 30.0, 60.0):
+        told = driver.step(BOUNDS.middle, 0.0, 100.0 + elapsed_s)
+        assert told.force == pytest.approx(BOUNDS.force * elapsed_s / 60.0)
+        assert told.finished is (elapsed_s == 60.0)
 
 
 @pytest.mark.parametrize("kind", EXCITATIONS)
