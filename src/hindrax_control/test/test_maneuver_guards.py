@@ -124,6 +124,21 @@ def test_guards_that_act_at_once(
     assert found[0].startswith(sentence)
 
 
+@pytest.mark.parametrize(
+    ("sigma_m", "wanted_m", "words"),
+    [
+        (math.nan, 0.3, "0.30 m"),
+        (0.002, 0.304, "0.30 m"),
+        (0.5, 1.3, "0.30 m and 1.00 m of doubt"),
+    ],
+)
+def test_walls_are_nearer_by_the_doubt_of_the_position_and_a_tiny_one_is_not_worth_a_word(
+    hindrax: Vehicle, sigma_m: float, wanted_m: float, words: str
+) -> None:
+    place = PoolPosition(0.0, 0.0, 0.0, 0.0, 0.0, sigma_m)
+    assert ManeuverGuards(hindrax).margin(place) == (pytest.approx(wanted_m), words)
+
+
 def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tuple[str, ...]]) -> None:
     at = replace(WELL, position_m=(3.8, 0.0))
     assert look(replace(at, velocity_mps=(0.2, 0.0, 0.0))) == ()
