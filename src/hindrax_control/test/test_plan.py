@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -11,8 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner, stopping
+from hindrax_control.maneuver.leg import LegController
+from hindrax_control.maneuver.plan import (
+    ALONG,
+    CHARACTERS,
+    MOTIONS,
+    PACE_LEAST,
+    Leg,
+    Plan,
+    PlanKnobs,
+    Planner,
+    motion_name,
+    stopping,
+)
 from hindrax_control.pool_bounds import PoolBounds
+from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Limits, Pool, Vehicle
 
@@ -76,11 +90,100 @@ def test_every_leg_stays_in_any_pool(hindrax: Vehicle, allocator: Allocator, poo
 
 
 def test_forces_keep_a_reserve_for_the_other_axes(hindrax: Vehicle, allocator: Allocator) -> None:
-    for motion in MOTIONS:
-        planner, plan = planned(hindrax, allocator, motion)
-        for leg in plan.legs:
-            assert leg.boost <= planner.force_limit(motion, leg.sign) + 1e-9
-            assert abs(leg.level) < leg.boost
+    greedy = PlanKnobs(surge_mps=(0.1, 3.0), sway_mps=(0.1, 3.0), heave_mps=(0.1, 3.0), yaw_radps=(0.4, 3.0))
+    fast = replace(hindrax, limits=Limits(speed_mps=5.0))
+    for knobs, vehicle in ((PlanKnobs(), hindrax), (greedy, fast)):
+        for motion in MOTIONS:
+            planner, plan = planned(vehicle, allocator, motion, knobs)
+            for leg in plan.legs:
+                assert leg.boost <= planner.force_limit(motion, leg.sign) + 1e-9
+                assert abs(leg.level) < 0.95 * planner.force_limit(motion, leg.sign)
+                assert abs(leg.level) < leg.boost
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_motion_begins_where_its_first_leg_does_and_ends_where_its_last_does(
+    hindrax: Vehicle, allocator: Allocator, motion: str
+) -> None:
+    knobs, pool = PlanKnobs(), hindrax.pool
+    _, plan = planned(hindrax, allocator, motion)
+    middle_m = 0.5 * pool.length_m
+    assert plan.start_m == (plan.legs[0].start if motion in ALONG else middle_m, 0.5 * pool.width_m)
+    assert plan.end_m == (plan.legs[-1].end if motion in ALONG else middle_m, 0.5 * pool.width_m)
+    assert plan.heading_rad == (-math.pi / 2.0 if motion == "sway" else 0.0)
+    assert plan.vertical == (("depth", plan.legs[0].start) if motion == "heave" else ("altitude", knobs.altitude_m))
+    assert plan.hover_s == (knobs.hover_s if motion == "heave" else 0.0)
+
+
+@pytest.mark.parametrize(("motion", "half_m"), [("surge", 0.295), ("sway", 0.235)])
+def test_long_plateaus_take_the_whole_pool_but_the_margin_of_the_hull(
+    hindrax: Vehicle, allocator: Allocator, motion: str, half_m: float
+) -> None:
+    knobs = PlanKnobs(plateau_s=120.0)
+    _, plan = planned(hindrax, allocator, motion, knobs)
+    margin_m = half_m + knobs.wall_m
+    assert (plan.legs[0].start, plan.legs[0].end) == pytest.approx((margin_m, hindrax.pool.length_m - margin_m))
+
+
+def flown_s(leg: Leg, freedom: PriorDynamics) -> tuple[float, float]:
+    """Time that a leg takes on the vehicle of the prior, and time at its force [s]."""
+    driver, step_s = LegController(leg), 0.02
+    at, rate, thrust, time_s, plateau_s = leg.start, 0.0, 0.0, 0.0, 0.0
+    while not (told := driver.step(at, rate, time_s)).finished:
+        plateau_s += step_s if told.force == leg.level else 0.0
+        thrust += (told.force - thrust) * (1.0 - math.exp(-step_s / 0.15))
+        rate += (thrust - freedom.drag_force(rate)) / freedom.inertia * step_s
+        at += rate * step_s
+        time_s += step_s
+    return time_s, plateau_s
+
+
+@pytest.mark.parametrize("motion", ["surge", "sway", "heave", "yaw"])
+def test_legs_take_as_long_as_planned(hindrax: Vehicle, allocator: Allocator, motion: str) -> None:
+    planner, plan = planned(hindrax, allocator, motion)
+    for leg in plan.legs:
+        assert flown_s(leg, planner.freedoms[motion])[0] == pytest.approx(leg.seconds, rel=0.06)
+
+
+@pytest.mark.parametrize("motion", ALONG)
+def test_legs_along_the_pool_are_as_long_as_their_plateau_needs(
+    hindrax: Vehicle, allocator: Allocator, motion: str
+) -> None:
+    knobs = PlanKnobs()
+    planner, plan = planned(hindrax, allocator, motion, knobs)
+    for leg in plan.legs[::2]:
+        _, plateau_s = flown_s(leg, planner.freedoms[motion])
+        assert knobs.plateau_s < plateau_s < 1.3 * knobs.plateau_s
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_boost_gets_up_to_speed_in_its_time_and_no_leg_but_of_an_angle_that_rights_itself_lacks_a_coast(
+    hindrax: Vehicle, allocator: Allocator, motion: str
+) -> None:
+    planner, plan = planned(hindrax, allocator, motion)
+    for leg in plan.legs:
+        assert leg.boost < planner.force_limit(motion, leg.sign)
+        assert leg.pace == pytest.approx(max(abs(leg.rate) / CHARACTERS[motion].boost_s, PACE_LEAST))
+        assert leg.coast_s == (0.0 if motion in ("roll", "pitch") else PlanKnobs().coast_s)
+
+
+def test_heave_is_two_motions_and_every_other_one() -> None:
+    """COB-2023-1394, Table 3: drag down and drag up."""
+    assert [motion_name("heave", rate_mps) for rate_mps in (0.1, -0.1)] == ["heave_down", "heave_up"]
+    assert [motion_name("surge", rate_mps) for rate_mps in (0.1, -0.1)] == ["surge", "surge"]
+
+
+@pytest.mark.parametrize(
+    ("motion", "line"),
+    [
+        ("surge", r"surge: 0\.45, 0\.10, 0\.28 m/s, each out and back; \d+ s"),
+        ("heave", r"heave: hover 8 s, then 0\.30, 0\.08, 0\.19 m/s, each out and back; \d+ s"),
+        ("yaw", r"yaw: 1\.20, 0\.40 rad/s, each out and back; \d+ s"),
+    ],
+)
+def test_a_plan_says_in_one_line_what_it_flies(hindrax: Vehicle, allocator: Allocator, motion: str, line: str) -> None:
+    _, plan = planned(hindrax, allocator, motion)
+    assert re.fullmatch(line, str(plan))
 
 
 def test_fewer_thrusters_make_slower_plans(hindrax: Vehicle, allocator: Allocator) -> None:
@@ -95,8 +198,9 @@ def test_tilt_stays_below_the_limit_of_the_vehicle(hindrax: Vehicle, allocator: 
     careful = replace(hindrax, limits=Limits(tilt_deg=20.0))
     _, plan = planned(careful, allocator, "roll")
     assert max(leg.end for leg in plan.legs) == pytest.approx(math.radians(17.0))
-    _, plan = planned(hindrax, allocator, "pitch")
-    assert max(leg.end for leg in plan.legs) == pytest.approx(math.radians(40.0))
+    for motion, largest_deg in (("roll", 30.0), ("pitch", 40.0)):
+        _, plan = planned(hindrax, allocator, motion)
+        assert max(leg.end for leg in plan.legs) == pytest.approx(math.radians(largest_deg))
 
 
 def test_pool_without_room_is_refused(hindrax: Vehicle, allocator: Allocator) -> None:
