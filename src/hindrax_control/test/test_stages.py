@@ -1,0 +1,263 @@
+"""Each stage of a maneuver by itself: what it asks of the holds, what it does at a moment, and when it is over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from hindrax_control.hold.holds import Setpoint
+from hindrax_control.hold.station_keeping import StationKeeping
+from hindrax_control.maneuver.excitation import Bounds, Excite
+from hindrax_control.maneuver.leg import LegController
+from hindrax_control.maneuver.plan import Leg
+from hindrax_control.maneuver.stages import (
+    BrakeAndHold,
+    ExciteMotion,
+    Hover,
+    Pose,
+    SettleAtPose,
+    StageInput,
+    StageOutput,
+    along,
+)
+from hindrax_control.pool_bounds import PoolPosition
+from hindrax_control.prior_dynamics import PriorDynamics
+from hindrax_core.signals import Navigation
+from hindrax_core.vehicle import Drag, Vehicle
+
+HERE = PoolPosition(5.0, 3.0, 0.0, 0.0, 0.0)
+AT_REST = Navigation((0.0, 0.0, 0.4), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.1, 0.9, (0.0, 0.0), dvl_locked=True)
+POSE = Pose(HERE, 0.4, ("altitude", 0.9), floor_m=2.0)
+AWAY = replace(HERE, x_m=5.1, y_m=2.9)
+BEGIN_s = 100.0
+
+
+def moment(time_s: float, place: PoolPosition = HERE, *, heard: bool = True, **changes: Any) -> StageInput:
+    """A vehicle at rest at its pose, but for some changes of its navigation, some time after the stage has begun."""
+    navigation = replace(AT_REST, **changes)
+    return StageInput(navigation, place, BEGIN_s + time_s, 0.05, turned_rad=3.5, altitude_heard=heard)
+
+
+@pytest.fixture
+def station(hindrax: Vehicle) -> StationKeeping:
+    return StationKeeping(hindrax)
+
+
+@pytest.mark.parametrize(
+    ("axis", "coordinate", "rate"),
+    [
+        ("surge", 5.0, 0.1),
+        ("sway", 5.0, 0.2),
+        ("heave", 1.1, 0.3),
+        ("roll", 0.0, 0.4),
+        ("pitch", 0.0, 0.5),
+        ("yaw", 3.5, 0.6),
+    ],
+)
+def test_a_motion_goes_along_the_pool_down_or_round(axis: str, coordinate: float, rate: float) -> None:
+    moving = moment(0.0, velocity_mps=(0.1, 0.2, 0.3), rate_radps=(0.4, 0.5, 0.6))
+    assert along(axis, moving) == pytest.approx((coordinate, rate))
+
+
+def test_a_pose_is_held_by_depth_as_well_and_knows_how_far_off_it_is() -> None:
+    by_depth = POSE.without_altitude()
+    assert by_depth.vertical == ("depth", pytest.approx(1.1))
+    assert by_depth.without_altitude() == by_depth
+    high = replace(AT_REST, altitude_m=1.0, depth_m=1.0)
+    assert POSE.off_m(high) == pytest.approx(0.1)
+    assert by_depth.off_m(high) == pytest.approx(-0.1)
+    assert POSE.turned_rad(replace(AT_REST, attitude_rad=(0.0, 0.0, -3.0))) == pytest.approx(math.tau - 3.4)
+
+
+@pytest.mark.parametrize(("heard", "vertical"), [(True, ("altitude", 0.9)), (False, ("depth", 1.1))])
+def test_settling_holds_the_pose_upright_by_depth_where_the_sonar_is_silent(
+    station: StationKeeping, heard: bool, vertical: tuple[str, float]
+) -> None:
+    stage = SettleAtPose("surge", station, POSE, seconds=3.0)
+    assert stage.begin(moment(0.0, AWAY, heard=heard)) == (
+        Setpoint("heading", value=0.4),
+        Setpoint("roll", value=0.0),
+        Setpoint("pitch", value=0.0),
+        Setpoint(vertical[0], value=pytest.approx(vertical[1])),
+    )
+    assert stage.ends == (HERE,)
+    X, Y, *others = stage.step(moment(1.0, AWAY)).wrench
+    assert X < 0.0 < Y
+    assert others == [0.0] * 4
+
+
+def test_what_has_come_to_rest_is_settled_a_little_later(station: StationKeeping) -> None:
+    stage = SettleAtPose("surge", station, POSE, seconds=3.0)
+    stage.begin(moment(0.0))
+    told = [stage.step(moment(0.1 * index)) for index in range(20)]
+    assert [one.finished for one in told][:5] == [False] * 5
+    assert told[-1] == StageOutput(told[-1].wrench, "settle", finished=True)
+    assert told[-1].wrench == pytest.approx((0.0,) * 6)
+
+
+FAR = replace(HERE, x_m=4.7, y_m=3.4)
+
+
+@pytest.mark.parametrize(
+    ("place", "changes", "words"),
+    [
+        (FAR, {}, "0.50 m from its place"),
+        (HERE, {"altitude_m": 0.7}, "altitude off by -0.20 m"),
+        (HERE, {"attitude_rad": (0.0, 0.0, 0.3)}, "heading off by -5.7 deg"),
+        (HERE, {"velocity_mps": (0.3, 0.0, -0.4)}, "moving at 0.50 m/s"),
+        (HERE, {"rate_radps": (0.0, -0.2, 0.1)}, "turning at 11 deg/s"),
+        (HERE, {"velocity_mps": (math.nan,) * 3}, "moving at nan m/s"),
+        (HERE, {"attitude_rad": (0.0, 0.0, math.nan)}, "heading off by nan deg"),
+    ],
+)
+def test_what_does_not_come_to_rest_is_given_up_with_the_reason(
+    station: StationKeeping, place: PoolPosition, changes: dict[str, Any], words: str
+) -> None:
+    stage = SettleAtPose("surge", station, POSE, seconds=3.0)
+    stage.begin(moment(0.0, place, **changes))
+    for time_s in (0.0, 5.0, 60.0):
+        told = stage.step(moment(time_s, place, **changes))
+        assert (told.finished, told.trouble) == (False, "")
+    told = stage.step(moment(120.0, place, **changes))
+    assert told.trouble.startswith(f"settle: {words} after 120 s; look for a current")
+    assert not stage.step(moment(120.1)).finished
+    late = stage.step(moment(125.0))
+    assert (late.finished, late.trouble) == (True, "")
+
+
+def test_a_sonar_that_falls_silent_does_not_keep_it_from_settling(station: StationKeeping) -> None:
+    stage = SettleAtPose("surge", station, POSE, seconds=3.0)
+    stage.begin(moment(0.0))
+    assert stage.step(moment(5.0, altitude_m=math.nan)).finished
+
+
+@pytest.mark.parametrize("held_back", [False, True])
+def test_hovering_lasts_its_time_on_the_setpoints_as_they_are(station: StationKeeping, held_back: bool) -> None:
+    stage = Hover("heave_down", station, 8.0)
+    assert stage.begin(moment(0.0)) == ()
+    station.start(HERE)
+    assert [stage.step(moment(time_s)).finished for time_s in (0.0, 7.9, 8.0)] == [False, False, True]
+    pushed = [stage.step(replace(moment(1.0, AWAY), held_back=held_back)).wrench for _ in range(20)]
+    X, Y, *others = pushed[-1]
+    assert X < 0.0 < Y
+    assert others == [0.0] * 4
+    # Against a current: more and more, unless the thrusters fall short.
+    assert (pushed[0][0] > X) is not held_back
+
+
+SURGE = PriorDynamics(27.0, Drag(66.0, 1.25))
+HEAVE = PriorDynamics(38.0, Drag(146.0, 4.0), bias=2.0)
+ROLL = PriorDynamics(0.4, Drag(0.4, 0.2), restoring=5.0)
+
+
+def excited(axis: str, freedom: PriorDynamics, station: StationKeeping) -> ExciteMotion:
+    """A stage that excites an axis with a constant half of 4 N or Nm, within wide bounds."""
+    bounds = Bounds(force=4.0, rate=0.4, middle=1.1, room=8.0, inertia=freedom.inertia)
+    return ExciteMotion(axis, Excite(lambda _t: 0.5, bounds, 60.0), freedom, station, POSE)
+
+
+@pytest.mark.parametrize(
+    ("axis", "freedom", "released", "rate"),
+    [
+        ("surge", SURGE, (), 0.3),
+        ("heave", HEAVE, ("depth", "altitude"), 0.2),
+        ("roll", ROLL, ("roll",), 0.0),
+        ("yaw", ROLL, ("heading",), 0.1),
+    ],
+)
+def test_driving_an_axis_releases_its_holds_and_no_others(
+    station: StationKeeping, axis: str, freedom: PriorDynamics, released: tuple[str, ...], rate: float
+) -> None:
+    stage = excited(axis, freedom, station)
+    assert stage.begin(moment(0.0)) == tuple(Setpoint(name, engaged=False) for name in released)
+    moving = moment(0.0, velocity_mps=(0.3, 0.0, 0.2), rate_radps=(0.0, 0.0, 0.1))
+    told = stage.step(moving)
+    assert (told.phase, told.force, told.velocity, told.trouble) == ("excite", 2.0, pytest.approx(rate), "")
+    assert not told.finished
+    assert stage.step(replace(moving, time_s=BEGIN_s + 60.0)).finished
+    ends_m = [end.x_m for end in stage.ends]
+    assert ends_m == (pytest.approx([-6.9, 9.1]) if axis == "surge" else [])
+
+
+def test_what_drives_an_axis_carries_its_buoyancy_and_righting_moment_too(station: StationKeeping) -> None:
+    down = excited("heave", HEAVE, station).step(moment(0.0)).wrench
+    assert down == pytest.approx((0.0, 0.0, 4.0, 0.0, 0.0, 0.0))
+    rolled = replace(moment(0.0), navigation=replace(AT_REST, attitude_rad=(0.3, 0.0, 0.4)))
+    assert excited("roll", ROLL, station).step(rolled).wrench[3] == pytest.approx(2.0 + 5.0 * math.sin(0.3))
+
+
+def test_the_righting_moment_is_that_of_the_angle_at_which_the_thrust_arrives(station: StationKeeping) -> None:
+    angles_rad = (0.3, 0.3 + 0.5 * 0.1, 0.3 + 0.5 * 0.2)
+    turning = moment(0.0, attitude_rad=(0.3, 0.0, 0.4), rate_radps=(0.5, 0.0, 0.0))
+    now, early, late = (2.0 + 5.0 * math.sin(angle_rad) for angle_rad in angles_rad)
+    assert now < early < excited("roll", ROLL, station).step(turning).wrench[3] < late
+
+
+def test_station_is_kept_across_the_pool_but_not_along_it_while_that_is_driven(station: StationKeeping) -> None:
+    for axis, freedom, left_free in (("surge", SURGE, True), ("heave", HEAVE, False)):
+        station.start(HERE)
+        X, Y, *_ = excited(axis, freedom, station).step(moment(0.0, AWAY)).wrench
+        assert Y > 0.0
+        assert X == 2.0 if left_free else X < 0.0
+
+
+def test_an_axis_that_is_not_measured_is_not_driven(station: StationKeeping) -> None:
+    for changes in ({"velocity_mps": (0.0, 0.0, math.nan)}, {"depth_m": math.nan}):
+        told = excited("heave", HEAVE, station).step(moment(0.0, **changes))
+        assert told.wrench == (0.0,) * 6
+        assert told.trouble.startswith("navigation: heave unknown; see which sensor is silent")
+
+
+def leg_of(axis: str) -> Leg:
+    """A leg at 0.4 m/s or rad/s, from 1 to 9."""
+    return Leg(
+        axis=axis, name=axis, sign=1.0, level=10.0, rate=0.4, start=1.0, end=9.0, back=1.0,
+        boost=20.0, pace=0.4, inertia=27.0, coast_s=0.0, seconds=20.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("axis", "changes", "counts"),
+    [
+        ("surge", {}, True),
+        ("surge", {"altitude_m": math.nan}, True),
+        ("surge", {"dvl_locked": False}, False),
+        ("surge", {"altitude_m": 1.05}, False),
+        ("surge", {"altitude_m": 0.75}, False),
+        ("surge", {"attitude_rad": (0.0, 0.0, 0.55)}, False),
+        ("surge", {"attitude_rad": (0.0, 0.0, 0.25)}, False),
+        ("sway", {"dvl_locked": False}, False),
+        ("yaw", {"dvl_locked": False, "altitude_m": 1.5}, True),
+    ],
+)
+def test_a_plateau_counts_where_it_is_measured_and_flown_as_it_should_be(
+    station: StationKeeping, axis: str, changes: dict[str, Any], counts: bool
+) -> None:
+    stage = ExciteMotion(axis, LegController(leg_of(axis)), SURGE, station, POSE)
+    assert (stage.motion, stage.seconds) == (axis, 20.0)
+    moving = {"velocity_mps": (0.4, 0.4, 0.0), "rate_radps": (0.0, 0.0, 0.4)}
+    phases = [stage.step(moment(0.1 * index, **(moving | changes))).phase for index in range(60)]
+    assert ("plateau" in phases) is counts
+
+
+@pytest.mark.parametrize("neutral", [False, True])
+def test_braking_holds_where_it_is_and_ends_when_it_is_slow(station: StationKeeping, neutral: bool) -> None:
+    stage = BrakeAndHold("surge", station, neutral=neutral)
+    assert stage.begin(moment(0.0)) == (
+        Setpoint("heading"),
+        Setpoint("roll", value=0.0),
+        Setpoint("pitch", value=0.0),
+        Setpoint("depth"),
+    )
+    assert station.goal_m == (HERE.x_m, HERE.y_m)
+    assert not stage.step(moment(0.1, AWAY)).finished
+    fast = stage.step(moment(3.0, AWAY, velocity_mps=(0.3, math.nan, 0.0)))
+    assert (fast.phase, fast.finished) == ("settle", False)
+    assert fast.wrench[0] < 0.0 < fast.wrench[1]
+    slow = stage.step(moment(3.0, AWAY, velocity_mps=(0.01, math.nan, -0.01)))
+    assert slow.finished
+    assert (slow.wrench == (0.0,) * 6) is neutral
+    assert stage.step(moment(20.0, velocity_mps=(0.3, 0.0, 0.0))).finished
