@@ -12,9 +12,9 @@ import pytest
 from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.hold.holds import Setpoint
+from hindrax_control.hold.holds import HOLDS, STATION, Setpoint
 from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.maneuver import ManeuverOutput
+from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
 from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.maneuver.refusal import check_goal
 from hindrax_control.maneuver.stages import SENSELESS
@@ -144,13 +144,36 @@ def test_altitude_and_heading_are_held_while_surging(rig: Rig) -> None:
     assert worst[1] < math.radians(2.0)
 
 
-def test_feedback_counts_down(rig: Rig) -> None:
-    shown = []
-    rig.fly(Goal(("surge", "yaw")), lambda one: shown.append(one.flight.maneuver))
-    progress = [one.progress for one in shown]
+@pytest.mark.parametrize(
+    "goal", [Goal(("surge", "yaw")), Goal(("sway", "heave")), Goal(("roll",)), Goal(("surge",), "chirp")]
+)
+def test_feedback_counts_down_the_time_that_it_takes(rig: Rig, goal: Goal) -> None:
+    shown: list[tuple[float, ManeuverOutput]] = []
+    rig.fly(goal, lambda one: shown.append((one.ideal.time_s, one.flight.maneuver)))
+    (begin_s, first), (end_s, last), planned_s = shown[0], shown[-1], shown[0][1].remaining_s
+    assert end_s - begin_s == pytest.approx(planned_s, rel=0.06)
+    progress = [one.progress for _, one in shown]
     assert progress == sorted(progress)
-    assert all(one.remaining_s >= -1e-9 for one in shown)
-    assert all(0.0 < one.wall_distance_m < 10.0 for one in shown)
+    assert (first.progress, last.progress, last.remaining_s) == (0.0, 1.0, 0.0)
+    for time_s, one in shown[:-1]:
+        assert one.remaining_s == pytest.approx(end_s - time_s, abs=max(2.5, 0.08 * planned_s))
+        assert one.remaining_s == pytest.approx((1.0 - one.progress) * planned_s)
+        assert 0.0 < one.wall_distance_m < 10.0
+        assert not one.aborted
+
+
+def test_what_is_flown_to_its_end_is_held_there(rig: Rig) -> None:
+    output, _ = rig.fly(Goal(("surge",)))
+    assert {state.axis for state in rig.step().holds if state.engaged} == {"heading", "roll", "pitch", "depth"}
+    assert math.hypot(*rig.ideal.ground_velocity()) < 0.06
+    assert not output.neutral
+
+
+def test_a_maneuver_that_ends_without_a_state_releases_every_hold() -> None:
+    output = abandoned("disarmed: by the operator")
+    assert (output.done, output.neutral, output.aborted) == (True, True, "disarmed: by the operator")
+    assert (output.wrench, output.progress, output.remaining_s) == (ZERO6, 0.0, 0.0)
+    assert {(one.axis, one.engaged) for one in output.setpoints} == {(axis, False) for axis in HOLDS if axis != STATION}
 
 
 @pytest.mark.parametrize("current", [(0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.1, -0.1)])
@@ -460,6 +483,7 @@ def test_unknown_navigation_aborts_instead_of_guessing(hindrax: Vehicle, ideal_v
     blind = replace(rig.ideal.navigation(), velocity_mps=UNKNOWN6[:3])
     output = maneuver.step(blind, Stamp(rig.ideal.stamp + 1))
     assert output.phase.phase == "settle"
+    assert {one.axis for one in output.setpoints if one.engaged} == {"heading", "roll", "pitch", "depth"}
     for index in range(400):
         output = maneuver.step(blind, Stamp(rig.ideal.stamp + 1 + index * 50_000_000))
     assert output.done

@@ -206,7 +206,7 @@ class Maneuver:
 
     def _next(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Begin the stage that follows, or stop where its end may be too near to a wall."""
-        too_near = "" if self._stopping else self._too_near(self._stages[self._at + 1], moment.place)
+        too_near = self._too_near(self._stages[self._at + 1], moment.place)
         if too_near:
             self.cancel(too_near)
         self._at += 1
