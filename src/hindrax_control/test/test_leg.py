@@ -154,7 +154,8 @@ def test_a_plateau_that_takes_twice_its_time_is_given_up() -> None:
     driver = at_speed(one)
     assert driver.step(0.0, 0.0, BEGIN_s + one.seconds).force == one.level
     driver.step(0.0, 0.0, BEGIN_s + 2.0 * one.seconds)
-    assert driver.step(0.0, 0.0, BEGIN_s + 2.0 * one.seconds).phase == "transit"
+    braking = driver.step(0.0, RATE_mps, BEGIN_s + 2.0 * one.seconds)
+    assert (braking.force, braking.phase) == (-one.boost, "transit")
 
 
 def test_a_brake_that_does_not_stop_it_ends_nevertheless() -> None:

@@ -87,6 +87,8 @@ def test_off_its_reference_it_comes_back_with_both_poles_at_the_bandwidth(restor
 def test_a_fifth_of_the_stiffness_is_always_ours_and_damping_never_negative() -> None:
     upright = PriorDynamics(2.0, Drag(0.0, 1e3), restoring=1e3)
     assert gains(upright, 3.0, 1.0) == pytest.approx((0.2 * 2.0 * 3.0**2, 0.0))
+    brisk, gentle = (gains(HEAVE, 1.2, damping)[1] for damping in (2.0, 1.0))
+    assert brisk - gentle == pytest.approx(2.0 * 1.2 * HEAVE.inertia)
 
 
 @pytest.mark.parametrize("push_N", [8.0, -8.0])
@@ -122,8 +124,8 @@ def test_the_integral_part_stands_still_only_while_thrust_is_missing_toward_the_
     regulator = Regulator(HEAVE, TUNING)
     assert kept_off(regulator, error_m, 1.0, shortfall_N=math.copysign(5.0, error_m)) == 0.0
     assert kept_off(regulator, error_m, 1.0, shortfall_N=-math.copysign(5.0, error_m)) * error_m > 0.0
-    regulator.start(0.0, 0.0)
-    assert regulator.integral == 0.0
+    regulator.start(0.7, 0.1)
+    assert (regulator.ramp.value, regulator.ramp.rate, regulator.integral) == (0.7, 0.1, 0.0)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -12,7 +12,7 @@ from hindrax_control.hold.holds import Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Bounds, Excite
 from hindrax_control.maneuver.leg import LegController
-from hindrax_control.maneuver.plan import Leg
+from hindrax_control.maneuver.plan import Leg, motion_name
 from hindrax_control.maneuver.stages import (
     BrakeAndHold,
     ExciteMotion,
@@ -66,8 +66,8 @@ def test_a_pose_is_held_by_depth_as_well_and_knows_how_far_off_it_is() -> None:
     by_depth = POSE.without_altitude()
     assert by_depth.vertical == ("depth", pytest.approx(1.1))
     assert by_depth.without_altitude() == by_depth
-    high = replace(AT_REST, altitude_m=1.0, depth_m=1.0)
-    assert POSE.off_m(high) == pytest.approx(0.1)
+    high = replace(AT_REST, altitude_m=1.2, depth_m=1.0)
+    assert POSE.off_m(high) == pytest.approx(0.3)
     assert by_depth.off_m(high) == pytest.approx(-0.1)
     assert POSE.turned_rad(replace(AT_REST, attitude_rad=(0.0, 0.0, -3.0))) == pytest.approx(math.tau - 3.4)
 
@@ -176,6 +176,7 @@ def test_driving_an_axis_releases_its_holds_and_no_others(
     moving = moment(0.0, velocity_mps=(0.3, 0.0, 0.2), rate_radps=(0.0, 0.0, 0.1))
     told = stage.step(moving)
     assert (told.phase, told.force, told.velocity, told.trouble) == ("excite", 2.0, pytest.approx(rate), "")
+    assert stage.motion == motion_name(axis, rate)
     assert not told.finished
     assert stage.step(replace(moving, time_s=BEGIN_s + 60.0)).finished
     ends_m = [end.x_m for end in stage.ends]
@@ -186,7 +187,8 @@ def test_what_drives_an_axis_carries_its_buoyancy_and_righting_moment_too(statio
     down = excited("heave", HEAVE, station).step(moment(0.0)).wrench
     assert down == pytest.approx((0.0, 0.0, 4.0, 0.0, 0.0, 0.0))
     rolled = replace(moment(0.0), navigation=replace(AT_REST, attitude_rad=(0.3, 0.0, 0.4)))
-    assert excited("roll", ROLL, station).step(rolled).wrench[3] == pytest.approx(2.0 + 5.0 * math.sin(0.3))
+    roll_Nm = 2.0 + 5.0 * math.sin(0.3)
+    assert excited("roll", ROLL, station).step(rolled).wrench == pytest.approx((0.0, 0.0, 0.0, roll_Nm, 0.0, 0.0))
 
 
 def test_the_righting_moment_is_that_of_the_angle_at_which_the_thrust_arrives(station: StationKeeping) -> None:
@@ -202,6 +204,7 @@ def test_station_is_kept_across_the_pool_but_not_along_it_while_that_is_driven(s
         X, Y, *_ = excited(axis, freedom, station).step(moment(0.0, AWAY)).wrench
         assert Y > 0.0
         assert X == 2.0 if left_free else X < 0.0
+        assert station.goal_m == (AWAY.x_m if left_free else HERE.x_m, HERE.y_m)
 
 
 def test_an_axis_that_is_not_measured_is_not_driven(station: StationKeeping) -> None:
@@ -214,7 +217,7 @@ def test_an_axis_that_is_not_measured_is_not_driven(station: StationKeeping) -> 
 def leg_of(axis: str) -> Leg:
     """A leg at 0.4 m/s or rad/s, from 1 to 9."""
     return Leg(
-        axis=axis, name=axis, sign=1.0, level=10.0, rate=0.4, start=1.0, end=9.0, back=1.0,
+        axis=axis, name=motion_name(axis, 0.4), sign=1.0, level=10.0, rate=0.4, start=1.0, end=9.0, back=1.0,
         boost=20.0, pace=0.4, inertia=27.0, coast_s=0.0, seconds=20.0,
     )  # fmt: skip
 
@@ -231,13 +234,14 @@ def leg_of(axis: str) -> Leg:
         ("surge", {"attitude_rad": (0.0, 0.0, 0.25)}, False),
         ("sway", {"dvl_locked": False}, False),
         ("yaw", {"dvl_locked": False, "altitude_m": 1.5}, True),
+        ("heave", {"dvl_locked": False, "velocity_mps": (0.0, 0.0, 0.4)}, True),
     ],
 )
 def test_a_plateau_counts_where_it_is_measured_and_flown_as_it_should_be(
     station: StationKeeping, axis: str, changes: dict[str, Any], counts: bool
 ) -> None:
     stage = ExciteMotion(axis, LegController(leg_of(axis)), SURGE, station, POSE)
-    assert (stage.motion, stage.seconds) == (axis, 20.0)
+    assert (stage.motion, stage.seconds) == (leg_of(axis).name, 20.0)
     moving = {"velocity_mps": (0.4, 0.4, 0.0), "rate_radps": (0.0, 0.0, 0.4)}
     phases = [stage.step(moment(0.1 * index, **(moving | changes))).phase for index in range(60)]
     assert ("plateau" in phases) is counts
@@ -256,7 +260,9 @@ def test_braking_holds_where_it_is_and_ends_when_it_is_slow(station: StationKeep
     assert not stage.step(moment(0.1, AWAY)).finished
     fast = stage.step(moment(3.0, AWAY, velocity_mps=(0.3, math.nan, 0.0)))
     assert (fast.phase, fast.finished) == ("settle", False)
-    assert fast.wrench[0] < 0.0 < fast.wrench[1]
+    X, Y, *others = fast.wrench
+    assert X < 0.0 < Y
+    assert others == [0.0] * 4
     slow = stage.step(moment(3.0, AWAY, velocity_mps=(0.01, math.nan, -0.01)))
     assert slow.finished
     assert (slow.wrench == (0.0,) * 6) is neutral

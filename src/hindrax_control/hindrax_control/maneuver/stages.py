@@ -140,7 +140,6 @@ class SettleAtPose:
             self._pose = self._pose.without_altitude()
         self._begun_s = self._still_since_s = moment.time_s
         self._station.start(moment.place)
-        self._station.goal_m = self._goal_m
         return (
             Setpoint("heading", value=self._pose.heading_rad),
             Setpoint("roll", value=0.0),
@@ -242,9 +241,7 @@ class ExciteMotion:
         X, Y = self._station.step(moment.place, moment.dt, left_free=free, held_back=moment.held_back)
         wrench = [X, Y, 0.0, 0.0, 0.0, 0.0]
         # The thrust that is asked for now comes a lag later, when the vehicle has turned on.
-        righting = (
-            self._freedom.restoring * math.sin(coordinate + rate * THRUST_LAG_S) if self._freedom.restoring else 0.0
-        )
+        righting = self._freedom.restoring * math.sin(coordinate + rate * THRUST_LAG_S)
         wrench[AXES.index(self._axis)] = drive.force + self._freedom.bias + righting
         a, b, c, d, e, f = wrench
         return StageOutput((a, b, c, d, e, f), drive.phase, drive.force, rate, drive.finished)
