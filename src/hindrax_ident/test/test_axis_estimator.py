@@ -1,14 +1,18 @@
-"""The band of the online estimate: as wide as the estimate is off, in records as short as a pool test's."""
+"""The online estimate of one axis: bands as wide as it is off, and a reason for every velocity that teaches nothing."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from synthetic_runs import back_and_forth, fly
+import pytest
+from synthetic_runs import STEP_S, back_and_forth, fly
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.model.prior import Prior
-from hindrax_ident.online.axis_estimator import AxisEstimator
+from hindrax_ident.online.axis_estimator import AxisEstimator, Verdict
+from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import Tuning
 
 MODEL, THETA = Model(0, 15.22), np.array([66.48, 1.25, 0.0, 27.3])
@@ -42,3 +46,152 @@ def test_with_forgetting_they_are_bands_too() -> None:
     z = np.array([deviations(seed, forgetting=0.99) for seed in range(5)])
     assert np.all(np.isfinite(z))
     assert np.abs(z).max() < 5.0
+
+
+PRIOR = Prior(np.array([60.0, 2.0, 0.0, 30.0]), np.array([60.0, 60.0, 5.0, 30.0]))
+NOISE_mps = 0.01
+
+
+def taught(tuning: Tuning, seconds: float = 60.0) -> tuple[AxisEstimator, list[Verdict]]:
+    """Estimator after a flight that it was told of at 10 Hz with white noise, and its verdicts."""
+    rng, estimator = np.random.default_rng(4), AxisEstimator(MODEL, LAG_S, PRIOR, tuning)
+    flight = fly(MODEL, THETA, back_and_forth((14.0, 0.8, 5.4), 10.0, seconds), LAG_S)
+    for at_s, force in zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True):
+        estimator.thrust(at_s, force)
+    step = round(0.1 / float(flight.grid.times_s[1]))
+    moments = zip(flight.grid.times_s[::step].tolist(), flight.path.v[::step].tolist(), strict=True)
+    return estimator, [estimator.velocity(t_s, v + NOISE_mps * float(rng.standard_normal())) for t_s, v in moments]
+
+
+def still(
+    estimator: AxisEstimator, begin_s: float, seconds: float, v: float = 0.0, every_s: float = 0.1
+) -> list[Verdict]:
+    """Verdicts of velocities without thrust."""
+    out = []
+    for index in range(round(seconds / every_s)):
+        t_s = begin_s + every_s * (index + 1)
+        estimator.thrust(t_s, 0.0)
+        out.append(estimator.velocity(t_s, v))
+    return out
+
+
+def test_every_velocity_that_teaches_nothing_says_why() -> None:
+    estimator = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
+    estimator.thrust(0.2, 0.0)
+    assert estimator.velocity(0.1, 0.0).reason == "no thrust received yet"
+    assert estimator.velocity(0.1, 0.0).reason == "its stamp is not later than the previous one"
+    assert estimator.velocity(0.05, 0.0).reason == "its stamp is not later than the previous one"
+    assert estimator.velocity(0.2, 0.0).reason == "the filters are settling"
+    assert estimator.velocity(0.3, 0.0, "turning").reason == "turning"
+    settling = still(estimator, 0.3, 6.0)
+    assert {one.reason for one in settling} == {"the filters are settling", ""}
+    assert [one.learned for one in settling] == sorted(one.learned for one in settling)
+    assert math.isfinite(settling[-1].innovation)
+    reasons = [estimator.velocity(6.3 + 0.48 * index, 0.0).reason for index in range(1, 6)]
+    assert reasons == ["", "", "", "", "the last thrust is 2.4 s old"]
+    estimator.thrust(10.0, 0.0)
+    assert estimator.velocity(10.0, 0.0).reason == "no velocity for 1.3 s"
+    assert still(estimator, 10.0, 0.1)[0].reason == "the filters are settling"
+    fresh = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
+    fresh.thrust(0.0, 0.0)
+    assert fresh.velocity(0.1, 0.0).reason == "first velocity"
+
+
+def test_samples_and_noise_are_those_that_it_was_taught() -> None:
+    estimator, verdicts = taught(Tuning())
+    learned = [one for one in verdicts if one.learned]
+    assert estimator.samples == len(learned)
+    assert len(learned) > 0.9 * len(verdicts)
+    assert estimator.noise == pytest.approx(NOISE_mps, rel=0.1)
+    assert estimator.regression.noise_variance == pytest.approx(NOISE_mps**2, rel=0.2)
+    assert np.std([one.innovation for one in learned[100:]]) == pytest.approx(NOISE_mps, rel=0.15)
+    assert estimator.effective_samples == pytest.approx(len(learned), rel=0.2)
+    forgetful, _ = taught(Tuning(forgetting=0.99))
+    assert forgetful.effective_samples < 120.0
+    assert math.isnan(AxisEstimator(MODEL, LAG_S, PRIOR, Tuning()).noise)
+
+
+def test_a_wild_velocity_teaches_nothing_and_leaves_no_trace() -> None:
+    estimator, _ = taught(Tuning())
+    still(estimator, 60.0, 10.0)
+    before, samples = estimator.estimate()[0].tolist(), estimator.samples
+    for sign in (1.0, -1.0):
+        told = estimator.velocity(70.0 + 0.05 * (2.0 + sign), 0.3 * sign)
+        assert (told.learned, told.reason) == (False, "outlier")
+        assert told.innovation == pytest.approx(0.3 * sign, abs=0.05)
+    assert estimator.estimate()[0].tolist() == before
+    assert estimator.samples == samples
+    assert all(one.learned for one in still(estimator, 70.2, 3.0))
+    # One in two is wild: none of them ever counts as the truth.
+    for index in range(60):
+        wild = index % 2 == 0
+        assert still(estimator, 73.2 + 0.1 * index, 0.1, 0.3 if wild else 0.0)[0].learned is not wild
+
+
+def test_when_every_velocity_is_wild_the_estimate_is_wrong_not_they() -> None:
+    estimator, _ = taught(Tuning())
+    still(estimator, 60.0, 10.0)
+    verdicts = still(estimator, 70.0, 3.0, 0.3, every_s=0.04)
+    rejected = [one.reason for one in verdicts if not one.learned]
+    assert set(rejected) == {"outlier"}
+    assert 10 <= len(rejected) <= 30
+    assert not any(one.learned for one in verdicts[: len(rejected)])
+
+
+def test_before_it_knows_the_vehicle_nothing_is_wild() -> None:
+    estimator, _ = taught(Tuning(), 10.0)
+    assert estimator.velocity(10.1, 1.0).learned
+
+
+@pytest.mark.parametrize("force_N", [14.0, -14.0])
+def test_the_pole_of_the_filter_is_that_of_the_drag_at_the_present_speed(force_N: float) -> None:
+    estimator, _ = taught(Tuning())
+    speed_mps = math.copysign(0.45, force_N)
+    for index in range(100):
+        estimator.thrust(60.0 + 0.1 * index, 66.48 * abs(speed_mps) * speed_mps + 1.25 * speed_mps)
+        estimator.velocity(60.1 + 0.1 * index, speed_mps)
+    slope_radps = (2.0 * 66.48 * 0.45 + 1.25) / 27.3
+    assert estimator.regression.rate == pytest.approx(math.hypot(slope_radps, Tuning().filter_slowest), rel=0.1)
+    assert taught(Tuning(filter_fastest=1.01))[0].regression.rate <= 1.01
+
+
+def test_plateaus_alone_tell_no_mass_which_stays_as_believed() -> None:
+    estimator, _ = taught(Tuning(plateaus_only=True))
+    found, covariance = estimator.estimate()
+    assert found[-1] == 30.0
+    assert not covariance[-1].any()
+    assert not covariance[:, -1].any()
+    drag_N = found[:3] @ np.array([0.45**2, 0.45, 1.0])
+    assert drag_N == pytest.approx(66.48 * 0.45**2 + 1.25 * 0.45, rel=0.05)
+    assert 0.0 < math.sqrt(covariance[0, 0]) < 10.0
+
+
+def test_the_joint_filter_takes_over_when_the_first_estimate_is_good() -> None:
+    early, late = (taught(Tuning(estimator="ekf"), seconds)[0].estimate() for seconds in (40.0, 120.0))
+    plain_early, plain_late = (taught(Tuning(), seconds)[0].estimate() for seconds in (40.0, 120.0))
+    assert early[0].tolist() == plain_early[0].tolist()
+    assert late[0].tolist() != plain_late[0].tolist()
+    assert late[0] == pytest.approx(THETA, rel=0.1, abs=1.0)
+
+
+def test_velocities_derived_from_positions_are_weighed_as_differences() -> None:
+    """A pressure sensor: velocities of mean depths, whose noise is that of the depths at both ends."""
+    rng = np.random.default_rng(8)
+    flight = fly(MODEL, THETA, back_and_forth((14.0, 5.4), 4.0, 120.0), LAG_S)
+    per_mean = round(DEPTH_S / STEP_S)
+    depths_m = flight.path.s[: len(flight.path.s) // per_mean * per_mean].reshape(-1, per_mean).mean(axis=1)
+    depths_m = depths_m + 0.001 * rng.standard_normal(len(depths_m))
+    sigmas = []
+    for derived in (True, False):
+        estimator = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())
+        for at_s, force in zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True):
+            estimator.thrust(at_s, force)
+        for index, v in enumerate((np.diff(depths_m) / DEPTH_S).tolist()):
+            estimator.velocity(DEPTH_S * (index + 1), v, derived=derived)
+        found, covariance = estimator.estimate()
+        sigmas.append(math.sqrt(covariance[0, 0]))
+        if derived:
+            assert (found[0], found[-1]) == pytest.approx((THETA[0], THETA[-1]), rel=0.01)
+            # A difference has twice the variance of a position.
+            assert math.sqrt(estimator.regression.noise_variance / 2.0) == pytest.approx(estimator.noise, rel=0.05)
+    assert sigmas[0] < 0.3 * sigmas[1]

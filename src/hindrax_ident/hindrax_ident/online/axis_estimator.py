@@ -170,12 +170,11 @@ class AxisEstimator:
         x, y = sample.x, sample.y
         if self._fixed_mass:
             x, y = x[:-1], y - x[-1] / self._fixed_mass
-        if self._is_outlier(x, y):
-            self._outliers += 1
-            self.regression.undo_last()
-            return Verdict(learned=False, reason="outlier", innovation=self._rls.evaluate(x, y)[0])
-        self._outliers = 0
         innovation, information = self._rls.evaluate(x, y)
+        self._outliers = self._outliers + 1 if self._is_outlier(innovation, information) else 0
+        if 0 < self._outliers <= MOST_OUTLIERS_IN_A_ROW:
+            self.regression.undo_last()
+            return Verdict(learned=False, reason="outlier", innovation=innovation)
         if self.samples > KNOWN_AFTER * self._rls.n and not derived:
             # The noise of a velocity is in x as well as in y: subtract the unexpected part from x.
             x = tuple(value - slope * innovation for value, slope in zip(x, sample.slope, strict=False))
@@ -192,10 +191,9 @@ class AxisEstimator:
             self._filter.start(t_s, theta, covariance, self._rls.variance)
         return Verdict(learned=True, innovation=innovation)
 
-    def _is_outlier(self, x: tuple[float, ...], y: float) -> bool:
-        if self.samples <= KNOWN_AFTER * self._rls.n or self._outliers >= MOST_OUTLIERS_IN_A_ROW:
+    def _is_outlier(self, innovation: float, information: float) -> bool:
+        if self.samples <= KNOWN_AFTER * self._rls.n:
             return False
-        innovation, information = self._rls.evaluate(x, y)
         limit = self._tuning.outlier_sigmas * self.noise
         return abs(innovation) > limit * math.sqrt(1.0 + information)
 
