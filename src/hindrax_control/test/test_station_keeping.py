@@ -89,28 +89,3 @@ def test_an_identified_vehicle_is_followed_closer_than_a_guessed_one(
         behind_m.append(max(abs(reference_m[0] - place.x_m) for place, reference_m in places))
     known_m, guessed_m = behind_m
     assert 2.0 * known_m < guessed_m
-
-
-def test_axis_left_free_is_left_alone(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
-    ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(hindrax)
-    ideal.rate["surge"] = 0.3
-    for _ in range(100):
-        station.step(box.place(ideal.navigation()), ideal.step_s, left_free="x")
-        ideal.north += 0.3 * ideal.step_s
-    assert station.goal_m[0] == pytest.approx(5.0 + 99 * 0.3 * ideal.step_s, abs=0.01)
-    assert station.goal_m[1] == pytest.approx(3.0)
-
-
-def test_unknown_place_asks_for_nothing(hindrax: Vehicle) -> None:
-    station = StationKeeping(hindrax)
-    assert station.step(PoolPosition(math.nan, 0.0, 0.0, 0.0, 0.0), 0.02) == (0.0, 0.0)
-    assert station.goal_m is None
-
-
-def test_integral_stands_still_while_held_back(hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]) -> None:
-    ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(hindrax)
-    station.start(box.place(ideal.navigation()))
-    station.goal_m = (8.0, 3.0)
-    for _ in range(500):
-        station.step(box.place(ideal.navigation()), 0.02, held_back=True)
-    assert station._push == [0.0, 0.0]
