@@ -12,7 +12,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.hold.holds import HoldKnobs, Holds, HoldsOutput, HoldState, Setpoint, wrapped
+from hindrax_control.hold.holds import (
+    HoldKnobs,
+    Holds,
+    HoldsOutput,
+    HoldState,
+    Setpoint,
+    down_rate,
+    silence_s,
+    wrapped,
+)
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
 from hindrax_core.events import Stamp, stamp_from_s
@@ -121,6 +130,7 @@ def test_setpoint_is_reached_without_overshoot_and_held(
     assert vehicle.value[coordinate] == pytest.approx(expected, abs=0.01)
     assert max(furthest) < 1.08
     assert state(output, axis).error == pytest.approx(0.0, abs=0.01)
+    assert [one.axis for one in output.states if one.engaged] == [axis]
 
 
 def test_a_dive_and_a_transit_at_once_stay_below_the_speed_limit_of_a_slow_vehicle() -> None:
@@ -232,6 +242,8 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
         (Setpoint("depth", value=-1.0), "found -1 m, wanted 0 to 60 m"),
         (Setpoint("depth", value=100.0), "found 100 m, wanted 0 to 60 m"),
         (Setpoint("roll", value=2.0), "found 114.592 deg, wanted -55 to 55 deg"),
+        (Setpoint("pitch", value=-2.0), "found -114.592 deg, wanted -55 to 55 deg"),
+        (Setpoint("altitude", value=-0.1), "found -0.1 m, wanted 0 to 60 m"),
     ],
 )
 def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
@@ -267,6 +279,133 @@ def test_other_vehicles_need_no_tuning(mass_kg: float, size: float) -> None:
     fly(holds, vehicle, 20.0)
     assert vehicle.value["heave"] == pytest.approx(1.2, abs=0.02)
     assert vehicle.value["yaw"] == pytest.approx(0.8, abs=0.02)
+
+
+REST = IdealVehicle().navigation()
+
+
+def efforts(holds: Holds, navigation: Navigation, seconds: float = 0.0, shortfall: Vec6 = ZERO6) -> list[Vec6]:
+    """Wrenches of the holds for a vehicle that stays as it is."""
+    return [
+        holds.step(navigation, stamp_from_s(DT * index), shortfall).wrench for index in range(round(seconds / DT) + 1)
+    ]
+
+
+def held(*setpoints: Setpoint, knobs: HoldKnobs | None = None) -> Holds:
+    holds = Holds(HINDRAX, knobs)
+    assert [holds.set(one) for one in setpoints] == [""] * len(setpoints)
+    return holds
+
+
+UPRIGHT = (Setpoint("heading"), Setpoint("roll"), Setpoint("pitch"))
+
+
+def test_a_hull_that_moves_askew_is_kept_from_turning_across_its_way() -> None:
+    """Fossen 2011 eq. 6.43 for a diagonal mass matrix: the held axes carry the Munk moments, no other does."""
+    freedoms = prior_dynamics(HINDRAX)
+    mx, my, mz = (freedoms[axis].inertia for axis in ("surge", "sway", "heave"))
+    u, v, w = 0.4, 0.3, -0.2
+    askew = replace(REST, velocity_mps=(u, v, w))
+    K, M, N = (mz - my) * v * w, (mx - mz) * w * u, (my - mx) * u * v
+    assert efforts(held(*UPRIGHT), askew)[0] == pytest.approx((0.0, 0.0, 0.0, K, M, N))
+    assert efforts(held(Setpoint("pitch")), askew)[0] == pytest.approx((0.0, 0.0, 0.0, 0.0, M, 0.0))
+    blind = replace(askew, velocity_mps=(u, math.nan, w))
+    assert efforts(held(*UPRIGHT), blind)[0] == pytest.approx((0.0, 0.0, 0.0, 0.0, M, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("tilt_rad", "share"),
+    [((0.5, 0.0), math.cos(0.5)), ((0.3, -0.6), math.cos(0.3) * math.cos(0.6)), ((1.5, 0.0), 0.5)],
+)
+def test_a_tilted_vehicle_pushes_more_for_the_same_lift_but_never_more_than_twice(
+    tilt_rad: tuple[float, float], share: float
+) -> None:
+    tilted = replace(REST, attitude_rad=(*tilt_rad, 0.0))
+    assert efforts(held(Setpoint("depth")), tilted)[0][2] == pytest.approx(HINDRAX.net_buoyancy_N / share)
+
+
+@pytest.mark.parametrize(
+    ("axis", "index", "begin"), [("depth", 2, 0.9), ("heading", 5, 0.0), ("roll", 3, 0.0), ("pitch", 4, 0.0)]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_only_a_shortfall_of_some_size_stops_the_integral(axis: str, index: int, begin: float, sign: float) -> None:
+    knobs = HoldKnobs()
+    limit = knobs.shortfall_N if axis == "depth" else knobs.shortfall_Nm
+    setpoint = Setpoint(axis, value=begin + 0.1 * sign)
+    gained = []
+    for share in (0.9, 1.1):
+        shortfall = tuple(sign * share * limit if at == index else 0.0 for at in range(6))
+        asked = [wrench[index] for wrench in efforts(held(setpoint), REST, 6.0, shortfall)]
+        gained.append(sign * (asked[-1] - asked[-50]))
+    assert abs(gained[1]) < 0.05 * gained[0]
+
+
+def test_other_knobs_act_at_once_and_keep_what_is_held() -> None:
+    soft, brisk = HoldKnobs(shortfall_Nm=0.1), HoldKnobs(heading_bandwidth_radps=4.0, shortfall_Nm=4.0)
+    off = replace(REST, attitude_rad=(0.0, 0.0, -0.1))
+    tuned, fresh = held(Setpoint("heading", value=0.0), knobs=soft), held(Setpoint("heading", value=0.0), knobs=brisk)
+    for holds in (tuned, fresh):
+        holds.step(REST, Stamp(0))
+    tuned.tune(brisk)
+    short: Vec6 = (0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
+    stamps = [stamp_from_s(DT * index) for index in range(1, 50)]
+    assert [tuned.step(off, one, short) for one in stamps] == [fresh.step(off, one, short) for one in stamps]
+
+
+def test_another_patience_with_the_sonar_acts_at_once() -> None:
+    holds, quiet = held(Setpoint("altitude")), replace(REST, ages_s={"ping1d": 2.0})
+    assert "holding depth" in state(holds.step(quiet, Stamp(0)), "altitude").note
+    holds.tune(HoldKnobs(silent_s=5.0))
+    assert state(holds.step(quiet, stamp_from_s(DT)), "altitude").note == ""
+
+
+@pytest.mark.parametrize("lost", ["released", "unmeasured"])
+def test_a_hold_that_acts_again_begins_where_the_vehicle_is(lost: str) -> None:
+    goal = Setpoint("heading", value=1.0)
+    used, fresh = held(goal), held(goal)
+    fly(used, IdealVehicle(), 10.0)
+    elsewhere = replace(REST, attitude_rad=(0.0, 0.0, -0.5))
+    unknown = replace(REST, attitude_rad=(0.0, 0.0, math.nan))
+    first, second = (stamp_from_s(10.0 + DT * index) for index in (1, 2))
+    if lost == "released":
+        used.set(Setpoint("heading", engaged=False))
+        used.set(goal)
+        fresh.step(unknown, stamp_from_s(10.0 - DT))
+    else:
+        assert used.step(unknown, first).wrench == fresh.step(unknown, first).wrench == ZERO6
+    assert used.step(elsewhere, second).wrench[5] == pytest.approx(fresh.step(elsewhere, second).wrench[5], abs=0.01)
+
+
+def test_a_heading_is_held_where_it_is_whatever_holds_the_height() -> None:
+    turned = replace(REST, attitude_rad=(0.0, 0.0, 0.5))
+    output = held(Setpoint("altitude"), Setpoint("heading")).step(turned, Stamp(0))
+    assert state(output, "heading").setpoint == 0.5
+    assert state(output, "altitude").setpoint == pytest.approx(FLOOR_M - 0.9)
+
+
+@pytest.mark.parametrize(
+    ("tilt_rad", "velocity_mps", "down_mps"),
+    [
+        ((0.0, 0.0), (0.3, 0.2, 0.1), 0.1),
+        ((0.0, 0.5), (0.3, 0.2, 0.1), 0.1 * math.cos(0.5) - 0.3 * math.sin(0.5)),
+        ((0.4, 0.0), (0.3, 0.2, 0.1), 0.1 * math.cos(0.4) + 0.2 * math.sin(0.4)),
+        ((math.pi / 2.0, 0.5), (0.3, 0.2, 0.1), 0.2 * math.cos(0.5) - 0.3 * math.sin(0.5)),
+        ((0.4, 0.5), (math.nan, math.nan, 0.1), 0.1 * math.cos(0.4) * math.cos(0.5)),
+    ],
+)
+def test_what_goes_down_is_the_third_row_of_the_rotation(
+    tilt_rad: tuple[float, float], velocity_mps: tuple[float, float, float], down_mps: float
+) -> None:
+    """Fossen 2011 eq. 2.18."""
+    moving = replace(REST, attitude_rad=(*tilt_rad, 1.0), velocity_mps=velocity_mps)
+    assert down_rate(moving) == pytest.approx(down_mps)
+
+
+def test_of_several_sensors_the_newest_counts_and_none_is_never_silent() -> None:
+    ages_s = {"ping1d": 0.7, "dvl75": 0.2, "ms5837": 0.0}
+    assert silence_s(ages_s, ("ping1d", "dvl75")) == 0.2
+    assert silence_s(ages_s, ("ping360",)) == math.inf
+    assert silence_s(ages_s, ()) == 0.0
 
 
 @given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))
