@@ -55,7 +55,7 @@ def excitation(fit: OutputErrorFit, side: int) -> Excitation:
     """Excitation from the fitted motion, which has no noise."""
     v, steps = fit.linear.path.v, fit.problem.grid.steps_s
     own = np.abs(v) if side == 0 else np.maximum(0.0, side * v)
-    high = float(np.percentile(own, 98.0)) if len(own) else 0.0
+    high = float(np.percentile(own, 98.0))
     moving = own > 0.1 * max(high, 1e-12)
     low = float(np.percentile(own[moving], 5.0)) if moving.any() else 0.0
     rise = np.divide(np.diff(v, prepend=v[:1]), steps, out=np.zeros_like(v), where=steps > 0.0)
