@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from synthetic_runs import STEP_S, Flight, back_and_forth, fly
@@ -142,3 +145,131 @@ def test_means_over_a_span_are_compared_with_means_of_the_thrust() -> None:
         return float(physical(rls.values, rls.covariance)[0][-1])
 
     assert abs(mass(span_s**2 / 12.0) - THETA[3]) < 0.4 * abs(mass(0.0) - THETA[3])
+
+
+def fed(
+    regression: FilteredRegression, velocities: list[float], each: Callable[[int], None] = lambda _index: None
+) -> list[Sample | None]:
+    """Samples of velocities at 10 Hz; `each` may say more before each."""
+    out = []
+    for index, v in enumerate(velocities):
+        each(index)
+        out.append(regression.velocity(0.1 * index, v))
+    return out
+
+
+SWINGS = [0.4 * math.sin(0.3 * index) for index in range(60)]
+
+
+def assert_alike(some: list[Sample | None], others: list[Sample | None], rel: float = 1e-9) -> None:
+    for one, other in zip(some, others, strict=True):
+        assert (one is None) is (other is None)
+        if one is not None and other is not None:
+            assert (*one.x, one.y, one.speed) == pytest.approx((*other.x, other.y, other.speed), rel=rel, abs=rel)
+
+
+@pytest.mark.parametrize(
+    ("model", "v"),
+    [
+        (Model(0, 15.22), 0.4),
+        (Model(0, 15.22), -0.4),
+        (Model(2, 15.22, split=True), 0.3),
+        (Model(2, 15.22, split=True), -0.3),
+        (Model(3, 0.483, restores=True), 0.5),
+    ],
+)
+def test_the_slope_of_a_row_is_its_derivative_by_the_last_velocity(model: Model, v: float) -> None:
+    def row(more: float) -> Sample:
+        regression = FilteredRegression(model, 0.15, 1.3)
+        regression.thrust(0.0, 5.0)
+        regression.position(0.2, 0.1)
+        sample = fed(regression, [0.1, 0.2, v + more])[-1]
+        assert sample is not None
+        return sample
+
+    tiny = 1e-6
+    wanted = (np.array(row(tiny).x) - np.array(row(-tiny).x)) / (2.0 * tiny)
+    assert row(0.0).slope == pytest.approx(wanted.tolist(), rel=1e-5, abs=1e-6)
+
+
+def test_an_undone_velocity_leaves_no_trace() -> None:
+    one, other = (FilteredRegression(Model(0, 15.22), 0.15, 1.0) for _ in range(2))
+    for regression in (one, other):
+        regression.thrust(0.0, 5.0)
+
+    def spoil(index: int) -> None:
+        if index in (20, 21):
+            one.velocity(0.1 * index - 0.05, 3.0)
+            one.undo_last()
+
+    assert_alike(fed(one, SWINGS, spoil), fed(other, SWINGS))
+
+
+def test_a_known_force_acts_like_thrust_without_a_lag() -> None:
+    one, other = (FilteredRegression(Model(0, 15.22), 0.0, 1.0) for _ in range(2))
+
+    def thrust(index: int) -> None:
+        one.thrust(0.1 * index, 5.0 + index)
+
+    def both(index: int) -> None:
+        other.thrust(0.1 * index, 5.0)
+        other.known(0.1 * index, float(index))
+
+    assert_alike(fed(one, SWINGS, thrust), fed(other, SWINGS, both))
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "rate", "nearly_lag_s", "nearly_rate"), [(0.0, 1.0, 1e-7, 1.0), (0.5, 2.0, 0.5, 2.00001)]
+)
+def test_no_lag_and_poles_that_coincide_are_no_exception(
+    lag_s: float, rate: float, nearly_lag_s: float, nearly_rate: float
+) -> None:
+    one = FilteredRegression(Model(0, 15.22), lag_s, rate)
+    other = FilteredRegression(Model(0, 15.22), nearly_lag_s, nearly_rate)
+
+    for index, v in enumerate(SWINGS):
+        for regression in (one, other):
+            regression.thrust(0.1 * index, 10.0 * math.sin(0.5 * index))
+        assert_alike([one.velocity(0.1 * index, v)], [other.velocity(0.1 * index, v)], rel=1e-4)
+
+
+def test_an_angle_is_carried_on_to_the_time_of_the_velocity() -> None:
+    one, other, unknown = (FilteredRegression(Model(3, 0.483, restores=True), 0.15, 1.0) for _ in range(3))
+    for regression in (one, other, unknown):
+        regression.thrust(0.0, 1.0)
+
+    some = fed(one, SWINGS, lambda index: one.position(0.1 * index - 0.04, 0.02 * index))
+    others = fed(other, SWINGS, lambda index: other.position(0.1 * index, 0.02 * index + 0.04 * SWINGS[index]))
+    assert_alike(some, others)
+    last, blind = some[-1], fed(unknown, SWINGS)[-1]
+    assert last is not None
+    assert blind is not None
+    assert last.x[3] != 0.0
+    assert blind.x[3] == 0.0
+
+
+def test_after_a_restart_the_filters_begin_as_at_first() -> None:
+    used, fresh = (FilteredRegression(Model(0, 15.22), 0.15, 1.0) for _ in range(2))
+    assert all(math.isnan(time_s) for time_s in (fresh.velocity_time_s, fresh.thrust_time_s))
+    used.thrust(0.0, 5.0)
+    fed(used, SWINGS)
+    assert (used.velocity_time_s, used.thrust_time_s) == (pytest.approx(5.9), 0.0)
+    used.restart()
+    assert math.isnan(used.velocity_time_s)
+    fresh.thrust(0.0, 5.0)
+    later = [[one.velocity(20.0 + 0.1 * index, v) for index, v in enumerate(SWINGS)] for one in (used, fresh)]
+    assert later[0][0] is None
+    assert_alike(*later)
+    assert [one.settled for one in later[0][1:] if one] == [one.settled for one in later[1][1:] if one]
+
+
+def test_the_noise_of_a_velocity_adds_nothing_to_its_square() -> None:
+    squares = []
+    for noise_mps in (0.0, 0.01):
+        regression = FilteredRegression(Model(0, 15.22), 0.15, 1.0)
+        regression.noise_variance = noise_mps**2
+        regression.thrust(0.0, 0.0)
+        last = fed(regression, [0.05 + noise_mps * (-1.0) ** index for index in range(100)])[-1]
+        assert last is not None
+        squares.append(last.x[0])
+    assert squares[1] == pytest.approx(squares[0], rel=0.015)
