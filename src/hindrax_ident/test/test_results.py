@@ -78,6 +78,8 @@ def test_the_truth_is_that_of_the_vehicle_file_in_each_direction(vehicle: Vehicl
     assert vehicle.hydrodynamics is not None
     alike = replace(vehicle, hydrodynamics=replace(vehicle.hydrodynamics, heave=Drag(90.0, 5.0)))
     assert truth_of(alike)["heave_up"] == truth_of(alike)["heave_down"]
+    one_sided = replace(vehicle, hydrodynamics=replace(vehicle.hydrodynamics, surge=Drag(60.0, 1.0, 50.0, 2.0)))
+    assert truth_of(one_sided)["surge"]["k_q"] == 60.0
 
 
 def test_the_truth_stands_beside_what_was_found_and_changes_nothing(vehicle: Vehicle) -> None:

@@ -14,8 +14,10 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
 from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
 from hindrax_ident.fit.output_error import refine
+from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.model.simulation import sensitivities
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 from hindrax_ident.tuning import Tuning
 
@@ -167,6 +169,47 @@ def test_in_water_that_may_be_near_the_model_an_influence_is_a_little_less(case:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2)
     found = budget_of(case, (hidden,))
     assert 0.9 < found.band()[0, 0] / found.prior_band("law")[0, 0] < 1.0
+
+
+def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
+    """Normal about 0.87 with deviation 0.5: the root mean square of anything between nothing and its greatest is 1."""
+    loss = replace(LAW, sigma=lambda _case: 0.02, loss=True)
+    told = score(case.fit, 0.02 * to_and_fro(case))
+    mean, variance = math.sqrt(0.75), 0.25
+    weight = 1.0 / (1.0 / variance + told.information[0, 0])
+    found = budget_of(case, (loss,))
+    assert 0.1 < weight / variance < 0.9
+    assert found.found("law") == pytest.approx(
+        (0.02 * weight * (mean / variance + told.gradient[0]), 0.02 * math.sqrt(weight)), rel=1e-6
+    )
+
+
+def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> None:
+    hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
+    shares = []
+    for near, usual in ((50.0, 0.0), (0.0, 50.0)):
+        found = budget_of(case, (hidden,), array(np.array([near, usual])))
+        shares.append(found.band()[0, 0] / found.prior_band("law")[0, 0])
+    assert shares == pytest.approx([0.2**2, 1.0], rel=1e-3)
+
+
+def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Case) -> None:
+    def told(size_N: float) -> float:
+        """How much more likely usual water is than water near the model, by a force that was or was not there."""
+        row = replace(LAW, sigma=lambda _case: 1.0, near=0.05)
+        fit = case.fit
+        grid_v = sensitivities(fit.model, fit.theta, fit.problem.grid, fit.linear.path, size_N * row.effect(case))
+        t = fit.problem.t
+        moved = grid_v[fit.problem.index, fit.problem.channel, -1]
+        velocity = Series(t, case.record.velocity.between(t[0], t[-1]).y + moved)
+        record = replace(case.record, velocity=velocity)
+        again = refine(fit.model, record, fit.theta, wide_prior(case.vehicle, fit.model))
+        found = budget_of(replace(case, record=record, fit=again), (row,))
+        assert found.found("law")[0] == pytest.approx(size_N, abs=4.0 * found.found("law")[1])
+        near, usual = found.evidence
+        return float(usual - near)
+
+    assert told(0.0) < 0.0 < told(2.0)
 
 
 def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
