@@ -525,6 +525,7 @@ def test_an_excitation_of_heave_says_which_way_it_goes(rig: Rig) -> None:
         (Goal(("surge", "yaw"), levels=(1.0,)), "levels of surge, yaw by plateaus, wanted those of one motion"),
         (Goal(("yaw",), "chirp", levels=(1.0,)), "levels of yaw by chirp, wanted those of one motion by plateaus"),
         (Goal(("yaw",), levels=(0.5,) * 21), "21 levels, wanted at most 20"),
+        (Goal(("yaw",) * 13), "13 motions, wanted at most 12"),
         (Goal(("yaw",), levels=(0.5, 1.1)), "level 1.1, wanted 0 .* to 1"),
         (Goal(("yaw",), levels=(float("nan"),)), "level nan, wanted 0 .* to 1"),
     ],

@@ -1,0 +1,173 @@
+"""A maneuver step by step, on a vehicle that stays where it is put: what each step is given decides what it does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverKnobs, ManeuverOutput, check_goal
+from hindrax_control.pool_bounds import PoolBounds
+from hindrax_core.events import stamp_from_s
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6, Navigation
+from hindrax_core.vehicle import Vehicle
+
+AT_START = Navigation(
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0),
+    1.1,
+    0.9,
+    (0.0, 0.0),
+    dvl_locked=True,
+    ages_s={"icm20948": 0.01, "ms5837": 0.02, "ping1d": 0.05, "dvl75": 0.05},
+)
+TOO_LOW = replace(AT_START, depth_m=1.4, altitude_m=0.6)
+"""Never at rest at its pose, whatever surge and sway do."""
+STEP_s = 0.05
+Make = Callable[..., Maneuver]
+
+
+@pytest.fixture
+def make(hindrax: Vehicle) -> Make:
+    def maneuver(*motions: str, knobs: ManeuverKnobs | None = None, **goal: Any) -> Maneuver:
+        return Maneuver(hindrax, Allocator(hindrax), Goal(motions, **goal), PoolBounds(hindrax, 0.0), knobs=knobs)
+
+    return maneuver
+
+
+def stepped(
+    maneuver: Maneuver, seconds: float, navigation: Navigation = AT_START, begin_s: float = 0.0, **given: Any
+) -> list[ManeuverOutput]:
+    """Outputs from a time on, to its end at most."""
+    out = []
+    for index in range(round(seconds / STEP_s)):
+        out.append(maneuver.step(navigation, stamp_from_s(begin_s + STEP_s * (index + 1)), **given))
+        if out[-1].done:
+            break
+    return out
+
+
+def test_only_the_first_reason_ends_it_and_its_ending_may_be_another(make: Make) -> None:
+    maneuver = make("yaw", on_cancel="hold")
+    stepped(maneuver, 1.0)
+    maneuver.cancel("stopped: by the safety monitor", "neutral")
+    maneuver.cancel("cancelled: by the operator")
+    *_, last = stepped(maneuver, 20.0, begin_s=1.0)
+    assert (last.aborted, last.neutral, last.wrench) == ("stopped: by the safety monitor", True, ZERO6)
+    assert maneuver.done
+    maneuver.cancel("too late")
+    assert maneuver.step(AT_START, stamp_from_s(60.0)) is last
+
+
+def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> None:
+    maneuver = make("yaw")
+    *_, flown = stepped(maneuver, 6.0)
+    assert flown.progress > 0.0
+    maneuver.cancel()
+    told = stepped(maneuver, 20.0, replace(AT_START, velocity_mps=(0.3, 0.0, 0.0)), begin_s=6.0)
+    remaining_s = [one.remaining_s for one in told]
+    assert 1.0 < remaining_s[0] < 5.0
+    assert remaining_s == sorted(remaining_s, reverse=True)
+    assert min(remaining_s) == 0.0
+    assert {one.progress for one in told} == {flown.progress}
+    assert not any(one.aborted for one in told[:-1])
+
+
+def test_it_is_given_up_some_time_after_it_should_be_over(make: Make) -> None:
+    maneuver = make("roll", knobs=ManeuverKnobs(overtime=1.5, overtime_s=10.0))
+    told = stepped(maneuver, 70.0, TOO_LOW)
+    ended = next(index for index, one in enumerate(told) if one.remaining_s < 3.0)
+    assert told[-1].aborted.startswith("time_out: ")
+    assert STEP_s * ended == pytest.approx(1.5 * maneuver.seconds + 10.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("motion", "lost", "ends"),
+    [
+        ("surge", ("surge",), True),
+        ("surge", ("heave",), True),
+        ("surge", ("sway", "yaw"), False),
+        ("heave", ("heave",), True),
+        ("heave", ("surge",), False),
+    ],
+)
+def test_it_ends_when_its_own_axis_or_heave_is_lost(make: Make, motion: str, lost: tuple[str, ...], ends: bool) -> None:
+    *_, last = stepped(make(motion), 10.0, lost_axes=lost)
+    assert last.aborted.startswith(f"thrusters: {lost[0]} cannot be served") is ends
+
+
+def test_a_weak_battery_ends_it(make: Make) -> None:
+    *_, last = stepped(make("surge"), 10.0, battery_V=11.0)
+    assert last.aborted.startswith("battery: 11.0 V")
+
+
+def pushed_for(make: Make, seconds: float, shortfall: Callable[[Vec6], Vec6]) -> list[ManeuverOutput]:
+    """Steps of a surge that does not move, with a shortfall that follows from the last wrench."""
+    maneuver, missing, out = make("surge"), ZERO6, []
+    # It settles where it starts, then nothing moves it.
+    place = replace(AT_START, position_m=(maneuver.plans[0].start_m[0] - 5.0, 0.0))
+    for index in range(round(seconds / STEP_s)):
+        out.append(maneuver.step(place, stamp_from_s(STEP_s * (index + 1)), shortfall=missing))
+        missing = shortfall(out[-1].wrench)
+    return out
+
+
+def test_only_thrust_that_is_there_can_be_blocked(make: Make) -> None:
+    blocked = pushed_for(make, 20.0, lambda _wrench: ZERO6)
+    assert any(one.phase.phase == "blocked" for one in blocked)
+    assert blocked[-1].aborted.startswith("blocked: ")
+    without = pushed_for(make, 20.0, lambda wrench: wrench)
+    assert not any(one.phase.phase == "blocked" or one.aborted for one in without)
+
+
+@pytest.mark.parametrize(
+    ("shortfall", "learns"),
+    [
+        (ZERO6, True),
+        ((1.0, -1.0, 9.0, 0.0, 0.0, 0.0), True),
+        ((4.0, 0.0, 0.0, 0.0, 0.0, 0.0), False),
+        ((0.0, -4.0, 0.0, 0.0, 0.0, 0.0), False),
+    ],
+)
+def test_the_station_learns_nothing_while_surge_or_sway_falls_short(make: Make, shortfall: Vec6, learns: bool) -> None:
+    told = stepped(make("yaw"), 12.0, replace(TOO_LOW, position_m=(0.1, 0.0)), shortfall=shortfall)
+    assert (told[-1].wrench[0] < told[-60].wrench[0] - 0.05) is learns
+
+
+def test_after_its_end_it_keeps_the_place_and_nothing_else(make: Make) -> None:
+    maneuver = make("yaw")
+    stepped(maneuver, 2.0)
+    maneuver.cancel()
+    stepped(maneuver, 20.0, begin_s=2.0)
+    carried = replace(AT_START, position_m=(-0.3, 0.2))
+    pushes = [maneuver.keep(carried, stamp_from_s(30.0 + STEP_s * index)) for index in range(20)]
+    X, Y, *others = pushes[-1]
+    assert Y < 0.0 < pushes[0][0] < X
+    assert others == [0.0] * 4
+
+
+def test_turns_are_counted_on_beyond_half_a_turn(make: Make) -> None:
+    """A vehicle that turns on and on while it is to fly a leg of half a turn: the leg ends by its angle."""
+    maneuver, begin_s = make("yaw"), 0.0
+    while maneuver.step(AT_START, stamp_from_s(begin_s)).phase.phase == "settle":
+        begin_s += STEP_s
+    phases = []
+    for index in range(80):
+        heading_rad = 1.2 * STEP_s * index
+        turning = replace(
+            AT_START, attitude_rad=(0.0, 0.0, math.remainder(heading_rad, math.tau)), rate_radps=(0.0, 0.0, 1.2)
+        )
+        phases.append((heading_rad, maneuver.step(turning, stamp_from_s(begin_s + STEP_s * (index + 1))).phase.phase))
+    over_rad = next(heading_rad for heading_rad, phase in phases if phase in ("coast", "transit"))
+    assert 0.4 * math.pi < over_rad < math.pi
+
+
+def test_goals_at_their_limits_are_flown() -> None:
+    check_goal(Goal(("yaw",) * 12))
+    check_goal(Goal(("yaw",), levels=(0.0,) * 19 + (1.0,)))
