@@ -62,6 +62,7 @@ def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
     assert order_window(mock=True).judge(after(NOW, 10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, -10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, 10.1), NOW).kind == FUTURE
+    assert order_window(mock=True).judge(after(NOW, -10.1), NOW).kind == EXPIRED
     assert order_window(mock=False) == ORDER
 
 

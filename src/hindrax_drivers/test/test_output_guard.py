@@ -87,11 +87,14 @@ def test_lamps_leave_running_thrusters_alone() -> None:
     assert pulses == Pulses(NEUTRAL, (1500.0, 1100.0))
 
 
-@pytest.mark.parametrize("levels", [(1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
+@pytest.mark.parametrize("levels", [(), (1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])
 def test_what_is_no_brightness_is_refused(levels: tuple[float, ...]) -> None:
     state, said = GUARD.light(GUARD.start(at(0.0)), levels, at(0.0))
     assert isinstance(said, Refusal)
     assert said.reason == "not a brightness"
+    assert said.text.startswith(
+        f"lamps: found {', '.join(f'{level:g}' for level in levels) or 'none'}, wanted 2 from 0"
+    )
     assert state.pulses == GUARD.neutral
 
 
