@@ -212,8 +212,8 @@ def test_a_known_force_acts_like_thrust_without_a_lag() -> None:
         one.thrust(0.1 * index, 5.0 + index)
 
     def both(index: int) -> None:
-        other.thrust(0.1 * index, 5.0)
         other.known(0.1 * index, float(index))
+        other.thrust(0.1 * index, 5.0)
 
     assert_alike(fed(one, SWINGS, thrust), fed(other, SWINGS, both))
 
@@ -230,7 +230,8 @@ def test_no_lag_and_poles_that_coincide_are_no_exception(
     for index, v in enumerate(SWINGS):
         for regression in (one, other):
             regression.thrust(0.1 * index, 10.0 * math.sin(0.5 * index))
-        assert_alike([one.velocity(0.1 * index, v)], [other.velocity(0.1 * index, v)], rel=1e-4)
+        some, others = (regression.velocity(0.1 * index + 0.05, v, 0.003) for regression in (one, other))
+        assert_alike([some], [others], rel=1e-4)
 
 
 def test_an_angle_is_carried_on_to_the_time_of_the_velocity() -> None:
@@ -273,3 +274,22 @@ def test_the_noise_of_a_velocity_adds_nothing_to_its_square() -> None:
         assert last is not None
         squares.append(last.x[0])
     assert squares[1] == pytest.approx(squares[0], rel=0.015)
+
+
+@pytest.mark.parametrize("v", [0.02, -0.02])
+def test_a_velocity_that_is_lost_in_its_noise_has_the_sign_of_its_mean(v: float) -> None:
+    regression = FilteredRegression(Model(0, 15.22), 0.15, 1.0)
+    regression.noise_variance = 0.01**2
+    regression.thrust(0.0, 0.0)
+    last = fed(regression, [v] * 100)[-1]
+    assert last is not None
+    assert last.x[0] == pytest.approx(-math.copysign(0.02**2 - 0.01**2, v), rel=0.1)
+
+
+@pytest.mark.parametrize(("split", "v"), [(False, 0.4), (False, -0.4), (True, 0.3), (True, -0.3)])
+def test_a_steady_velocity_is_its_own_mean(split: bool, v: float) -> None:
+    regression = FilteredRegression(Model(2, 15.22, split=split), 0.15, 2.0)
+    regression.thrust(0.0, 5.0)
+    last = fed(regression, [v] * 60)[-1]
+    assert last is not None
+    assert last.speed == pytest.approx(v, rel=1e-4)
