@@ -377,10 +377,11 @@ def test_a_hold_that_acts_again_begins_where_the_vehicle_is(lost: str) -> None:
 
 
 def test_a_heading_is_held_where_it_is_whatever_holds_the_height() -> None:
-    turned = replace(REST, attitude_rad=(0.0, 0.0, 0.5))
-    output = held(Setpoint("altitude"), Setpoint("heading")).step(turned, Stamp(0))
-    assert state(output, "heading").setpoint == 0.5
+    turned, holds = replace(REST, attitude_rad=(0.0, 0.0, 0.5)), held(Setpoint("altitude"))
+    output = holds.step(turned, Stamp(0))
     assert state(output, "altitude").setpoint == pytest.approx(FLOOR_M - 0.9)
+    holds.set(Setpoint("heading"))
+    assert state(holds.step(turned, stamp_from_s(DT)), "heading").setpoint == 0.5
 
 
 @pytest.mark.parametrize(

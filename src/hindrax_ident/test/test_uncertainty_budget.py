@@ -12,7 +12,7 @@ from synthetic_runs import back_and_forth, fly
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import ALL, Budget, budget_of
+from hindrax_ident.assess.uncertainty_budget import ALL, ODDS, Budget, budget_of
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import model_of
@@ -187,10 +187,14 @@ def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
 def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
-    for near, usual in ((50.0, 0.0), (0.0, 50.0)):
+    for near, usual in ((50.0, 0.0), (0.0, 50.0), (-ODDS[0], -ODDS[1])):
         found = budget_of(case, (hidden,), array(np.array([near, usual])))
         shares.append(found.band()[0, 0] / found.prior_band("law")[0, 0])
-    assert shares == pytest.approx([0.2**2, 1.0], rel=1e-3)
+    # Near, usual, and as likely the one as the other.
+    assert shares == pytest.approx([0.2**2, 1.0, 0.5 * (0.2**2 + 1.0)], rel=1e-3)
+    shown = replace(hidden, considered=False)
+    alone = budget_of(case, (shown,))
+    assert budget_of(case, (shown,), alone.evidence).found("law") == pytest.approx(alone.found("law"))
 
 
 def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Case) -> None:
