@@ -171,3 +171,15 @@ def test_turns_are_counted_on_beyond_half_a_turn(make: Make) -> None:
 def test_goals_at_their_limits_are_flown() -> None:
     check_goal(Goal(("yaw",) * 12))
     check_goal(Goal(("yaw",), levels=(0.0,) * 19 + (1.0,)))
+
+
+def test_an_excitation_is_as_strong_as_the_fastest_leg_but_no_stronger_than_its_boost(make: Make) -> None:
+    maneuver, time_s, forces = make("surge", excitation="steps"), 0.0, [0.0]
+    start = replace(AT_START, position_m=(maneuver.plans[0].start_m[0] - 5.0, 0.0))
+    while maneuver.step(start, stamp_from_s(time_s)).phase.phase == "settle":
+        time_s += STEP_s
+    for index in range(round(50.0 / STEP_s)):
+        moving = replace(AT_START, velocity_mps=(math.copysign(0.4, forces[-1]), 0.0, 0.0))
+        forces.append(maneuver.step(moving, stamp_from_s(time_s + STEP_s * (index + 1))).force)
+    legs = maneuver.plans[0].legs
+    assert max(abs(leg.level) for leg in legs) < max(map(abs, forces)) < max(leg.boost for leg in legs)
