@@ -52,15 +52,19 @@ PRIOR = Prior(np.array([60.0, 2.0, 0.0, 30.0]), np.array([60.0, 60.0, 5.0, 30.0]
 NOISE_mps = 0.01
 
 
-def taught(tuning: Tuning, seconds: float = 60.0) -> tuple[AxisEstimator, list[Verdict]]:
-    """Estimator after a flight that it was told of at 10 Hz with white noise, and its verdicts."""
+def taught(tuning: Tuning, seconds: float = 60.0, color: float = 0.0) -> tuple[AxisEstimator, list[Verdict]]:
+    """Estimator after a flight that it was told of at 10 Hz, and its verdicts; `color`: correlation of the noise."""
     rng, estimator = np.random.default_rng(4), AxisEstimator(MODEL, LAG_S, PRIOR, tuning)
     flight = fly(MODEL, THETA, back_and_forth((14.0, 0.8, 5.4), 10.0, seconds), LAG_S)
     for at_s, force in zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True):
         estimator.thrust(at_s, force)
     step = round(0.1 / float(flight.grid.times_s[1]))
     moments = zip(flight.grid.times_s[::step].tolist(), flight.path.v[::step].tolist(), strict=True)
-    return estimator, [estimator.velocity(t_s, v + NOISE_mps * float(rng.standard_normal())) for t_s, v in moments]
+    verdicts, noise_mps = list[Verdict](), 0.0
+    for t_s, v in moments:
+        noise_mps = color * noise_mps + math.sqrt(1.0 - color**2) * NOISE_mps * float(rng.standard_normal())
+        verdicts.append(estimator.velocity(t_s, v + noise_mps))
+    return estimator, verdicts
 
 
 def still(
@@ -97,6 +101,13 @@ def test_every_velocity_that_teaches_nothing_says_why() -> None:
     assert fresh.velocity(0.1, 0.0).reason == "first velocity"
 
 
+def test_before_the_first_velocity_the_estimate_is_the_prior_and_no_narrower() -> None:
+    found, covariance = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning()).estimate()
+    wider = np.sqrt(np.diag(covariance)) / PRIOR.sigmas
+    assert found == pytest.approx(PRIOR.values)
+    assert np.all((wider > 0.999) & (wider < 2.0))
+
+
 def test_samples_and_noise_are_those_that_it_was_taught() -> None:
     estimator, verdicts = taught(Tuning())
     learned = [one for one in verdicts if one.learned]
@@ -106,6 +117,8 @@ def test_samples_and_noise_are_those_that_it_was_taught() -> None:
     assert estimator.regression.noise_variance == pytest.approx(NOISE_mps**2, rel=0.2)
     assert np.std([one.innovation for one in learned[100:]]) == pytest.approx(NOISE_mps, rel=0.15)
     assert estimator.effective_samples == pytest.approx(len(learned), rel=0.2)
+    colored, _ = taught(Tuning(), color=0.8)
+    assert colored.effective_samples < 0.7 * colored.samples
     forgetful, _ = taught(Tuning(forgetting=0.99))
     assert forgetful.effective_samples < 120.0
     assert math.isnan(AxisEstimator(MODEL, LAG_S, PRIOR, Tuning()).noise)
