@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.maneuver import Goal, Maneuver, ManeuverKnobs, ManeuverOutput, check_goal
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
+from hindrax_control.maneuver.refusal import check_goal
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import stamp_from_s
 from hindrax_core.readings import Vec6

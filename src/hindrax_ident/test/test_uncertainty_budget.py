@@ -65,7 +65,7 @@ def budget(case: Case) -> Budget:
         shifts=SHIFTS,
         mean=MEAN,
         covariance=COVARIANCE,
-        evidence=array(np.zeros(2)),
+        evidence=array(np.zeros(3)),
     )
 
 
@@ -187,8 +187,8 @@ def test_a_loss_is_weighed_against_its_prior_as_bayes_says(case: Case) -> None:
 def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> None:
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
-    for near, usual in ((50.0, 0.0), (0.0, 50.0), (-ODDS[0], -ODDS[1])):
-        found = budget_of(case, (hidden,), array(np.array([near, usual])))
+    for near, usual in ((50.0, 0.0), (0.0, 50.0), (-ODDS[0], -ODDS[2])):
+        found = budget_of(case, (hidden,), array([near, -1e3, usual]))
         shares.append(found.band()[0, 0] / found.prior_band("law")[0, 0])
     # Near, usual, and as likely the one as the other.
     assert shares == pytest.approx([0.2**2, 1.0, 0.5 * (0.2**2 + 1.0)], rel=1e-3)
@@ -210,7 +210,7 @@ def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Ca
         again = refine(fit.model, record, fit.theta, wide_prior(case.vehicle, fit.model))
         found = budget_of(replace(case, record=record, fit=again), (row,))
         assert found.found("law")[0] == pytest.approx(size_N, abs=4.0 * found.found("law")[1])
-        near, usual = found.evidence
+        near, _, usual = found.evidence
         return float(usual - near)
 
     assert told(0.0) < 0.0 < told(2.0)
