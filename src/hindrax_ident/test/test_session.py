@@ -134,6 +134,16 @@ def test_same_events_give_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> N
     assert first[0].finalize().results.to_json() == second[0].finalize().results.to_json()
 
 
+def test_who_listens_earlier_learns_the_same_bits(vehicle: Vehicle, surge: list[Any]) -> None:
+    """As the identifier hears the vehicle before the recorder is up, and a replay has what was recorded."""
+    t0, thrust = surge[0].stamp, next(one for one in surge if isinstance(one.reading, Thrust))
+    before = [
+        Stamped(after(t0, -7.3), Velocity((0.1,) * 6, (0.01,) * 6, "dvl75")),
+        Stamped(after(t0, -3.1), thrust.reading),
+    ]
+    assert repr(run(vehicle, before + surge)[1]) == repr(run(vehicle, surge)[1])
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_the_order_of_arrival_does_not_matter(vehicle: Vehicle, surge: list[Any], seed: int) -> None:
     rng = random.Random(seed)

@@ -80,8 +80,15 @@ class Session:
     # ---- during the run
 
     def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
-        """Process the next event; return the estimates of the samples that it completes."""
+        """Process the next event; return the estimates of the samples that it completes.
+
+        Times count from the first motion: what came before depends on who listens since when, and rounding would too.
+        """
         if self._origin is None:
+            if not (isinstance(event.reading, Phase) and event.reading.motion in MOTIONS):
+                if isinstance(event.reading, Thrust):
+                    self._on_thrust(0.0, event.reading)
+                return ()
             self._origin = event.stamp
         t_s = seconds_between(self._origin, event.stamp)
         assert t_s >= self._now_s, f"event: found at {t_s} s, wanted none before {self._now_s} s, the last"
