@@ -27,7 +27,8 @@ class Timer:
     made: ClassVar[dict[int, "Timer"]] = {}
 
     def __init__(self, number: int) -> None:
-        self.number, self.channels = number, {}
+        self.number = number
+        self.channels: dict[int, Channel] = {}
         Timer.made[number] = self
 
     def source_freq(self) -> int:
