@@ -27,6 +27,8 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import CodeType
 
+import hypothesis
+
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And,
@@ -35,6 +37,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 DROPPED = (ast.Not, ast.USub)
 DECLARES = "knob"
 """Declares a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
+PROFILE = "mutation"
+"""Settings of hypothesis."""
 LONGEST_S = 60
 """A mutant that keeps its tests busy for longer is killed, and counts as killed."""
 
@@ -148,7 +152,8 @@ def survives(module: str, path: str, number: int, tests: Sequence[str]) -> bool:
             os.dup2(silence, 1)
             os.dup2(silence, 2)
             sys.meta_path.insert(0, _Finder(module, path, number))
-            code = int(importlib.import_module("pytest").main(["-x", "-q", "-p", "no:cacheprovider", *tests]))
+            words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *tests]
+            code = int(importlib.import_module("pytest").main(words))
         os._exit(code)
     return os.waitpid(child, 0)[1] == 0
 
@@ -167,8 +172,11 @@ def main(words: Sequence[str] | None = None) -> int:
     source = Path(place.origin).read_text(encoding="utf-8")
     lines, known = source.splitlines(), mutants(source)
     chosen = [number for number, one in enumerate(known) if options.grep in lines[one.line - 1]]
-    for heavy in ("pytest", "numpy", "scipy.linalg", "hypothesis"):  # once, not in every process
+    for heavy in ("pytest", "numpy", "scipy.linalg"):  # once, not in every process
         importlib.import_module(heavy)
+    # That it fails is enough: to find the smallest example takes many times as long.
+    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
+    hypothesis.settings.register_profile(PROFILE, deadline=None, derandomize=True, phases=phases)
     if not survives(options.module, place.origin, -1, options.tests):
         parser.error("the tests fail already without a mutant")
     random.Random(1).shuffle(chosen)  # noqa: S311  # no secret
