@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -32,8 +33,9 @@ from hindrax_drivers.nodes.deadman import (
     WatchedProcess,
 )
 from hindrax_drivers.nodes.thruster_settings import Settings
-from hindrax_drivers.nodes.thrusters import NODE_WORD
+from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.parent_silence import TOLD_S
+from hindrax_ros.heartbeat import VARIABLE
 
 NOW = stamp_from_s(100.0)
 
@@ -291,7 +293,7 @@ def test_an_stm32_goes_neutral_by_itself(chip: Chip, capsys: pytest.CaptureFixtu
 def test_the_last_resort_writes_neutral_once_and_says_whether_it_is_there(
     chip: Chip, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(deadman.ARGUMENTS, json.dumps([deadman.NEUTRAL_WORD, "--ros-args"]))
+    monkeypatch.setenv(ARGUMENTS, json.dumps([NEUTRAL_WORD, "--ros-args"]))
     monkeypatch.setattr(deadman, "read_settings", lambda _words: Settings(VEHICLE, "/dev/i2c-1"))
     assert deadman.main() == 0
     assert (capsys.readouterr().out, chip.closed) == ("neutral is on the wire\n", 1)
@@ -303,7 +305,7 @@ def test_the_last_resort_writes_neutral_once_and_says_whether_it_is_there(
 def test_without_a_vehicle_it_is_wrong_use_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv(deadman.ARGUMENTS, "[]")
+    monkeypatch.setenv(ARGUMENTS, "[]")
     assert deadman.main() == 2
     assert capsys.readouterr().err.startswith("thrusters: thrusters: no vehicle file")
 
@@ -365,8 +367,8 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
         os.write(beat, b".")
         started["life"] = os.dup(life_end)
 
-    monkeypatch.setattr(deadman.subprocess, "Popen", popen)
-    monkeypatch.setenv(deadman.VARIABLE, "/run/beat")
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    monkeypatch.setenv(VARIABLE, "/run/beat")
     child = WatchedProcess.start(["--more"])
     beat, life_end = started["pass_fds"]
     assert started["words"][1:] == [
@@ -378,7 +380,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
         "--more",
     ]
     assert started["start_new_session"]
-    assert started["env"][deadman.VARIABLE] == "/run/beat_node"
+    assert started["env"][VARIABLE] == "/run/beat_node"
     assert not os.get_blocking(child.beats)
     assert not os.get_blocking(child.life)
     assert child.listen(NOW)
@@ -391,7 +393,7 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
     assert os.read(started["life"], 10) == b"!"
     for end in (child.beats, child.life, started["life"]):
         os.close(end)
-    monkeypatch.delenv(deadman.VARIABLE)
+    monkeypatch.delenv(VARIABLE)
     assert deadman._of_the_node("") == ""
 
 
@@ -399,7 +401,7 @@ def test_between_two_nodes_neutral_is_repeated_until_it_is_time_or_asked_to_end(
     man: DeadMan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now_s = iter(range(1000, 2000))
-    monkeypatch.setattr(deadman.time, "monotonic", lambda: float(next(now_s)))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(now_s)))
     neutral: Any = man._neutral
     beats: list[float] = []
     monkeypatch.setattr(man, "_heartbeat", SimpleNamespace(beat=beats.append))

@@ -16,7 +16,7 @@ from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.knobs import build
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Echo, KalmanSupport, Position
 from hindrax_drivers.devices.dvl75 import ENABLE_DELTAS, Dvl75, Dvl75Knobs
-from hindrax_drivers.devices.dvl75_settings import commands, wanted_settings
+from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, commands, wanted_settings
 
 
 def sentence(body: str) -> bytes:
@@ -49,6 +49,7 @@ def test_a_velocity_is_stamped_with_the_middle_of_its_interval() -> None:
     driver = started(Dvl75Knobs(latency_s=0.006))
     (stamped,) = (one for one in driver.feed(delta(10**6, 100_000), stamp_from_s(5.0)) if isinstance(one, Stamped))
     assert stamped.stamp == stamp_from_s(5.0 - 0.006 - 0.05)
+    assert isinstance(stamped.reading, BottomVelocity)
     assert stamped.reading.velocity_mps == pytest.approx((0.1, 0.0, -0.05))
 
 
@@ -337,9 +338,11 @@ def test_each_angle_has_the_sign_that_the_vehicle_gives_it(
     assert [math.degrees(angle) for angle in found] == pytest.approx(wanted_deg)
 
 
-def run(driver: Dvl75, seconds: float, line: Callable[[Any], bytes] | None = None, start_s: float = 0.0) -> list[Any]:
+def run(
+    driver: Dvl75, seconds: float, line: Callable[[int], bytes] | None = None, start_s: float = 0.0
+) -> list[Output]:
     """Tick at 10 Hz; `line(index)` gives the bytes before each tick."""
-    outputs: list = []
+    outputs: list[Output] = []
     for index in range(round(seconds * 10)):
         stamp = stamp_from_s(start_s + index * 0.1)
         outputs += driver.feed(line(index), stamp) if line else []
@@ -393,13 +396,13 @@ def test_start_asks_for_the_configuration_and_sets_nothing() -> None:
 CURRENT = {"DVPDL messages": "OFF", "DVEXT messages": "on", "Speed of sound": "1484", "Velocity adjustment": "1.000"}
 
 
-def orders(current: dict[str, str], always: bool = False, **knobs: float) -> tuple[bytes, ...]:
-    return commands(current, wanted_settings(Dvl75Knobs(**knobs)), always)
+def orders(current: dict[str, str], always: bool = False, knobs: Dvl75Knobs = DEFAULT_KNOBS) -> tuple[bytes, ...]:
+    return commands(current, wanted_settings(knobs), always)
 
 
 def test_only_settings_that_differ_are_sent() -> None:
     assert orders(CURRENT) == (b"SEND-DVPDL ON\n",)
-    assert orders(CURRENT, speed_of_sound_mps=1500.0)[1:] == (b"SET-SPEED-OF-SOUND 1500.0\n",)
+    assert orders(CURRENT, knobs=Dvl75Knobs(speed_of_sound_mps=1500.0))[1:] == (b"SET-SPEED-OF-SOUND 1500.0\n",)
     assert orders({**CURRENT, "DVPDL messages": "ON"}) == ()
 
 

@@ -25,7 +25,7 @@ def distort(points: list[Vec3], wanted: Correction, noise: float, seed: int) -> 
     back = np.linalg.inv(np.array(wanted.matrix).reshape(3, 3))
     draw = random.Random(seed)
     raw = RADIUS * np.array(points) @ back.T + np.array(wanted.offset)
-    return [tuple(one + draw.gauss(0.0, noise) for one in row) for row in raw.tolist()]  # type: ignore[misc]
+    return [tuple(one + draw.gauss(0.0, noise) for one in row) for row in raw.tolist()]
 
 
 @settings(max_examples=50)

@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from hindrax_drivers.lifecycle import TRANSITIONS, State, next_transition, requested, why_not_active
+from hindrax_drivers.lifecycle import TRANSITIONS, State, Transition, next_transition, requested, why_not_active
 
 MESSAGES = pytest.importorskip("lifecycle_msgs.msg", reason="needs the ROS environment")
 
@@ -52,7 +52,7 @@ def test_a_request_means_what_starts_in_this_state_and_nothing_else(state: State
     for number in range(256):
         assert requested(state, number, "") == valid.get(number)
     for label in ("configure", "cleanup", "activate", "deactivate", "shutdown"):
-        found = [one for one in valid.values() if one.label == label]
+        found: list[Transition | None] = [one for one in valid.values() if one.label == label]
         assert [requested(state, 255, label)] == (found or [None])
     for label in ("destroy", "transition_success", "transition_error", "Activate", " ", "\0"):
         assert requested(state, 1, label) is None

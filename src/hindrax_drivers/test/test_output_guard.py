@@ -70,10 +70,10 @@ def test_commands_move_nothing_while_disarmed_but_switch_the_lights() -> None:
 def test_lamps_are_lit_by_themselves_until_nobody_is_heard_for_long() -> None:
     state, pulses = GUARD.light(GUARD.start(at(0.0)), (1.0, 0.25), at(0.0))
     assert pulses == Pulses(NEUTRAL, (1900.0, 1300.0))
-    _, pulses = GUARD.tick(state, at(4.9))
-    assert pulses == Pulses(NEUTRAL, (1900.0, 1300.0))
-    _, pulses = GUARD.tick(state, at(5.1))
-    assert pulses == GUARD.neutral
+    _, due = GUARD.tick(state, at(4.9))
+    assert due == Pulses(NEUTRAL, (1900.0, 1300.0))
+    _, due = GUARD.tick(state, at(5.1))
+    assert due == GUARD.neutral
     for turn in range(1, 80):
         state, pulses = say(state, command(turn * 0.1, turn), turn * 0.1)
     assert pulses.lights == (1900.0, 1300.0)
@@ -83,8 +83,8 @@ def test_lamps_leave_running_thrusters_alone() -> None:
     state, before = say(armed(FULL), command(8.1, 81), 8.1)
     state, pulses = GUARD.light(state, (0.5, 0.0), at(8.12))
     assert pulses == Pulses(before.thrusters, (1500.0, 1100.0), 81)
-    _, pulses = GUARD.tick(state, at(8.6))
-    assert pulses == Pulses(NEUTRAL, (1500.0, 1100.0))
+    _, due = GUARD.tick(state, at(8.6))
+    assert due == Pulses(NEUTRAL, (1500.0, 1100.0))
 
 
 @pytest.mark.parametrize("levels", [(), (1.0,), *((1.0, wrong) for wrong in (1.01, -0.01, float("nan"), float("inf")))])

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterable
+from dataclasses import astuple
 from typing import Any
 
 import pytest
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
-from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
-from hindrax_drivers.devices.ping1d import HEALTH, HELLO, Ping1d, Ping1dKnobs
-from hindrax_drivers.devices.ping1d_settings import device_settings
+from hindrax_core.readings import DeviceText, Echo, EchoProfile, Reading, SonarHealth
+from hindrax_drivers.devices.ping1d import HEALTH, HELLO, Ping1d
+from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, Ping1dKnobs, device_settings
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import encode, request
 
@@ -61,11 +62,19 @@ def troubles(outputs: Iterable[Output]) -> list[str]:
     return [one.text for one in outputs if isinstance(one, Trouble)]
 
 
+def stamped(outputs: Iterable[Output]) -> list[Stamped[Reading]]:
+    """All of them readings."""
+    found = list(outputs)
+    only = [one for one in found if isinstance(one, Stamped)]
+    assert only == found
+    return only
+
+
 def readings(outputs: Iterable[Output]) -> list[Any]:
     return [one.reading for one in outputs if isinstance(one, Stamped)]
 
 
-def set_up(driver: Ping1d, device: Callable[[bytes], bytes] = obedient) -> list[Any]:
+def set_up(driver: Ping1d, device: Callable[[bytes], bytes] = obedient) -> list[Output]:
     """Let driver and device talk until neither has anything to say; returns all outputs."""
     stamp = Stamp(0)
     outputs = list(driver.start(stamp))
@@ -77,8 +86,8 @@ def set_up(driver: Ping1d, device: Callable[[bytes], bytes] = obedient) -> list[
     return outputs
 
 
-def ready(**knobs: bool | float) -> Ping1d:
-    driver = Ping1d(Ping1dKnobs(**knobs))
+def ready(knobs: Ping1dKnobs = DEFAULT_KNOBS) -> Ping1d:
+    driver = Ping1d(knobs)
     set_up(driver)
     assert driver.ready
     return driver
@@ -141,7 +150,7 @@ def test_the_round_trip_is_from_the_last_question_to_its_answer() -> None:
     assert driver.round_trip_s == pytest.approx(0.04)
     driver.feed(obedient(order.data), stamp_from_s(1.06))
     assert driver.round_trip_s == pytest.approx(0.02)
-    driver = ready(continuous=False, interval_s=0.1)
+    driver = ready(Ping1dKnobs(continuous=False, interval_s=0.1))
     (_,) = sends(driver.tick(stamp_from_s(0.2)))
     driver.feed(distance(1), stamp_from_s(0.23))
     driver.feed(distance(2), stamp_from_s(0.3))
@@ -227,7 +236,9 @@ def test_a_sonar_without_a_continuous_mode_is_polled(refused: bool) -> None:
 
 def test_supply_and_temperatures_are_asked_for_now_and_then() -> None:
     driver = Ping1d(Ping1dKnobs(continuous=False))
-    assert readings(set_up(driver)) == [SonarHealth(7, pytest.approx(4.987), pytest.approx(36.12), pytest.approx(28.5))]
+    (health,) = readings(set_up(driver))
+    assert isinstance(health, SonarHealth)
+    assert astuple(health) == pytest.approx((7, 4.987, 36.12, 28.5))
     asked = 0
     for index in range(1, 251):
         driver.feed(distance(index), stamp_from_s(index * 0.1))
@@ -236,7 +247,7 @@ def test_supply_and_temperatures_are_asked_for_now_and_then() -> None:
 
 
 def test_a_part_of_the_health_that_a_firmware_does_not_know_is_left_out() -> None:
-    driver = ready(continuous=False)
+    driver = ready(Ping1dKnobs(continuous=False))
     nack = encode(protocol.NACK, struct.pack("<H", protocol.BOARD_cC))
     assert troubles(driver.feed(nack, Stamp(0))) == ["Ping: message 1214 refused (no reason given)"]
     driver.feed(distance(1), stamp_from_s(9.9))
@@ -248,7 +259,7 @@ def test_a_part_of_the_health_that_a_firmware_does_not_know_is_left_out() -> Non
 
 
 def test_a_supply_that_sags_is_told_once() -> None:
-    driver = ready(continuous=False)
+    driver = ready(Ping1dKnobs(continuous=False))
     low = encode(protocol.SUPPLY_mV, struct.pack("<H", 4200)) + encode(protocol.BOARD_cC, struct.pack("<H", 2500))
     assert troubles(driver.feed(low + low, Stamp(0))) == [
         "Ping: supply 4.20 V, wanted 4.5 to 5.5 V; check cable and regulator"
@@ -264,7 +275,7 @@ def test_a_supply_that_sags_from_the_beginning_is_told() -> None:
 
 
 def test_a_corrupt_length_does_not_delay_the_echoes_behind_it() -> None:
-    driver = ready(continuous=False)
+    driver = ready(Ping1dKnobs(continuous=False))
     corrupt = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
     stamps = []
     for index in range(1, 4):
@@ -282,7 +293,7 @@ def test_a_stream_of_profiles_gives_echoes_and_a_profile_when_asked() -> None:
 
 
 def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer() -> None:
-    driver = ready(continuous=False, interval_s=0.1, answer_s=0.3)
+    driver = ready(Ping1dKnobs(continuous=False, interval_s=0.1, answer_s=0.3))
     asked = []
     for index in range(1, 101):
         stamp = stamp_from_s(index * 0.01)
@@ -296,33 +307,36 @@ def test_polled_it_is_asked_once_per_interval_and_again_when_it_does_not_answer(
 
 
 def test_polled_for_profiles_it_is_asked_for_profiles() -> None:
-    driver = ready(continuous=False, interval_s=0.1, profile=True)
+    driver = ready(Ping1dKnobs(continuous=False, interval_s=0.1, profile=True))
     assert [one.data for one in sends(driver.tick(stamp_from_s(0.1)))] == [request(protocol.PROFILE)]
     assert [type(one) for one in readings(driver.feed(profile(2), stamp_from_s(0.1)))] == [Echo, EchoProfile]
 
 
 def test_an_echo_is_stamped_with_the_moment_of_the_reflection() -> None:
-    driver = ready(continuous=False, speed_of_sound_mps=1500.0)
-    (stamped,) = driver.feed(distance(7, mm=2000), stamp_from_s(10.0))
+    driver = ready(Ping1dKnobs(continuous=False, speed_of_sound_mps=1500.0))
+    (one,) = stamped(driver.feed(distance(7, mm=2000), stamp_from_s(10.0)))
     on_wire = 34 * 10 / 115200
     rest_of_scan = (2 * 5.0 - 2.0) / 1500.0
-    assert abs(stamped.stamp - stamp_from_s(10.0 - on_wire - rest_of_scan)) <= 1
-    assert stamped.reading == Echo(2.0, 1.0, 7)
+    assert abs(one.stamp - stamp_from_s(10.0 - on_wire - rest_of_scan)) <= 1
+    assert one.reading == Echo(2.0, 1.0, 7)
 
 
 def test_stamps_never_go_back_when_messages_arrive_at_once() -> None:
     stamps = [
-        one.stamp for one in ready(continuous=False).feed(distance(7, mm=3000) + distance(8, mm=500), Stamp(10**9))
+        one.stamp
+        for one in stamped(
+            ready(Ping1dKnobs(continuous=False)).feed(distance(7, mm=3000) + distance(8, mm=500), Stamp(10**9))
+        )
     ]
     assert stamps == sorted(stamps)
     assert len(stamps) == 2
 
 
 def test_a_host_clock_set_back_is_followed() -> None:
-    driver = ready(continuous=False)
+    driver = ready(Ping1dKnobs(continuous=False))
     driver.feed(distance(7), stamp_from_s(1000.0))
-    (stamped,) = driver.feed(distance(8), stamp_from_s(500.0))
-    assert stamp_from_s(499.9) < stamped.stamp < stamp_from_s(500.0)
+    (one,) = stamped(driver.feed(distance(8), stamp_from_s(500.0)))
+    assert stamp_from_s(499.9) < one.stamp < stamp_from_s(500.0)
 
 
 @pytest.mark.parametrize(
@@ -340,7 +354,7 @@ def test_a_host_clock_set_back_is_followed() -> None:
     ],
 )
 def test_what_is_not_believed_is_refused_with_the_reason(frame: bytes, reason: str) -> None:
-    outputs = ready(continuous=False).feed(frame, Stamp(0))
+    outputs = ready(Ping1dKnobs(continuous=False)).feed(frame, Stamp(0))
     assert [one.reason for one in outputs if isinstance(one, Rejected)] == [reason]
     assert not readings(outputs)
 

@@ -32,7 +32,7 @@ def at(seconds: float) -> Stamp:
     return stamp_from_s(100.0 + seconds)
 
 
-def said(outputs: Iterable[Output]) -> list[Message]:
+def said(outputs: Iterable[Output]) -> list[Message | None]:
     """Messages on the wire, decoded."""
     data = b"".join(output.data for output in outputs if isinstance(output, Send))
     return [event.message for event in Decoder().feed(data, at(0.0)) if isinstance(event, Frame)]

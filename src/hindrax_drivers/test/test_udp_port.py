@@ -58,7 +58,7 @@ def test_orders_wait_until_it_is_known_where_the_device_is(talk: Talk) -> None:
     talk.device.sendto(b"hello\n", talk.at)
     assert talk.heard() == b"hello\n"
     talk.line.send(Send(b"SEND-DVPDL ON\n"))
-    orders = []
+    orders: list[bytes] = []
     while not orders or orders[-1] != b"SEND-DVPDL ON\n":
         orders.append(talk.device.recv(100))
     assert orders == [b"CONFIGURATION %d\n" % number for number in range(11, 20)] + [b"SEND-DVPDL ON\n"]

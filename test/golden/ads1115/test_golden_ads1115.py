@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
-from hindrax_core.events import Rejected, Stamp
+from hindrax_core.events import Rejected, Stamp, Stamped
+from hindrax_core.readings import Battery
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.ads1115 import Ads1115, Ads1115Knobs
 
@@ -34,6 +35,8 @@ def look(voltage: str, current: str, again: str = "") -> list[tuple[Operation, b
 @pytest.mark.parametrize("row", CASES["samples"], ids=lambda row: row["what"])
 def test_a_sample(row: dict[str, Any]) -> None:
     (stamped,) = rehearse(Ads1115(Ads1115Knobs()).cycle(Stamp(0)), look(row["voltage"], row["current"]))
+    assert isinstance(stamped, Stamped)
+    assert isinstance(stamped.reading, Battery)
     assert stamped.reading.voltage_V == pytest.approx(row["voltage_V"])
     assert stamped.reading.current_A == pytest.approx(row["current_A"], abs=1e-9)
 

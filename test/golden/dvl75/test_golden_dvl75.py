@@ -6,17 +6,18 @@ import functools
 import math
 import operator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 import yaml
 
-from hindrax_core.driver_interface import Identity
+from hindrax_core.driver_interface import Identity, Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Position
 from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_drivers.protocols.nmea import checksum
 
+ReadingT = TypeVar("ReadingT")
 CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))
 
 
@@ -24,13 +25,13 @@ def named(kind: str) -> list[object]:
     return [pytest.param(case, id=case["name"]) for case in CASES[kind]]
 
 
-def outputs(line: str) -> list[object]:
+def outputs(line: str) -> list[Output]:
     driver = Dvl75()
     driver.start(Stamp(0))
-    return list(driver.feed(line.encode() + b"\r\n", Stamp(10**9)))
+    return driver.feed(line.encode() + b"\r\n", Stamp(10**9))
 
 
-def reading(line: str, kind: type) -> object:
+def reading(line: str, kind: type[ReadingT]) -> ReadingT:
     (found,) = [one.reading for one in outputs(line) if isinstance(one, Stamped) and isinstance(one.reading, kind)]
     return found
 

@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
-from hindrax_core.events import Rejected, Stamp
+from hindrax_core.events import Rejected, Stamp, Stamped
+from hindrax_core.readings import Battery
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices.ina226 import Ina226, Ina226Knobs
 
@@ -30,18 +31,24 @@ def look(shunt: str, bus: str, again: str = "") -> list[tuple[Operation, bytes]]
     ]
 
 
+def battery(sensor: Ina226, transcript: list[tuple[Operation, bytes]]) -> Battery:
+    (stamped,) = rehearse(sensor.cycle(Stamp(0)), transcript)
+    assert isinstance(stamped, Stamped)
+    assert isinstance(stamped.reading, Battery)
+    return stamped.reading
+
+
 @pytest.mark.parametrize("row", CASES["samples"], ids=lambda row: row["what"])
 def test_a_sample(row: dict[str, Any]) -> None:
     sensor = Ina226(Ina226Knobs(shunt_ohm=row["shunt_ohm"]))
-    (stamped,) = rehearse(sensor.cycle(Stamp(0)), look(row["shunt"], row["bus"]))
-    assert stamped.reading.voltage_V == pytest.approx(row["voltage_V"])
-    assert stamped.reading.current_A == pytest.approx(row["current_A"])
+    found = battery(sensor, look(row["shunt"], row["bus"]))
+    assert found.voltage_V == pytest.approx(row["voltage_V"])
+    assert found.current_A == pytest.approx(row["current_A"])
 
 
 def test_a_shunt_that_is_wired_the_other_way_round() -> None:
     sensor = Ina226(Ina226Knobs(shunt_ohm=0.002, reversed=True))
-    (stamped,) = rehearse(sensor.cycle(Stamp(0)), look("1f40", "2570"))
-    assert stamped.reading.current_A == pytest.approx(-10.0)
+    assert battery(sensor, look("1f40", "2570")).current_A == pytest.approx(-10.0)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +60,7 @@ def test_what_is_no_measurement_is_rejected(shunt: str, bus: str, again: str) ->
 
 
 def test_the_identity_and_another_part() -> None:
-    talk = [MAKER, DIE, (Write(0x41, b"\x00\x80\x00"), b"")]
+    talk: list[tuple[Operation, bytes]] = [MAKER, DIE, (Write(0x41, b"\x00\x80\x00"), b"")]
     assert rehearse(Ina226(Ina226Knobs()).configure(), talk).text == "INA226 at 0x41, shunt 0.5 mohm"
     with pytest.raises(DeviceError, match="found ids 0x5449 0x2270, wanted 0x5449 0x226x"):
         rehearse(Ina226(Ina226Knobs()).configure(), [MAKER, (DIE[0], b"\x22\x70")])

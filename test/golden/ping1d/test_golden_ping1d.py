@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from hindrax_core.driver_interface import Identity, Send
+from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Echo, EchoProfile
 from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
@@ -42,7 +42,7 @@ def test_hostile_streams_swallow_nothing(case: dict[str, Any]) -> None:
     assert any(isinstance(one, protocol.Refused) for one in pieces)
 
 
-def running() -> tuple[Ping1d, list[object]]:
+def running() -> tuple[Ping1d, list[Output]]:
     """A driver whose device acknowledges nothing and has just sent its identity; orders are given up one by one."""
     driver = Ping1d(Ping1dKnobs(tries=1, answer_s=0.05, continuous=False, profile=True))
     outputs = [*driver.start(Stamp(0)), *driver.feed(FRAMES["device_information"], Stamp(0))]

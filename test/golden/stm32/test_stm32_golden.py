@@ -42,6 +42,7 @@ U16 = st.integers(0, 65535)
 def only(data: bytes) -> Message:
     (frame,) = Decoder().feed(data, NOW)
     assert isinstance(frame, Frame)
+    assert frame.message is not None
     return frame.message
 
 
@@ -60,6 +61,7 @@ def test_decodes_the_very_bytes(name: str) -> None:
     (frame,) = Decoder().feed(WIRES[name], NOW)
     assert isinstance(frame, Frame)
     assert (frame.system, frame.component, frame.sequence) == (1, CASES[name]["component"], CASES[name]["sequence"])
+    assert frame.message is not None
     assert encode(frame.message, frame.sequence, frame.system, frame.component) == WIRES[name]
 
 
