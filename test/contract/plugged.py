@@ -11,10 +11,11 @@ from register_rig import START, STEP_S, Rig
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_core.bus_operations import EDGES
-from hindrax_core.driver_interface import Identity, Output, Trouble
-from hindrax_core.events import Rejected, Stamped, seconds_between, to_s
+from hindrax_core.driver_interface import Identity, Output, RegisterDevice, SerialDevice, Trouble
+from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between, to_s
 from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_drivers.buses.bus_schedule import BusOutput
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.emulator_registry import EMULATORS
 from hindrax_sim.faults.fault_registry import FaultSpec, with_bus_faults
@@ -30,27 +31,19 @@ def mount_of(name: str) -> tuple[Vehicle, Mount]:
     return vehicle, vehicle.sensors[name]
 
 
-class Tapped:
-    """A serial driver, and everything that it was fed."""
+class SerialLine(Bench[SerialDevice]):
+    """Driver and emulator on a serial line, and everything that the driver was fed."""
 
-    def __init__(self, driver: Any) -> None:
-        self._driver = driver
+    def __init__(
+        self, driver: SerialDevice, emulator: Any, truth: Truth, faults: Sequence[FaultSpec], seed: int
+    ) -> None:
+        super().__init__(driver, emulator, truth, faults=list(faults), seed=seed)
         self.heard: list[bytes] = []
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._driver, name)
-
-    def feed(self, data: bytes, stamp: Any) -> Any:
-        self.heard.append(data)
-        return self._driver.feed(data, stamp)
-
-
-class SerialLine(Bench):
-    """Driver and emulator on a serial line."""
-
-    def __init__(self, driver: Any, emulator: Any, truth: Truth, faults: Sequence[FaultSpec], seed: int) -> None:
-        super().__init__(Tapped(driver), emulator, truth, faults=list(faults), seed=seed)
         self.said: list[tuple[float, Any]] = []
+
+    def _feed(self, data: bytes, stamp: Stamp) -> None:
+        self.heard.append(data)
+        super()._feed(data, stamp)
 
     def _handle(self, outputs: Iterable[Output]) -> None:
         outputs = list(outputs)
@@ -64,13 +57,15 @@ class SerialLine(Bench):
 class RegisterBus(Rig):
     """Driver and emulator on a virtual I2C bus."""
 
-    def __init__(self, driver: Any, ports: dict[int, Any], tell: Callable[[float, float], None]) -> None:
+    def __init__(self, driver: RegisterDevice, ports: dict[int, Any], tell: Callable[[float, float], None]) -> None:
         super().__init__(driver, ports, tell)
         self.said: list[tuple[float, Any]] = []
 
-    def run(self, seconds: float) -> None:
+    def run(self, seconds: float) -> list[BusOutput]:
+        before = len(self.outputs)
         for _ in range(round(seconds / STEP_S)):
             self.said += [(self.elapsed_s, one) for one in super().run(STEP_S)]
+        return self.outputs[before:]
 
     def seconds(self, stamped: Stamped[Any]) -> float:
         return seconds_between(START, stamped.stamp)
@@ -125,7 +120,7 @@ class Plugged:
 
     def heard(self) -> bytes:
         """Everything that a serial driver was fed."""
-        return b"".join(self._wire.driver.heard)
+        return b"".join(self._wire.heard)
 
     def identities(self) -> list[str]:
         return [one.text for one in self._said(Identity, 0.0, 1e9)]

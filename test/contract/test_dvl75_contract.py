@@ -10,6 +10,7 @@ from contract.serial_bench import Bench, world_s
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hindrax_core.events import Stamp
 from hindrax_core.readings import BottomTrack, BottomVelocity, Vec3
 from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
 from hindrax_drivers.devices.dvl75_settings import commands, wanted_settings
@@ -25,8 +26,13 @@ def bench(
     knobs: Dvl75Knobs | None = None,
     settings: DvlSettings = ON,
     noise_mps: float = 0.0,
-) -> Bench:
+) -> Bench[Dvl75]:
     return Bench(Dvl75(knobs or Dvl75Knobs()), Emulator(settings=settings, noise_mps=noise_mps), truth)
+
+
+def forward_mps(reading: BottomVelocity) -> float:
+    assert reading.velocity_mps is not None
+    return reading.velocity_mps[0]
 
 
 SPEED = st.floats(-1.0, 1.0)
@@ -80,7 +86,7 @@ def test_sigma_is_honest() -> None:
         noise_mps=0.01,
     ).run(32.0)
     found = log.of(BottomVelocity, 2.0)
-    errors = [one.reading.velocity_mps[0] - 0.3 * math.sin(0.37 * world_s(one)) for one in found]
+    errors = [forward_mps(one.reading) - 0.3 * math.sin(0.37 * world_s(one)) for one in found]
     spread = math.sqrt(sum(error * error for error in errors) / len(errors))
     assert spread == pytest.approx(found[0].reading.sigma_mps, rel=0.1)
 
@@ -100,7 +106,7 @@ def test_there_is_never_a_velocity_without_lock() -> None:
     assert all(one.reading.velocity_mps is None for one in log.of(BottomVelocity, 4.2, 6.0))
     assert len(log.of(BottomVelocity, 4.2, 6.0)) >= 15
     assert all(not one.reading.locked and one.reading.altitude_m is None for one in log.of(BottomTrack, 4.2, 6.0))
-    assert all(one.reading.velocity_mps[0] == pytest.approx(0.5, abs=0.011) for one in log.of(BottomVelocity, 7.0))
+    assert all(forward_mps(one.reading) == pytest.approx(0.5, abs=0.011) for one in log.of(BottomVelocity, 7.0))
 
 
 def test_a_device_fresh_from_the_factory_is_made_to_send_deltas() -> None:
@@ -118,7 +124,7 @@ def test_setup_changes_what_differs_and_then_nothing_more() -> None:
     assert wanted == (b"SEND-DVPDL ON\n", b"SET-SPEED-OF-SOUND 1484.0\n")
     for command in wanted:
         line.emulator.receive(command, line.now_s)
-    line.driver.feed(line.emulator.receive(b"?\n", line.now_s), 0)
+    line.driver.feed(line.emulator.receive(b"?\n", line.now_s), Stamp(0))
     assert commands(line.driver.configuration, settled) == ()
 
 
@@ -126,7 +132,7 @@ def test_a_wrong_speed_of_sound_scales_the_velocity() -> None:
     log = bench(lambda _: DvlTruth((0.5, 0.0, 0.0), speed_of_sound_mps=1500.0), settings=DvlSettings(deltas=True)).run(
         3.0
     )
-    speeds = [one.reading.velocity_mps[0] for one in log.of(BottomVelocity, 1.5)]
+    speeds = [forward_mps(one.reading) for one in log.of(BottomVelocity, 1.5)]
     assert sum(speeds) / len(speeds) == pytest.approx(0.5 * 1484.0 / 1500.0, abs=0.01)
 
 

@@ -15,6 +15,7 @@ from hindrax_core.readings import Inertial, Magnetic, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices.icm20948 import SILENT_LINE, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.icm20948_selftest import SelfTest, self_test
+from hindrax_sim.buses.virtual_i2c import RegisterEmulator
 from hindrax_sim.devices.icm20948 import Icm20948 as Emulator
 from hindrax_sim.devices.imu_signal import ImuTruth, SensorErrors
 
@@ -31,7 +32,7 @@ Motion = Callable[[float], ImuTruth]
 def rig(motion: Motion, part: SensorErrors = FAITHFUL, knobs: Icm20948Knobs | None = None, seed: int = 0) -> Rig:
     emulator = Emulator(seed, part)
     driver = Icm20948(knobs or Icm20948Knobs())
-    ports = {0x68: emulator, 0x0C: emulator.magnetometer}
+    ports: dict[int, RegisterEmulator] = {0x68: emulator, 0x0C: emulator.magnetometer}
     return Rig(driver, ports, lambda elapsed_s, now_s: emulator.set_truth(motion(elapsed_s), now_s))
 
 
@@ -200,7 +201,7 @@ LINE = 17
 def timed_rig(part: Emulator) -> Rig:
     """The part with its INT1 at a GPIO line; the rate is as different from nominal as a good part's."""
     driver = Icm20948(Icm20948Knobs(data_ready=f"pinctrl-bcm2711:{LINE}"))
-    ports = {0x68: part, 0x0C: part.magnetometer, EDGES + LINE: part.data_ready}
+    ports: dict[int, RegisterEmulator] = {0x68: part, 0x0C: part.magnetometer, EDGES + LINE: part.data_ready}
     return Rig(driver, ports, lambda _, now_s: part.set_truth(LEVEL, now_s))
 
 

@@ -168,8 +168,9 @@ def test_every_order_reaches_the_guard_at_once_and_the_end_is_neutral(bench: Ben
 def test_an_output_that_is_not_there_is_told_and_not_armed_until_it_comes(bench: Bench) -> None:
     bench.there = False
     bench.thread.start()
-    for silent in (bench.thread.command, bench.thread.light, bench.thread.drop):
-        silent(Any)
+    bench.thread.command(Command(MOVING, (), bench.bus.now(), 1))
+    bench.thread.light((1.0, 1.0))
+    bench.thread.drop(WHY)
     assert not bench.thread.ready
     assert bench.thread.now == Stamp(0)
     answer = bench.thread.arm(bench.request()).result(PATIENT_S)

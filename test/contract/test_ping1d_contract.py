@@ -11,19 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.readings import Echo, EchoProfile, SonarHealth
-from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+from hindrax_drivers.devices.ping1d import Ping1d
+from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, Ping1dKnobs
 from hindrax_sim.devices.ping1d import Ping1d as Emulator
 from hindrax_sim.devices.ping1d import PingTruth
 
 
-def bench(truth: Callable[[float], PingTruth], noise: float = 0.0, **knobs: bool | float) -> Bench:
-    return Bench(Ping1d(Ping1dKnobs(**knobs)), Emulator(noise=noise), truth)
+def bench(truth: Callable[[float], PingTruth], noise: float = 0.0, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> Bench[Ping1d]:
+    return Bench(Ping1d(knobs), Emulator(noise=noise), truth)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.3, 4.9), st.booleans(), st.booleans())
 def test_the_distance_comes_through_within_one_step(distance: float, auto: bool, continuous: bool) -> None:
-    log = bench(lambda _: PingTruth(distance), mode_auto=auto, continuous=continuous, profile=True).run(3.0)
+    log = bench(
+        lambda _: PingTruth(distance), knobs=Ping1dKnobs(mode_auto=auto, continuous=continuous, profile=True)
+    ).run(3.0)
     echoes = [one.reading for one in log.of(Echo, 1.5)]
     assert len(echoes) >= 10
     for echo in echoes:
@@ -34,7 +37,7 @@ def test_the_distance_comes_through_within_one_step(distance: float, auto: bool,
 
 
 def test_a_profile_shows_its_peak_at_the_distance() -> None:
-    line = bench(lambda _: PingTruth(2.0), mode_auto=False, range_start_m=0.0, range_length_m=5.0)
+    line = bench(lambda _: PingTruth(2.0), knobs=Ping1dKnobs(mode_auto=False, range_start_m=0.0, range_length_m=5.0))
     log = line.run(2.0)
     assert not log.of(EchoProfile)
     line._handle(line.driver.request_profile())
@@ -48,14 +51,14 @@ def test_an_echo_is_true_at_its_stamp_while_the_bottom_comes_nearer() -> None:
     def truth(now_s: float) -> PingTruth:
         return PingTruth(3.0 - 0.2 * now_s)
 
-    log = bench(truth, speed_of_sound_mps=1484.0).run(8.0)
+    log = bench(truth, knobs=Ping1dKnobs(speed_of_sound_mps=1484.0)).run(8.0)
     for stamped in log.of(Echo, 2.0):
         # The emulator looks at the truth at the end of the scan: 0.2 m/s for at most 20 ms and two steps.
         assert stamped.reading.range_m == pytest.approx(truth(world_s(stamped)).distance_m, abs=0.006)
 
 
 def test_noise_is_half_a_percent() -> None:
-    log = bench(lambda _: PingTruth(4.0), noise=0.005, mode_auto=False).run(30.0)
+    log = bench(lambda _: PingTruth(4.0), noise=0.005, knobs=Ping1dKnobs(mode_auto=False)).run(30.0)
     errors = [one.reading.range_m / 4.0 - 1.0 for one in log.of(Echo, 2.0)]
     assert math.sqrt(sum(error * error for error in errors) / len(errors)) == pytest.approx(0.005, rel=0.15)
 
@@ -69,19 +72,21 @@ def test_a_doubtful_echo_is_refused() -> None:
 
 @pytest.mark.parametrize("continuous", [True, False])
 def test_without_an_echo_there_is_no_reading_and_with_one_there_is_again(continuous: bool) -> None:
-    log = bench(lambda now_s: PingTruth(None if 3.0 < now_s < 6.0 else 2.0), continuous=continuous).run(9.0)
+    log = bench(
+        lambda now_s: PingTruth(None if 3.0 < now_s < 6.0 else 2.0), knobs=Ping1dKnobs(continuous=continuous)
+    ).run(9.0)
     assert not log.of(Echo, 3.2, 6.0)
     assert len(log.of(Echo, 7.0)) >= 10
     assert log.troubles == []
 
 
 def test_the_speed_of_sound_is_set() -> None:
-    line = bench(lambda _: PingTruth(3.0, speed_of_sound_mps=1520.0), speed_of_sound_mps=1520.0)
+    line = bench(lambda _: PingTruth(3.0, speed_of_sound_mps=1520.0), knobs=Ping1dKnobs(speed_of_sound_mps=1520.0))
     assert line.run(2.0).of(Echo)[-1].reading.range_m == pytest.approx(3.0, abs=0.001)
 
 
 def test_readings_are_ordered_and_new() -> None:
-    log = bench(lambda _: PingTruth(2.0), continuous=False, interval_s=0.05).run(10.0)
+    log = bench(lambda _: PingTruth(2.0), knobs=Ping1dKnobs(continuous=False, interval_s=0.05)).run(10.0)
     numbers = [one.reading.ping_number for one in log.of(Echo)]
     assert numbers == sorted(set(numbers))
     stamps = [one.stamp for one in log.of(Echo)]

@@ -141,7 +141,7 @@ TIMED = [("icm20948", fault, {"data_ready": "pinctrl-bcm2711:17"}) for fault in 
 
 
 @pytest.mark.parametrize(("name", "fault", "wired"), [*((*one, {}) for one in SWEEP), *TIMED])
-def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str, wired: dict[str, str]) -> None:
+def test_a_fault_is_survived_told_and_over_when_it_is_over(name: str, fault: str, wired: dict[str, Any]) -> None:
     begin_s = MID_CYCLE_S if fault in WITHOUT_POWER else BEGIN_S
     plugged = Plugged(name, [FaultSpec(fault, (name,), begin_s, LASTS_S)], **wired)
     plugged.run(OVER_S + BACK_WITHIN_S + AFTER_S)

@@ -19,6 +19,7 @@ from hindrax_drivers.protocols.mavlink import (
     Decoder,
     Frame,
     Heartbeat,
+    Message,
     ServoOutput,
     StatusText,
     encode,
@@ -37,18 +38,16 @@ LONGEST = {number: struct.calcsize(common.mavlink_map[number].unpacker.format) f
 def frame(dice: random.Random) -> bytes:
     """A good frame of a random kind, from either end."""
     pulses = tuple(dice.choice([1500, 1100, 1900, 0, 65535, dice.randrange(65536)]) for _ in range(16))
-    message = dice.choice(
-        [
-            Heartbeat(12, 0, dice.choice([0, 128]), dice.randrange(9)),
-            ServoOutput(dice.randrange(2**32), pulses),
-            ChannelsOverride(pulses),
-            CommandLong(dice.choice([400, 400, 246]), dice.choice([0.0, 1.0, float("nan")])),
-            CommandAck(400, dice.randrange(6)),
-            BatteryStatus(dice.uniform(0.0, 60.0), dice.choice([None, 3.0])),
-            StatusText(dice.randrange(8), "text \ufffd"),
-        ]
-    )
-    return encode(message, dice.randrange(256), component=dice.choice([1, 191]))
+    messages: list[Message] = [
+        Heartbeat(12, 0, dice.choice([0, 128]), dice.randrange(9)),
+        ServoOutput(dice.randrange(2**32), pulses),
+        ChannelsOverride(pulses),
+        CommandLong(dice.choice([400, 400, 246]), dice.choice([0.0, 1.0, float("nan")])),
+        CommandAck(400, dice.randrange(6)),
+        BatteryStatus(dice.uniform(0.0, 60.0), dice.choice([None, 3.0])),
+        StatusText(dice.randrange(8), "text \ufffd"),
+    ]
+    return encode(dice.choice(messages), dice.randrange(256), component=dice.choice([1, 191]))
 
 
 def true_frames(data: bytes) -> int:
