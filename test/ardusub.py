@@ -36,7 +36,7 @@ def flight(seconds: float) -> Iterator[tuple[list[int], dict[str, float]]]:
     curve, water = thrust_curves(vehicle)[0], vehicle.hydrodynamics
     assert water is not None
     added = dict(zip(AXES, water.added_mass, strict=True))
-    inertia = {name: added[name] + (vehicle.inertia_kgm2[2] if name == "yaw" else vehicle.mass_kg) for name in COLUMNS}
+    inertia = {name: added[name] + (vehicle.inertia[2] if name == "yaw" else vehicle.mass_kg) for name in COLUMNS}
     speeds = dict.fromkeys(COLUMNS, 0.0)
     for step in range(round(seconds / STEP_S)):
         axes, push = divmod(int(step * STEP_S / PUSH_S), len(STICKS))

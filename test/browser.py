@@ -50,7 +50,8 @@ class Browser:
             if found.get("id") == self._number:
                 if "error" in found:
                     raise BrowserError(found["error"])
-                return found["result"]
+                result: dict[str, Any] = found["result"]
+                return result
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
@@ -58,7 +59,7 @@ class Browser:
             assert read, "the browser has gone"
             self._rest += read
         line, _, self._rest = self._rest.partition(b"\0")
-        found = json.loads(line)
+        found: dict[str, Any] = json.loads(line)
         if found.get("method") == "Runtime.exceptionThrown":
             self.complaints.append(str(found["params"]["exceptionDetails"]))
         if found.get("method") == "Log.entryAdded" and found["params"]["entry"]["level"] == "error":

@@ -5,7 +5,8 @@ The graph of states is that of design.ros2.org/articles/node_lifecycle.html, wri
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 GRAPH = {
@@ -37,6 +38,10 @@ def invalid(state: str) -> list[tuple[str, int]]:
     return labels + [("", number) for number in (*range(13), *range(20, 70, 10), 99, 255) if number not in valid]
 
 
+def done(futures: Sequence[Any]) -> bool:
+    return all(one.done() for one in futures)
+
+
 class LifecycleClient:
     """Asks one node; `until` turns whatever has to turn until it holds."""
 
@@ -52,7 +57,7 @@ class LifecycleClient:
         answers: list[Any] = []
         for begin in range(0, len(requests), TOGETHER):
             futures = [client.call_async(request) for request in requests[begin : begin + TOGETHER]]
-            self._until(lambda asked=futures: all(one.done() for one in asked), f"answers of {client.srv_name}")
+            self._until(partial(done, futures), f"answers of {client.srv_name}")
             answers += [one.result() for one in futures]
         return answers
 

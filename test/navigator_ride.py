@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias, TypeVar
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamped, stamp_from_s
@@ -16,6 +16,7 @@ from hindrax_core.rotation import Matrix3, matrix, rotate
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle, load_vehicle
 
+T = TypeVar("T")
 VEHICLE = load_vehicle(Path(__file__).parents[1] / "src/hindrax_bringup/vehicles/hindrax.yaml")
 CENTERED = replace(VEHICLE, sensors={name: Mount(name) for name in ("icm20948", "ms5837", "ping1d", "dvl75")})
 MOUNTED = replace(
@@ -29,8 +30,19 @@ MOUNTED = replace(
 )
 FLOOR_m = 1.8
 FIELD_T = (17.5e-6, 0.0, -13.8e-6)
-HOVER: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
-STILL: Callable[[float], tuple[float, float, float]] = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
+Motion: TypeAlias = Callable[[float], Vec3]
+HOVER: Motion = lambda _: (0.0, 0.0, 0.9)  # noqa: E731
+STILL: Motion = lambda _: (0.0, 0.0, 0.0)  # noqa: E731
+
+
+def vector(values: Iterable[float]) -> Vec3:
+    x, y, z = values
+    return (x, y, z)
+
+
+def part(of: Callable[[T], Sequence[float]], axis: int) -> Callable[[T], float]:
+    """Give one component of what a function gives."""
+    return lambda one: of(one)[axis]
 
 
 def rotate_back(turn: Matrix3, vector: Vec3) -> Vec3:
@@ -44,17 +56,17 @@ class Ride:
 
     vehicle: Vehicle = CENTERED
     knobs: NavigatorKnobs = field(default_factory=NavigatorKnobs)
-    position: Callable = HOVER
-    attitude: Callable = STILL
-    gyro_bias: tuple = (0.0, 0.0, 0.0)
-    force_bias: tuple = (0.0, 0.0, 0.0)
+    position: Motion = HOVER
+    attitude: Motion = STILL
+    gyro_bias: Vec3 = (0.0, 0.0, 0.0)
+    force_bias: Vec3 = (0.0, 0.0, 0.0)
     noise: float = 0.0
     dvl_delay_s: float = 0.02
     dvl_from_s: float = 0.0
     dvl_until_s: float = 1e9
     sonar_until_s: float = 1e9
     deep: bool = True
-    motors_T: Callable = STILL
+    motors_T: Motion = STILL
 
     def __post_init__(self) -> None:
         self.navigator = Navigator(self.vehicle, self.knobs)
@@ -67,22 +79,22 @@ class Ride:
         columns = [rotate_back(before, rotate(after, axis)) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
         return (columns[1][2] / (2 * h), columns[2][0] / (2 * h), columns[0][1] / (2 * h))
 
-    def point(self, t: float, lever: Vec3) -> tuple[float, ...]:
+    def point(self, t: float, lever: Vec3) -> Vec3:
         turned = rotate(matrix(self.attitude(t)), lever)
-        return tuple(a + b for a, b in zip(self.position(t), turned, strict=True))
+        return vector(a + b for a, b in zip(self.position(t), turned, strict=True))
 
     def velocity(self, t: float, lever: Vec3 = (0.0, 0.0, 0.0), h: float = 1e-4) -> Vec3:
         low, high = self.point(t - h, lever), self.point(t + h, lever)
-        return rotate_back(matrix(self.attitude(t)), tuple((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
+        return rotate_back(matrix(self.attitude(t)), vector((b - a) / (2 * h) for a, b in zip(low, high, strict=True)))
 
     def inertial(self, t: float, mount: Mount, h: float = 1e-3) -> Inertial:
         low, mid, high = (self.point(t + dt, mount.position_m) for dt in (-h, 0.0, h))
         a, b, c = ((x - 2 * y + z) / h**2 for x, y, z in zip(low, mid, high, strict=True))
         force = rotate_back(matrix(self.attitude(t)), (a, b, c - GRAVITY_mps2))
-        turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
+        turn = matrix(vector(math.radians(x) for x in mount.rotation_deg))
         return Inertial(
-            tuple(f + d for f, d in zip(rotate_back(turn, force), self.force_bias, strict=True)),
-            tuple(w + d for w, d in zip(rotate_back(turn, self.rates(t)), self.gyro_bias, strict=True)),
+            vector(f + d for f, d in zip(rotate_back(turn, force), self.force_bias, strict=True)),
+            vector(w + d for w, d in zip(rotate_back(turn, self.rates(t)), self.gyro_bias, strict=True)),
             20.0,
         )
 
@@ -93,18 +105,22 @@ class Ride:
 
     def slow_sensors(self, t: float, number: int) -> None:
         """What has arrived since the last IMU sample."""
-        sensors, gauss = self.vehicle.sensors, lambda sigma: self.random.gauss(0.0, sigma * self.noise)
+        sensors = self.vehicle.sensors
+
+        def gauss(sigma: float) -> float:
+            return self.random.gauss(0.0, sigma * self.noise)
+
         if number % 5 == 0 and self.deep:
             depth = self.point(t, sensors["ms5837"].position_m)[2]
             pressure = 101325.0 + 1000.0 * GRAVITY_mps2 * (depth + gauss(0.002))
             self.tell(t, Pressure(pressure, 20.0), "ms5837")
         if number % 9 == 0:
             field_T = rotate_back(matrix(self.attitude(t)), FIELD_T)
-            self.tell(t, Magnetic(tuple(a + b for a, b in zip(field_T, self.motors_T(t), strict=True))), "icm20948")
+            self.tell(t, Magnetic(vector(a + b for a, b in zip(field_T, self.motors_T(t), strict=True))), "icm20948")
         if number % 10 == 0:
             self.acoustics(t, sensors, gauss)
 
-    def acoustics(self, t: float, sensors: Mapping[str, Mount], gauss: Callable[[Any], float]) -> None:
+    def acoustics(self, t: float, sensors: Mapping[str, Mount], gauss: Callable[[float], float]) -> None:
         if t < self.sonar_until_s:
             at = sensors["ping1d"].position_m
             slant = math.cos(max(0.0, math.acos(matrix(self.attitude(t))[2][2]) - math.radians(12.5)))
@@ -112,9 +128,9 @@ class Ride:
         end = t - self.dvl_delay_s
         mount = sensors["dvl75"]
         speeds = [self.velocity(end - 0.05 + 0.005 * k, mount.position_m) for k in range(11)]
-        turn = matrix(tuple(math.radians(x) for x in mount.rotation_deg))
-        mean = rotate_back(turn, tuple(sum(axis) / 11 for axis in zip(*speeds, strict=True)))
-        mean = tuple(one + gauss(0.01) for one in mean)
+        turn = matrix(vector(math.radians(x) for x in mount.rotation_deg))
+        mean = rotate_back(turn, vector(sum(axis) / 11 for axis in zip(*speeds, strict=True)))
+        mean = vector(one + gauss(0.01) for one in mean)
         known = self.dvl_from_s <= t < self.dvl_until_s
         self.tell(end - 0.025, BottomVelocity(mean if known else None, 0.01, 1.0, 0.05, 0), "dvl75")
 
@@ -131,7 +147,7 @@ class Ride:
         value: Callable[[Navigation], float],
         truth: Callable[[float], float],
         after_s: float = 5.0,
-    ) -> list[Any]:
+    ) -> list[float]:
         return [value(one.reading) - truth(one.stamp * 1e-9) for one in self.out if one.stamp * 1e-9 > after_s]
 
 

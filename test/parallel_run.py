@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Generator, Sequence
 from typing import Any
 
@@ -47,7 +47,7 @@ class FileProgress:
         self._total = 0
         self._begin = time.monotonic()
         self._outcomes: dict[str, Counter[str]] = {}
-        self._seconds: Counter[str] = Counter()
+        self._seconds: defaultdict[str, float] = defaultdict(float)
 
     def pytest_xdist_node_collection_finished(self, ids: Sequence[str]) -> None:
         """Learn what there is; every worker has collected the same."""

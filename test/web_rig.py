@@ -16,6 +16,7 @@ from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
@@ -104,7 +105,7 @@ class FakeVehicle:
         self.orders.append("cancel")
         on_done("nothing was being flown", True)
 
-    def fly(self, goal: Goal, on_done: Callable[[str, bool], None]) -> None:
+    def fly(self, goal: Goal | ExperimentGoal, on_done: Callable[[str, bool], None]) -> None:
         self.orders.append(goal)
         self.landed = on_done
 
@@ -146,7 +147,8 @@ class Page:
 @contextlib.contextmanager
 def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> Iterator[Page]:
     """Serve the page of a pretended vehicle at a free port."""
-    vehicle, heartbeat, said = FakeVehicle(shown), ViewerHeartbeat(), []
+    vehicle, heartbeat = FakeVehicle(shown), ViewerHeartbeat()
+    said: list[str] = []
     chart = Chart(load_vehicle(default_vehicle()))
     controller = PageController(vehicle, chart, Reports(runs), heartbeat, read_only=read_only, log=said.append)
     server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)

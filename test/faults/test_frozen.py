@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -58,7 +60,13 @@ def supervised(tmp_path: Path) -> Iterator[SupervisedFlight]:
         supervisor = Supervisor(tmp_path / "logs", variables(domain))
         with supervisor:
             supervisor.start(THRUSTERS, words_of(world))
-            flight = Flight(world, lambda: supervisor.children[THRUSTERS.name].handle, domain)
+
+            def handle() -> subprocess.Popen[bytes]:
+                found = supervisor.children[THRUSTERS.name].handle
+                assert isinstance(found, subprocess.Popen)
+                return found
+
+            flight = Flight(world, handle, domain)
             made = SupervisedFlight(flight, supervisor)
             flight.pilot.tick = made.look_after
             yield made
@@ -69,15 +77,19 @@ def supervised(tmp_path: Path) -> Iterator[SupervisedFlight]:
 
 def test_whoever_is_frozen_the_wire_is_neutral_in_time_and_it_comes_back_disarmed(supervised: SupervisedFlight) -> None:
     flight = supervised.flight
+
+    def heard(states: int) -> bool:
+        return len(flight.pilot.states) > states
+
     for who in ("node", "dead man", "both"):
         flight.take_off()
         seen, frozen = len(supervised.told), [flight.child(), flight.dead_man]
         begin = flight.world.now
         supervised.freeze(who)
         assert flight.neutral_after(begin) <= PROMISED_S
-        flight.pilot.until(lambda frozen=frozen: ended(frozen[0]), "the old node to end")
+        flight.pilot.until(partial(ended, frozen[0]), "the old node to end")
         states = len(flight.pilot.states)
-        flight.pilot.until(lambda states=states: len(flight.pilot.states) > states + 5, "the node to come back")
+        flight.pilot.until(partial(heard, states + 5), "the node to come back")
         assert not any(state.armed for state in flight.pilot.states[states:])
         assert flight.is_neutral()
         told = " ".join(supervised.told[seen:])

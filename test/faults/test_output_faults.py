@@ -10,6 +10,7 @@ import pytest
 from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import LED0, Pca9685
 from hindrax_drivers.output.output_guard import (
     Answer,
@@ -55,6 +56,10 @@ class GarblingBus(LockStep):
 
     def close(self) -> None:
         self.closed = True
+
+    def sleep_until(self, stamp: Stamp, readable: int | None = None, meanwhile: Meanwhile = nothing) -> None:
+        meanwhile()
+        super().sleep_until(stamp, readable)
 
     def transfer(self, transaction: Transaction) -> bytes:
         if self.garbles and isinstance(transaction, Write) and transaction.data[0] == LED0:

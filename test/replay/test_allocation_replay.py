@@ -13,6 +13,8 @@ from hindrax_bag.message_comparison import Difference
 from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
 from hindrax_control.allocation import allocation_cycle, wrench_guard
+from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.allocation.applied_wrench import AppliedWrench
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
 from hindrax_core.topics import ALLOCATION, THRUSTER_COMMAND, WRENCH, resolved
@@ -53,7 +55,7 @@ def test_a_guard_that_refuses_everything_is_found(monkeypatch: pytest.MonkeyPatc
 
 
 def test_another_allocation_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Other(allocation_cycle.Allocator):
+    class Other(Allocator):
         def allocate(self, *words: Any, **named: Any) -> Allocation:
             plan = super().allocate(*words, **named)
             return dataclasses.replace(plan, pulses_us=(plan.pulses_us[0] + 1, *plan.pulses_us[1:]))
@@ -64,10 +66,10 @@ def test_another_allocation_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_another_reckoning_of_what_was_achieved_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Other(allocation_cycle.AppliedWrench):
+    class Other(AppliedWrench):
         def wrench(self, forces_N: Sequence[float]) -> Vec6:
-            X, *others = super().wrench(forces_N)
-            return (X + 0.001, *others)
+            X, Y, Z, K, M, N = super().wrench(forces_N)
+            return (X + 0.001, Y, Z, K, M, N)
 
     monkeypatch.setattr(allocation_cycle, "AppliedWrench", Other)
     assert {(one.topic, one.field) for one in differences()} == {

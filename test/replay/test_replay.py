@@ -34,13 +34,13 @@ from hindrax_core.signals import Navigation
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices import icm20948_registers, ms5837
-from hindrax_drivers.nodes import reading_messages
+from hindrax_drivers.nodes import marine_acoustic, reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
-from hindrax_ros.convert import navigation_from_msg, odometry_to_msg
+from hindrax_ros.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
 from hindrax_ros.serialization import serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
@@ -78,7 +78,7 @@ def test_every_device_is_replayed_from_its_wire(short: Path) -> None:
 
 def test_messages_of_other_packages_are_no_part_of_a_replay(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where marine_acoustic_msgs is installed the DVL publishes a copy that no bag holds."""
-    monkeypatch.setattr(reading_messages.marine_acoustic, "dvl_class", lambda: SimpleNamespace)
+    monkeypatch.setattr(marine_acoustic, "dvl_class", lambda: SimpleNamespace)
     made = ReadingMessages("dvl75", load_vehicle(default_vehicle())).topics
     assert "dvl75/dvl" in {topic.name for topic in made}
     replayed = replay(short).ledger
@@ -129,7 +129,7 @@ def test_a_driver_that_asks_for_something_else_is_found(short: Path, monkeypatch
 def test_a_changed_navigator_is_found_by_the_command(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(state_stage.Navigator, "_navigation", _deeper(state_stage.Navigator._navigation))
+    monkeypatch.setattr(Navigator, "_navigation", _deeper(Navigator._navigation))
     assert command_line.main(["replay", str(SURGE), "--json"]) == 1
     (one,) = json.loads(capsys.readouterr().out)["bags"]
     assert {(found["topic"], found["field"]) for found in one["differences"]} == {
@@ -249,7 +249,7 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
     report = serialized(DiagnosticArray(status=[status]))
     copy.write(Channel(resolved(DIAGNOSTICS), DIAGNOSTICS.type), report, one.received, one.sent)
     copy.close()
-    monkeypatch.setattr(state_stage, "estimate_to_msg", _surer(state_stage.estimate_to_msg))
+    monkeypatch.setattr(state_stage, "estimate_to_msg", _surer(estimate_to_msg))
     assert command_line.main(["replay", str(copy.folder)]) == (0 if late else 1)
     said = capsys.readouterr().out
     assert ("fields differ, for 3 measurements came too late" in said) is bool(late)

@@ -181,7 +181,7 @@ def test_new_sources_on_a_vehicle_are_compiled_though_nothing_has_to_be_made(clo
 
 @pytest.mark.parametrize("name", ["wheels.lock", "native.lock"])
 def test_what_a_vehicle_needs_is_whole_and_without_tools(name: str) -> None:
-    script = [sys.executable, ROOT / "setup/vehicle_lock.py", ROOT / "setup" / name]
+    script: list[str | Path] = [sys.executable, ROOT / "setup/vehicle_lock.py", ROOT / "setup" / name]
     said = subprocess.run(script, capture_output=True, text=True, check=True).stdout
     kept = dict(re.findall(r"^([a-z][\w.-]*)(?:\[\w,]+)?==(\S+)", said, re.MULTILINE))
     asked = re.findall(r"^([a-z][\w-]*)", (ROOT / "setup/runtime.in").read_text(encoding="utf-8"), re.MULTILINE)
@@ -200,7 +200,7 @@ def _needs(package: str) -> set[str]:
         declared = metadata.requires(package) or []
     except metadata.PackageNotFoundError:
         return set()
-    named = [re.match(r"[\w.-]+", line)[0].lower().replace("_", "-") for line in declared if ";" not in line]
+    named = [re.findall(r"^[\w.-]+", line)[0].lower().replace("_", "-") for line in declared if ";" not in line]
     return {name.replace(".", "-") for name in named}
 
 

@@ -40,7 +40,7 @@ KEY_OF_MODULE = {
 }
 RUNTIME = (ROOT / "setup/runtime.in").read_text(encoding="utf-8")
 DEVELOPMENT_MODULES = {
-    re.match(r"[\w.-]+", line)[0].lower().replace("-", "_")
+    re.findall(r"^[\w.-]+", line)[0].lower().replace("-", "_")
     for line in (ROOT / "setup/development.in").read_text(encoding="utf-8").splitlines()
     if line and not line.startswith("#")
 }

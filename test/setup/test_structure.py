@@ -60,7 +60,8 @@ def test_a_package_says_what_it_is_and_how_to_use_it_alone(package: str) -> None
 def test_python_examples_of_a_readme_import_what_there_is(package: str) -> None:
     readme = (ROOT / "src" / package / "README.md").read_text(encoding="utf-8")
     for block in re.findall(r"```python\n(.*?)```", readme, re.DOTALL):
-        statements = [node for node in ast.parse(block).body if isinstance(node, ast.Import | ast.ImportFrom)]
+        body = ast.parse(block).body
+        statements: list[ast.stmt] = [one for one in body if isinstance(one, ast.Import | ast.ImportFrom)]
         exec(compile(ast.Module(statements, type_ignores=[]), package, "exec"), {})
 
 

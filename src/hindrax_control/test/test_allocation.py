@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hindrax_control.allocation.allocator import LARGEST, AllocationKnobs, Allocator, finite_axes
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_ident.arrays import Array
@@ -33,11 +34,17 @@ masks = st.frozensets(st.sampled_from(NAMES))
 
 
 def applied_wrench(allocation: Allocation) -> Array:
-    return B @ np.array(allocation.forces_N)
+    wrench: Array = B @ np.array(allocation.forces_N)
+    return wrench
+
+
+def six(values: Iterable[float]) -> Vec6:
+    X, Y, Z, K, M, N = values
+    return (X, Y, Z, K, M, N)
 
 
 @given(wrenches, masks)
-def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench: tuple[float, ...], mask: frozenset[str]) -> None:
+def test_any_finite_wrench_and_mask_gives_forces_within_limits(wrench: Vec6, mask: frozenset[str]) -> None:
     allocation = ALLOCATOR.allocate(wrench, mask)
     assert all(-TOP - 1e-4 <= force <= TOP + 1e-4 for force in allocation.forces_N)
     assert all(1100 <= pulse <= 1900 for pulse in allocation.pulses_us)
@@ -57,9 +64,9 @@ def test_wrench_that_can_be_had_is_had(forces: list[float], mask: tuple[str, ...
 
 
 @given(usual)
-def test_pulses_miss_a_reachable_wrench_by_rounding_only(wrench: tuple[float, ...]) -> None:
+def test_pulses_miss_a_reachable_wrench_by_rounding_only(wrench: Vec6) -> None:
     """The pattern without wrench keeps every thruster out of its dead band, wherever there is room for it."""
-    wrench = tuple(0.4 * value for value in wrench)
+    wrench = six(0.4 * value for value in wrench)
     shortfall = np.abs(ALLOCATOR.allocate(wrench).shortfall)
     assert np.all(shortfall <= np.abs(B) @ np.full(8, ROUNDING_N) + 1e-9)
 
@@ -82,20 +89,20 @@ def test_without_idle_forces_thrusters_stand_until_half_of_the_smallest_force_is
         forces = np.linalg.pinv(B)[:, axis]
         wrench = np.zeros(6)
         wrench[axis] = sign * most_N / np.max(np.abs(forces))
-        assert (quiet.allocate(tuple(wrench.tolist())).pulses_us == (1500,) * 8) is still
+        assert (quiet.allocate(six(wrench.tolist())).pulses_us == (1500,) * 8) is still
 
 
 @given(usual.filter(lambda wrench: any(0.4 * value for value in wrench)))
-def test_pattern_moves_no_more_than_it_must(first: tuple[float, ...]) -> None:
+def test_pattern_moves_no_more_than_it_must(first: Vec6) -> None:
     """With the pulses sent before, a wrench that hardly changes hardly changes the forces."""
-    before = ALLOCATOR.allocate(tuple(0.4 * value for value in first))
-    nudged = tuple(0.4 * value + 1e-3 for value in first)
+    before = ALLOCATOR.allocate(six(0.4 * value for value in first))
+    nudged = six(0.4 * value + 1e-3 for value in first)
     again = ALLOCATOR.allocate(nudged, previous_us=before.pulses_us)
     assert np.max(np.abs(np.subtract(again.forces_N, before.forces_N))) < 0.1
 
 
 @given(usual, st.floats(3.0, 100.0))
-def test_out_of_reach_the_first_priority_keeps_its_direction(wrench: tuple[float, ...], excess: float) -> None:
+def test_out_of_reach_the_first_priority_keeps_its_direction(wrench: Vec6, excess: float) -> None:
     wanted = np.array(wrench) * excess
     given_wrench = B @ np.array(ALLOCATOR.forces(tuple(wanted)))
     for axes in ([2, 3, 4, 5], [0, 1]):
@@ -146,7 +153,7 @@ def test_axis_that_is_not_finite_is_refused_and_the_others_are_served() -> None:
 
 
 @given(st.tuples(*[st.floats()] * 6))
-def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: tuple[float, ...]) -> None:
+def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: Vec6) -> None:
     accepted, refused = finite_axes(wrench)
     assert len(refused) == sum(not math.isfinite(value) for value in wrench)
     assert all(abs(value) <= LARGEST for value in accepted)
@@ -205,7 +212,7 @@ def test_symmetric_demand_out_of_reach_leaves_heave_alone() -> None:
 
 @settings(max_examples=15)
 @given(st.permutations(range(8)), usual)
-def test_order_of_thrusters_does_not_matter(order: list[Any], wrench: tuple[float, ...]) -> None:
+def test_order_of_thrusters_does_not_matter(order: list[int], wrench: Vec6) -> None:
     shuffled = Allocator(replace(HINDRAX, thrusters=tuple(HINDRAX.thrusters[index] for index in order)))
     given_wrench = shuffled.B @ np.array(shuffled.forces(wrench))
     assert given_wrench == pytest.approx(B @ np.array(ALLOCATOR.forces(wrench)), abs=0.02)

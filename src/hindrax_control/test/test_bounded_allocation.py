@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
@@ -78,22 +79,23 @@ def largest(B_used: Array, limits: Array, parts: Array, floor_N: float | None = 
         bounds[:, m, 0] = np.clip(floor_N, 0.0, lengths[0])
     cost = np.zeros((n, m + 2))
     cost[:, wanted] = -1.0
-    tight = {"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    matrix: Any = block_diag(blocks)  # the stubs know no sparse one
     found = linprog(
         cost.ravel(),
-        A_eq=block_diag(blocks),
+        A_eq=matrix,
         b_eq=np.zeros(6 * n),
-        bounds=bounds.reshape(-1, 2),
+        bounds=[(low, high) for low, high in bounds.reshape(-1, 2).tolist()],
         method="highs-ds",
-        options=tight,
+        options={"presolve": False, "primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
     )
     assert found.status == 0, found.message
+    assert found.x is not None
     return found.x.reshape(n, m + 2)[:, wanted]
 
 
 def inexact(
     B_used: Array, limits: Array, priority: tuple[int, int, int, int, int, int], wrenches: Array, forces: Array
-) -> Array:
+) -> NDArray[np.bool_]:
     """Which allocations (n, m) of wrenches (n, 6) leave their limits, bend a direction, or could have more."""
     served = served_axes(B_used)
     mine = np.where(np.isin(np.arange(6), served)[:, None], B_used, 0.0)
@@ -108,7 +110,8 @@ def inexact(
     first = largest(mine, limits, parts)
     second = largest(mine, limits, parts, np.minimum(sizes[0], first) - 1e-10)
     missing = np.maximum(first - sizes[0], second - sizes[1])
-    return np.max([bent, outside, too_much, missing], axis=0) > EXACT_N
+    worst: Array = np.max([bent, outside, too_much, missing], axis=0)
+    return worst > EXACT_N
 
 
 def structured(rng: np.random.Generator, B_used: Array, limits: Array, count: int) -> Array:

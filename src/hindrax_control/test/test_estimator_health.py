@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,7 +29,7 @@ WELL = Navigation(
 )
 
 
-def wrong(**changes: float | Stamp) -> Navigation:
+def wrong(**changes: Any) -> Navigation:
     return replace(WELL, consistency=replace(WELL.consistency, **changes))
 
 

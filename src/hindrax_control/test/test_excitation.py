@@ -37,7 +37,7 @@ def test_same_seed_same_signal_other_seed_other_signal(kind: str, seed: int) -> 
 @pytest.mark.parametrize("kind", EXCITATIONS)
 def test_signals_push_both_ways_and_hold_several_frequencies(kind: str) -> None:
     wave = signal(kind, 3, 60.0, 0.05)
-    values = np.array([wave(t) for t in np.arange(0.0, 60.0, 0.05)])
+    values = np.array([wave(t) for t in np.arange(0.0, 60.0, 0.05).tolist()])
     assert values.max() > 0.5
     assert values.min() < -0.5
     assert abs(values.mean()) < 0.1
@@ -90,7 +90,7 @@ def test_doublets_come_back_and_pause_before_the_next() -> None:
 
 def test_a_chirp_rises_evenly_from_the_slowest_frequency_by_three_octaves_and_a_half() -> None:
     wave = signal("chirp", 1, 60.0, SLOWEST_Hz)
-    crossings = np.array([t for t in np.arange(0.0, 60.0, TICK_s) if wave(t) * wave(t + TICK_s) < 0.0])
+    crossings = np.array([t for t in np.arange(0.0, 60.0, TICK_s).tolist() if wave(t) * wave(t + TICK_s) < 0.0])
     frequencies_Hz = 0.5 / np.diff(crossings)
     rise, begin_Hz = np.polyfit(0.5 * (crossings[1:] + crossings[:-1]), frequencies_Hz, 1)
     assert begin_Hz == pytest.approx(SLOWEST_Hz, rel=0.1)
@@ -99,7 +99,7 @@ def test_a_chirp_rises_evenly_from_the_slowest_frequency_by_three_octaves_and_a_
 
 def test_a_multisine_is_lines_of_one_height_evenly_apart_and_reaches_its_peak() -> None:
     wave, seconds = signal("multisine", 1, 200.0, SLOWEST_Hz), 200.0
-    values = np.array([wave(t) for t in np.arange(0.0, seconds, 0.1)])
+    values = np.array([wave(t) for t in np.arange(0.0, seconds, 0.1).tolist()])
     lines = np.abs(np.fft.rfft(values)) / len(values)
     at = np.flatnonzero(lines > 0.5 * lines.max())
     assert at[0] / seconds == pytest.approx(SLOWEST_Hz)

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.navigation.gyro_bias import SPANS, FINEST_radps, Offset, RestWindow
+from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import GRAVITY_mps2
 
 SPAN_S = 0.2
@@ -34,10 +35,11 @@ def shown(rate: Callable[[Any], float], roll: Callable[[Any], float], *, noise: 
 
 
 @given(OFFSETS, st.integers(0, 1000))
-def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset: tuple[float, ...], seed: int) -> None:
+def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset: Vec3, seed: int) -> None:
     draw, window = random.Random(seed), RestWindow()
     for _ in range(SPANS):
-        window.add(tuple(one + draw.gauss(0.0, 3.5e-4) for one in offset), (0.0, 0.0, -GRAVITY_mps2))
+        x, y, z = (one + draw.gauss(0.0, 3.5e-4) for one in offset)
+        window.add((x, y, z), (0.0, 0.0, -GRAVITY_mps2))
     found = window.offset(SPAN_S)
     assert found.rate_radps == pytest.approx(offset, abs=1e-3)
     assert FINEST_radps <= found.sigma_radps < math.radians(0.1)
@@ -74,7 +76,7 @@ def test_gravity_that_turns_steadily_is_a_turn_whatever_the_rates_say() -> None:
 
 
 @given(OFFSETS, st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))
-def test_two_sources_together_are_surer_than_each(rate: tuple[float, ...], one: float, other: float) -> None:
+def test_two_sources_together_are_surer_than_each(rate: Vec3, one: float, other: float) -> None:
     found = Offset(rate, one).combined(Offset(rate, other))
     assert found.rate_radps == pytest.approx(rate)
     assert found.sigma_radps == pytest.approx(1.0 / math.hypot(1.0 / one, 1.0 / other))

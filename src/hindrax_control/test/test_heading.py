@@ -99,8 +99,9 @@ def test_its_uncertainty_shrinks_by_measuring_and_grows_by_waiting() -> None:
 def test_the_first_heading_of_any_kind_is_taken_as_it_is() -> None:
     assert HeadingFilter(KNOBS, 3).heading(0.7, 5.0) == (0.7, 0.0)
     x, y = field(1.2, (0.0, 0.0, 0.0))
-    turn, _ = HeadingFilter(KNOBS, 3).magnetic(x, y, 0.0, ())
-    assert turn == pytest.approx(math.atan2(-y, x), abs=1e-9)
+    found = HeadingFilter(KNOBS, 3).magnetic(x, y, 0.0, ())
+    assert found is not None
+    assert found[0] == pytest.approx(math.atan2(-y, x), abs=1e-9)
 
 
 def test_an_outlier_is_refused_until_it_is_the_rule() -> None:

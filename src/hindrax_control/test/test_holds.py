@@ -65,7 +65,7 @@ class IdealVehicle:
             ages_s={"ping1d": self.sonar_age_s},
         )
 
-    def step(self, wrench: Vec6) -> tuple[float, ...]:
+    def step(self, wrench: Vec6) -> Vec6:
         """Apply a wrench for one period; returns what was missing of it."""
         shortfall = [0.0] * 6
         self.time_s += DT
@@ -79,7 +79,8 @@ class IdealVehicle:
             force -= freedom.restoring * math.sin(self.value[axis])
             self.rate[axis] += force / freedom.inertia * DT
             self.value[axis] += self.rate[axis] * DT
-        return tuple(shortfall)
+        X, Y, Z, K, M, N = shortfall
+        return (X, Y, Z, K, M, N)
 
 
 def fly(
@@ -334,8 +335,8 @@ def test_only_a_shortfall_of_some_size_stops_the_integral(axis: str, index: int,
     setpoint = Setpoint(axis, value=begin + 0.1 * sign)
     gained = []
     for share in (0.9, 1.1):
-        shortfall = tuple(sign * share * limit if at == index else 0.0 for at in range(6))
-        asked = [wrench[index] for wrench in efforts(held(setpoint), REST, 6.0, shortfall)]
+        X, Y, Z, K, M, N = (sign * share * limit if at == index else 0.0 for at in range(6))
+        asked = [wrench[index] for wrench in efforts(held(setpoint), REST, 6.0, (X, Y, Z, K, M, N))]
         gained.append(sign * (asked[-1] - asked[-50]))
     assert abs(gained[1]) < 0.05 * gained[0]
 
@@ -410,13 +411,14 @@ def test_of_several_sensors_the_newest_counts_and_none_is_never_silent() -> None
 
 
 @given(st.floats(-3.0, 3.0), st.sampled_from([Drag(66.0, 1.25), Drag(0.0, 5.0), Drag(93.0, 5.0, 56.0, 11.0)]))
-def test_steady_rate_undoes_drag(rate: float, drag: float) -> None:
+def test_steady_rate_undoes_drag(rate: float, drag: Drag) -> None:
     freedom = PriorDynamics(20.0, drag)
     assert freedom.rate_at(freedom.drag_force(rate)) == pytest.approx(rate, abs=1e-9)
 
 
 def test_prior_of_a_vehicle_without_hydrodynamics_is_of_the_right_size() -> None:
     ours, crude = HINDRAX.hydrodynamics, guessed(HINDRAX)
+    assert ours is not None
     for axis in ("surge", "sway", "heave"):
         assert 0.4 < crude.drag(axis).k_q / ours.drag(axis).k_q < 2.5
     assert 0.3 < crude.added_mass[0] / ours.added_mass[0] < 3.0

@@ -116,7 +116,7 @@ def test_braking_takes_its_way_ahead_only_and_none_at_a_speed_that_nobody_knows(
 )
 def test_guards_that_act_at_once(
     look: Callable[..., tuple[str, ...]],
-    change: dict[str, tuple[float, float] | tuple[float, ...] | float],
+    change: dict[str, Any],
     sentence: str,
 ) -> None:
     found = look(replace(WELL, **change))
@@ -136,7 +136,9 @@ def test_walls_are_nearer_by_the_doubt_of_the_position_and_a_tiny_one_is_not_wor
     hindrax: Vehicle, sigma_m: float, wanted_m: float, words: str
 ) -> None:
     place = PoolPosition(0.0, 0.0, 0.0, 0.0, 0.0, sigma_m)
-    assert ManeuverGuards(hindrax).margin(place) == (pytest.approx(wanted_m), words)
+    margin_m, said = ManeuverGuards(hindrax).margin(place)
+    assert margin_m == pytest.approx(wanted_m)
+    assert said == words
 
 
 def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tuple[str, ...]]) -> None:
@@ -158,7 +160,7 @@ def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tup
     ],
 )
 def test_guards_that_wait_until_it_lasts(
-    look: Callable[..., tuple[str, ...]], change: dict[str, Vec3 | dict[str, float] | float], sentence: str
+    look: Callable[..., tuple[str, ...]], change: dict[str, Any], sentence: str
 ) -> None:
     wrong = replace(WELL, **change)
     assert look(wrong, 10.0) == ()
@@ -193,7 +195,7 @@ def test_a_limit_itself_is_still_well_and_a_bit_beyond_is_not(hindrax: Vehicle) 
     knobs, half_m = ManeuverGuardKnobs(), 0.5 * hindrax.envelope_m[2]
     tiny = 1e-6
 
-    def found(navigation: Navigation = WELL, **situation: Any) -> tuple[str, ...]:
+    def found(navigation: Navigation = WELL, /, **situation: Any) -> tuple[str, ...]:
         guards = ManeuverGuards(hindrax, replace(knobs, patience_s=0.0, unlocked_s=0.1))
         walls_m: dict[str, float] = {"north": situation.pop("north_m", 5.0)}
         place = PoolPosition(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 from ideal_vehicle import IdealVehicle
@@ -19,7 +18,7 @@ from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.maneuver.refusal import check_goal
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
-from hindrax_control.pool_bounds import PoolBounds
+from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp
 from hindrax_core.signals import UNKNOWN6, ZERO6, Allocation, Phase
@@ -34,17 +33,30 @@ class Rig:
     def __init__(self, hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], knobs: PilotKnobs = SHORT) -> None:
         self.ideal, self.pilot = ideal_vehicle(hindrax, step_s=0.05), Pilot(hindrax, knobs)
         self.box, self.limits = PoolBounds(hindrax, 0.0), hindrax.limits.wrench
-        self.nearest_m, self.armed, self.unarmed, self.flight = math.inf, False, "", None
+        self.nearest_m, self.armed, self.unarmed = math.inf, False, ""
+        self.flight: PilotOutput | None = None
         self.became = Allocation(ZERO6, ZERO6, ZERO6, (), (), ())
 
     def step(self) -> PilotOutput:
         ideal = self.ideal
-        self.flight = self.pilot.step(
+        flight = self.flight = self.pilot.step(
             ideal.navigation(), ideal.stamp, self.became, armed=self.armed, unarmed=self.unarmed
         )
-        ideal.step(tuple(max(-top, min(top, f)) for f, top in zip(self.flight.wrench, self.limits, strict=True)))
+        ideal.step(tuple(max(-top, min(top, f)) for f, top in zip(flight.wrench, self.limits, strict=True)))
         self.nearest_m = min(self.nearest_m, *self.box.walls_m(self.box.place(ideal.navigation())).values())
-        return self.flight
+        return flight
+
+    @property
+    def output(self) -> ManeuverOutput:
+        assert self.flight is not None
+        assert self.flight.maneuver is not None
+        return self.flight.maneuver
+
+    @property
+    def place(self) -> PoolPosition:
+        """Where the pilot takes itself to be."""
+        assert self.pilot.pool is not None
+        return self.pilot.pool.place(self.ideal.navigation())
 
     def arm(self) -> None:
         self.step()
@@ -52,14 +64,15 @@ class Rig:
         self.step()
 
     def fly(
-        self, goal: Goal, each: Callable[[Any], None] = lambda _rig: None, most_s: float = 600.0
-    ) -> tuple[ManeuverOutput | None, list[Phase | Any]]:
+        self, goal: Goal, each: Callable[[Rig], None] = lambda _rig: None, most_s: float = 600.0
+    ) -> tuple[ManeuverOutput, list[Phase]]:
         """Fly a goal to its end; returns the last output and every phase that was flown."""
         self.arm()
         self.pilot.fly(goal)
-        phases = []
+        phases: list[Phase] = []
         while self.ideal.time_s < most_s:
-            output = self.step().maneuver
+            self.step()
+            output = self.output
             if not phases or phases[-1] != output.phase:
                 phases.append(output.phase)
             each(self)
@@ -88,7 +101,7 @@ def test_motion_is_flown_to_its_end_with_plateaus_both_ways(rig: Rig, motion: st
     rates = []
 
     def note(rig: Rig) -> None:
-        output = rig.flight.maneuver
+        output = rig.output
         if output.phase.phase == "plateau":
             rates.append(output.velocity)
 
@@ -106,7 +119,7 @@ def test_heave_begins_with_hovering_as_long_as_planned(rig: Rig) -> None:
     hovered = []
 
     def note(rig: Rig) -> None:
-        output = rig.flight.maneuver
+        output = rig.output
         if output.phase.phase == "hover":
             hovered.append((rig.ideal.time_s, output.phase.motion, rig.ideal.rate["heave"]))
 
@@ -119,10 +132,10 @@ def test_heave_begins_with_hovering_as_long_as_planned(rig: Rig) -> None:
 
 
 def test_plateau_speed_is_that_of_the_plan(rig: Rig) -> None:
-    seen = {}
+    seen: dict[float, list[float]] = {}
 
     def note(rig: Rig) -> None:
-        output = rig.flight.maneuver
+        output = rig.output
         if output.phase.phase == "plateau":
             seen.setdefault(round(output.force, 3), []).append(output.velocity)
 
@@ -135,7 +148,7 @@ def test_altitude_and_heading_are_held_while_surging(rig: Rig) -> None:
     worst = [0.0, 0.0]
 
     def note(rig: Rig) -> None:
-        if rig.flight.maneuver.phase.phase == "plateau":
+        if rig.output.phase.phase == "plateau":
             worst[0] = max(worst[0], abs(rig.ideal.navigation().altitude_m - 0.9))
             worst[1] = max(worst[1], abs(rig.ideal.heading))
 
@@ -149,7 +162,7 @@ def test_altitude_and_heading_are_held_while_surging(rig: Rig) -> None:
 )
 def test_feedback_counts_down_the_time_that_it_takes(rig: Rig, goal: Goal) -> None:
     shown: list[tuple[float, ManeuverOutput]] = []
-    rig.fly(goal, lambda one: shown.append((one.ideal.time_s, one.flight.maneuver)))
+    rig.fly(goal, lambda one: shown.append((one.ideal.time_s, one.output)))
     (begin_s, first), (end_s, last), planned_s = shown[0], shown[-1], shown[0][1].remaining_s
     assert end_s - begin_s == pytest.approx(planned_s, rel=0.06)
     progress = [one.progress for _, one in shown]
@@ -195,7 +208,7 @@ def test_lock_lost_for_three_seconds_is_no_plateau_and_no_abort(rig: Rig) -> Non
     def blind(rig: Rig) -> None:
         rig.ideal.locked = not 20.0 <= rig.ideal.time_s < 23.0
         if 20.1 <= rig.ideal.time_s < 23.0:
-            blind_phases.add(rig.flight.maneuver.phase.phase)
+            blind_phases.add(rig.output.phase.phase)
 
     output, _ = rig.fly(Goal(("surge",)), blind)
     assert output.aborted == ""
@@ -209,7 +222,7 @@ def test_silent_sonar_is_replaced_by_depth(rig: Rig, silent_from_s: float) -> No
     def silence(rig: Rig) -> None:
         age_s = max(0.05, rig.ideal.time_s - silent_from_s)
         rig.ideal.ages_s = {**rig.ideal.ages_s, "ping1d": age_s}
-        if rig.flight.maneuver.phase.phase == "plateau":
+        if rig.output.phase.phase == "plateau":
             depths.append(rig.ideal.depth)
 
     if silent_from_s == 0.0:
@@ -227,7 +240,7 @@ def test_plateau_counts_only_while_heading_and_altitude_are_held(rig: Rig) -> No
         if 20.0 <= rig.ideal.time_s < 20.1:
             rig.ideal.heading += math.radians(6.0)
         heading_deg = abs(math.degrees(rig.ideal.heading))
-        shown.append((rig.ideal.time_s, heading_deg, rig.flight.maneuver.phase.phase))
+        shown.append((rig.ideal.time_s, heading_deg, rig.output.phase.phase))
 
     output, _ = rig.fly(Goal(("surge",)), push)
     assert output.aborted == ""
@@ -287,7 +300,7 @@ def test_pushing_a_wall_that_is_elsewhere_is_told_and_ended(rig: Rig) -> None:
     touched: list[bool] = []
 
     def wall(rig: Rig) -> None:
-        if touched or rig.flight.maneuver.phase.phase == "plateau":
+        if touched or rig.output.phase.phase == "plateau":
             touched.append(True)
             rig.ideal.rate["surge"] = 0.0
 
@@ -297,7 +310,7 @@ def test_pushing_a_wall_that_is_elsewhere_is_told_and_ended(rig: Rig) -> None:
     assert "blocked" not in {one.phase for one in rig_without_wall(rig)}
 
 
-def rig_without_wall(rig: Rig) -> list[Phase | Any]:
+def rig_without_wall(rig: Rig) -> list[Phase]:
     rig.armed = False
     rig.step()
     return Rig(rig.ideal.vehicle, type(rig.ideal)).fly(Goal(("surge", "heave", "yaw")))[1]
@@ -315,7 +328,7 @@ def test_where_it_is_told_to_be_it_is_and_its_doubt_begins_anew(rig: Rig) -> Non
     rig.ideal.doubt_m = 0.1  # one that counts from here
     assert rig.step().guards == ()
     assert rig.pilot.recentre() == ""
-    assert rig.pilot.pool.place(rig.ideal.navigation()).x_m == pytest.approx(5.0)
+    assert rig.place.x_m == pytest.approx(5.0)
 
 
 def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig: Rig) -> None:
@@ -324,7 +337,7 @@ def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig:
     assert rig.pilot.recentre(3.0, 2.0, math.pi / 2.0) == ""
     rig.ideal.north = 0.5
     rig.arm()
-    place = rig.pilot.pool.place(rig.ideal.navigation())
+    place = rig.place
     assert (place.x_m, place.y_m, place.heading_rad) == pytest.approx((3.0, 2.5, math.pi / 2.0))
 
 
@@ -342,7 +355,7 @@ def test_a_told_place_holds_before_arming_too_and_turns_the_pool_when_asked(rig:
 def test_an_impossible_place_is_refused_and_changes_nothing(rig: Rig, told: tuple[float, ...], reason: str) -> None:
     rig.arm()
     assert reason in rig.pilot.recentre(*told)
-    assert rig.pilot.pool.place(rig.ideal.navigation()).x_m == 5.0
+    assert rig.place.x_m == 5.0
 
 
 def test_no_new_place_while_a_maneuver_flies_or_the_position_is_unknown(rig: Rig) -> None:
@@ -393,15 +406,17 @@ def test_cancel_at_any_moment_ends_as_asked(rig: Rig, motion: str, ending: str, 
 )
 @pytest.mark.parametrize("ending", ["hold", "neutral"])
 def test_what_ends_before_its_first_step_is_told_so_and_flies_nothing(
-    rig: Rig, end: Callable[[Any], Any], reason: str, ending: str
+    rig: Rig, end: Callable[[Rig], object], reason: str, ending: str
 ) -> None:
     rig.arm()
     maneuver = rig.pilot.fly(Goal(("surge",), on_cancel=ending))
     assert (maneuver.last, maneuver.done) == (None, False)
     end(rig)
-    told = [rig.step().maneuver]
+    rig.step()
+    told = [rig.output]
     while not told[-1].done:
-        told.append(rig.step().maneuver)
+        rig.step()
+        told.append(rig.output)
         assert len(told) < 500
     assert maneuver.last is told[-1]
     assert (told[-1].aborted, told[-1].phase.phase) == (reason, "aborted")
@@ -418,9 +433,9 @@ def test_disarming_in_flight_aborts_and_asks_for_nothing(rig: Rig) -> None:
     rig.armed, rig.unarmed = False, "no command for 5 s"
     assert rig.step().wrench == ZERO6
     for _ in range(200):
-        flight = rig.step()
+        rig.step()
     aborted = "disarmed: the thrusters were disarmed (no command for 5 s); arm and fly again"
-    assert flight.maneuver.aborted == aborted
+    assert rig.output.aborted == aborted
     rig.armed = True
     assert rig.step().wrench == ZERO6
 
@@ -506,7 +521,7 @@ def test_an_excitation_of_heave_says_which_way_it_goes(rig: Rig) -> None:
     named = set()
 
     def note(one: Rig) -> None:
-        told, down_mps = one.flight.maneuver.phase, one.ideal.navigation().velocity_mps[2]
+        told, down_mps = one.output.phase, one.ideal.navigation().velocity_mps[2]
         if told.phase == "excite" and abs(down_mps) > 0.02:
             named.add((told.motion, down_mps > 0.0))
 

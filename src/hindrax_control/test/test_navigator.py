@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, rms
+from navigator_ride import CENTERED, FIELD_T, HOVER, MOUNTED, FLOOR_m, Ride, part, rms, vector
 
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
@@ -188,9 +188,9 @@ def rocking(t: float) -> Vec3:
 def test_levers_and_turned_mounts_are_taken_off() -> None:
     ride = Ride(vehicle=MOUNTED, attitude=rocking, knobs=NavigatorKnobs(heading_from="none")).run(20.0)
     for axis in range(3):
-        assert rms(ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda t, k=axis: ride.velocity(t)[k])) < 0.012
-        assert rms(ride.errors(lambda n, k=axis: n.attitude_rad[k], lambda t, k=axis: rocking(t)[k])) < 0.01
-        assert rms(ride.errors(lambda n, k=axis: n.rate_radps[k], lambda t, k=axis: ride.rates(t)[k])) < 0.002
+        assert rms(ride.errors(part(lambda n: n.velocity_mps, axis), part(ride.velocity, axis))) < 0.012
+        assert rms(ride.errors(part(lambda n: n.attitude_rad, axis), part(rocking, axis))) < 0.01
+        assert rms(ride.errors(part(lambda n: n.rate_radps, axis), part(ride.rates, axis))) < 0.002
     assert rms(ride.errors(lambda n: n.depth_m, lambda _: 0.9)) < 0.003
 
 
@@ -231,7 +231,7 @@ def test_the_compass_learns_what_the_thrusters_do_to_it(told: bool) -> None:
             ride.navigator.thrust(Stamp(0), pattern(t))
         ride.tell(t, Inertial((0.0, 0.0, -GRAVITY_mps2), (0.0, 0.0, 0.002), 20.0), "icm20948")
         if number % 4 == 0:
-            ride.tell(t, Magnetic(tuple(a + b for a, b in zip(FIELD_T, motors(t), strict=True))), "icm20948")
+            ride.tell(t, Magnetic(vector(a + b for a, b in zip(FIELD_T, motors(t), strict=True))), "icm20948")
         worst = max(worst, abs(ride.out[-1].reading.attitude_rad[2]))
     assert (worst < math.radians(1.0)) is told
 

@@ -8,10 +8,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, rms
+from navigator_ride import CENTERED, HOVER, MOUNTED, Ride, part, rms
 
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_core.readings import BottomTrack, Inertial, Pressure, Vec3
+from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2, Mount
 
 NO_COMPASS = NavigatorKnobs(heading_from="none")
@@ -34,10 +35,10 @@ def test_whoever_tumbles_on_a_straight_way_is_on_a_straight_way(lost_s: float) -
     ride.dvl_delay_s = 0.0
     ride.run(10.0)
     for axis in range(3):
-        off = ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda t, k=axis: ride.velocity(t)[k], 5.0)
+        off = ride.errors(part(lambda n: n.velocity_mps, axis), part(ride.velocity, axis), 5.0)
         assert max(map(abs, off)) < 0.05
     for axis in range(2):
-        off = ride.errors(lambda n, k=axis: n.position_m[k], lambda t, k=axis: sliding(t)[k], 5.0)
+        off = ride.errors(part(lambda n: n.position_m, axis), part(sliding, axis), 5.0)
         assert max(off) - min(off) < 0.1
 
 
@@ -64,7 +65,7 @@ def test_an_inertial_sensor_far_out_feels_no_acceleration_of_the_vehicle_when_it
     ride = Ride(vehicle=vehicle, attitude=attitude, knobs=NO_COMPASS, dvl_until_s=3.0, sonar_until_s=0.0)
     ride.run(7.0)
     for axis in range(3):
-        assert max(map(abs, ride.errors(lambda n, k=axis: n.velocity_mps[k], lambda _: 0.0, 2.0))) < 0.05
+        assert max(map(abs, ride.errors(part(lambda n: n.velocity_mps, axis), lambda _: 0.0, 2.0))) < 0.05
 
 
 def test_at_rest_nothing_moves_from_the_first_state_on() -> None:
@@ -75,11 +76,11 @@ def test_at_rest_nothing_moves_from_the_first_state_on() -> None:
 
 
 def test_how_sure_heave_is_follows_from_surge_as_far_as_it_leans() -> None:
+    def last(tilt: float) -> Navigation:
+        return Ride(attitude=lambda _: (0.0, tilt, 0.0), dvl_until_s=4.0).run(12.0).out[-1].reading
+
     pitch = 0.5
-    level, leaning = (
-        Ride(attitude=lambda _, pitch=pitch: (0.0, pitch, 0.0), dvl_until_s=4.0).run(12.0).out[-1].reading
-        for pitch in (0.0, pitch)
-    )
+    level, leaning = last(0.0), last(pitch)
     assert level.velocity_sigma_mps[2] < 0.05
     surge_mps = math.sin(pitch) * leaning.velocity_sigma_mps[0]
     wanted = math.hypot(level.velocity_sigma_mps[2], surge_mps) / math.cos(pitch)
@@ -139,7 +140,9 @@ def test_after_a_gap_it_knows_gyroscope_and_heading_from_before_and_needs_no_res
 
 
 def test_swinging_at_the_start_it_begins_with_the_tilt_of_the_last_moment() -> None:
-    swing = lambda t: (0.3 * math.sin(2.5 * t), 0.0, 0.0)  # noqa: E731
+    def swing(t: float) -> Vec3:
+        return (0.3 * math.sin(2.5 * t), 0.0, 0.0)
+
     ride = Ride(attitude=swing, deep=False).run(7.5)
     knobs = NavigatorKnobs()
     first = ride.out[0]

@@ -16,11 +16,9 @@ from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_core.vehicle import Vehicle, load_vehicle
 
 
-def keep(
-    station: StationKeeping, ideal: IdealVehicle, box: PoolBounds, seconds: float, **options: float
-) -> PoolPosition:
+def keep(station: StationKeeping, ideal: IdealVehicle, box: PoolBounds, seconds: float) -> PoolPosition:
     for _ in range(round(seconds / ideal.step_s)):
-        X, Y = station.step(box.place(ideal.navigation()), ideal.step_s, **options)
+        X, Y = station.step(box.place(ideal.navigation()), ideal.step_s)
         ideal.step((X, Y, ideal.freedoms["heave"].bias, 0.0, 0.0, 0.0))
     return box.place(ideal.navigation())
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -72,8 +73,8 @@ def test_a_plateau_bears_a_slope_with_which_none_begins() -> None:
 
 
 def test_slope_and_its_scatter_are_those_of_least_squares() -> None:
-    slope, sigma = line([(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)])
+    slope, sigma = line(deque([(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]))
     assert (slope, sigma) == pytest.approx((1.0, 0.0))
     # By hand: residuals 0.25, -0.75, 0.75, -0.25 about 1.2 t + 0.45 ... variance 1.25 / 2 / 5.
-    slope, sigma = line([(0.0, 1.0), (1.0, 1.0), (2.0, 3.0), (3.0, 3.0)])
+    slope, sigma = line(deque([(0.0, 1.0), (1.0, 1.0), (2.0, 3.0), (3.0, 3.0)]))
     assert (slope, sigma) == pytest.approx((0.8, math.sqrt(0.8 / 2.0 / 5.0)))

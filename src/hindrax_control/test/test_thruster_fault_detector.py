@@ -37,7 +37,7 @@ class Rig:
         while self.ideal.time_s < seconds:
             forces = np.array(forces_of(self.ideal.time_s), dtype=float)
             given = forces * alive if self.ideal.time_s > self.start_s else forces
-            found = self.watch.step(self.ideal.navigation(), self.ideal.stamp, forces)
+            found = self.watch.step(self.ideal.navigation(), self.ideal.stamp, forces.tolist())
             if found is not None:
                 return found, self.ideal.time_s
             self.ideal.step(tuple(self.B @ given))
@@ -70,10 +70,9 @@ def test_wrong_prior_is_not_taken_for_a_dead_thruster(
     hindrax: Vehicle, ideal_vehicle: type[IdealVehicle], factor: float
 ) -> None:
     known = hindrax.hydrodynamics
-    drags = {
-        axis: Drag(getattr(known, axis).k_q * factor, getattr(known, axis).k_l) for axis in ("surge", "sway", "yaw")
-    }
-    believed = replace(hindrax, hydrodynamics=replace(known, **drags))
+    assert known is not None
+    surge, sway, yaw = (Drag(one.k_q * factor, one.k_l) for one in (known.surge, known.sway, known.yaw))
+    believed = replace(hindrax, hydrodynamics=replace(known, surge=surge, sway=sway, yaw=yaw))
     assert Rig(hindrax, ideal_vehicle, believed).fly(wiggle, 60.0)[0] is None
 
 

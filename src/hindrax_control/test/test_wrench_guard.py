@@ -34,16 +34,16 @@ def test_wrench_of_the_other_body_frame_is_rotated_by_half_a_turn_about_x() -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"),
+    ("frame", "age_s", "reason"),
     [
-        ({"age_s": 0.73}, "0.73 s old, wanted at most 0.50 s"),
-        ({"age_s": -0.3}, "0.30 s in the future"),
-        ({"frame": "map"}, "found frame 'map', wanted base_link_fsd or base_link"),
-        ({"frame": ""}, "found frame ''"),
+        (FSD, 0.73, "0.73 s old, wanted at most 0.50 s"),
+        (FSD, -0.3, "0.30 s in the future"),
+        ("map", 0.0, "found frame 'map', wanted base_link_fsd or base_link"),
+        ("", 0.0, "found frame ''"),
     ],
 )
-def test_what_is_refused_whole_says_why(arguments: dict[str, float | str], reason: str) -> None:
-    judged = judge(**arguments)
+def test_what_is_refused_whole_says_why(frame: str, age_s: float, reason: str) -> None:
+    judged = judge(frame=frame, age_s=age_s)
     assert judged.wrench is None
     assert reason in judged.refused[0]
 
@@ -79,6 +79,7 @@ def test_limits_of_the_vehicle_file_keep_the_direction_of_travel() -> None:
 
 
 @given(st.tuples(*[st.floats()] * 6))
-def test_what_passes_is_finite_and_within_limits(wrench: tuple[float, ...]) -> None:
+def test_what_passes_is_finite_and_within_limits(wrench: Vec6) -> None:
     passed = judge(wrench).wrench
+    assert passed is not None
     assert all(abs(value) <= limit * (1 + 1e-12) for value, limit in zip(passed, HINDRAX.limits.wrench, strict=True))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from typing import TypeAlias
 
 import pytest
 
@@ -19,7 +18,7 @@ def double_register() -> Program[int]:
     return answer[0] * 2
 
 
-def patient() -> Iterator[Pause | Read]:
+def patient() -> Program[str]:
     try:
         yield Read(0x10, 1)
     except DeviceError:
@@ -47,7 +46,12 @@ def test_run_throws_a_bad_wire_into_the_program() -> None:
         run(double_register(), transfer, lambda _: None)
 
 
-TRANSCRIPT = [(Write(0x10, b"\x01"), b""), (Pause(0.5), b""), (WriteRead(0x10, b"\x02", 1), b"\x15")]
+Transcript: TypeAlias = list[tuple[Transaction | Pause, bytes]]
+TRANSCRIPT: Transcript = [
+    (Write(0x10, b"\x01"), b""),
+    (Pause(0.5), b""),
+    (WriteRead(0x10, b"\x02", 1), b"\x15"),
+]
 
 
 def test_rehearsal_returns_the_result() -> None:
@@ -60,7 +64,7 @@ def test_rehearsal_returns_the_result() -> None:
     [TRANSCRIPT[:-1], [*TRANSCRIPT, (Pause(1.0), b"")], [(Write(0x10, b"\x09"), b""), *TRANSCRIPT[1:]]],
     ids=["line unsaid in the transcript", "line unsaid by the program", "another line"],
 )
-def test_rehearsal_fails_on_any_difference(transcript: list[tuple[Any, bytes]]) -> None:
+def test_rehearsal_fails_on_any_difference(transcript: Transcript) -> None:
     with pytest.raises(AssertionError):
         rehearse(double_register(), transcript)
 

@@ -18,11 +18,18 @@ from hindrax_core.stamp_window import (
     TIMELESS,
     UNSTAMPED,
     StampWindow,
+    Untimely,
     impossible,
     order_window,
 )
 
 NOW = stamp_from_s(1.8e9)
+
+
+def refused(window: StampWindow, stamp: Stamp, now: Stamp = NOW) -> Untimely:
+    untimely = window.judge(stamp, now)
+    assert untimely is not None
+    return untimely
 
 
 @pytest.mark.parametrize(
@@ -36,7 +43,7 @@ NOW = stamp_from_s(1.8e9)
     ],
 )
 def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s: float, kind: str, wanted: str) -> None:
-    untimely = ORDER.judge(after(NOW, ahead_s), NOW)
+    untimely = refused(ORDER, after(NOW, ahead_s))
     assert untimely.kind == kind
     assert re.fullmatch(wanted, untimely.sentence)
 
@@ -45,7 +52,7 @@ def test_what_is_not_of_now_says_how_far_off_it_is_and_what_to_do(ahead_s: float
 @pytest.mark.parametrize("stamp", [0, -1, -1_000_000_000, -(2**31) * 1_000_000_000])
 @pytest.mark.parametrize("now", [0, 1, 500_000_000, NOW])
 def test_an_order_without_a_stamp_is_never_in_time(window: StampWindow, stamp: int, now: int) -> None:
-    untimely = window.judge(Stamp(stamp), Stamp(now))
+    untimely = refused(window, Stamp(stamp), Stamp(now))
     assert untimely.kind == UNSTAMPED
     assert untimely.sentence.endswith(
         "wanted the time at which it was made; stamp it with the time of the clock in use"
@@ -53,7 +60,7 @@ def test_an_order_without_a_stamp_is_never_in_time(window: StampWindow, stamp: i
 
 
 def test_before_the_time_is_known_no_order_can_be_judged() -> None:
-    untimely = MOCK_ORDER.judge(Stamp(1), Stamp(0))
+    untimely = refused(MOCK_ORDER, Stamp(1), Stamp(0))
     assert untimely.kind == TIMELESS
     assert "clock is not known yet; wait for the clock" in untimely.sentence
 
@@ -61,14 +68,14 @@ def test_before_the_time_is_known_no_order_can_be_judged() -> None:
 def test_on_a_mock_s_clock_ten_seconds_either_way_are_in_time() -> None:
     assert order_window(mock=True).judge(after(NOW, 10.0), NOW) is None
     assert order_window(mock=True).judge(after(NOW, -10.0), NOW) is None
-    assert order_window(mock=True).judge(after(NOW, 10.1), NOW).kind == FUTURE
-    assert order_window(mock=True).judge(after(NOW, -10.1), NOW).kind == EXPIRED
+    assert refused(order_window(mock=True), after(NOW, 10.1)).kind == FUTURE
+    assert refused(order_window(mock=True), after(NOW, -10.1)).kind == EXPIRED
     assert order_window(mock=False) == ORDER
 
 
 def test_a_list_may_be_said_again_long_after_it_was_made_but_not_before() -> None:
     assert ORDER.of_lists.judge(after(NOW, -1e6), NOW) is None
-    assert ORDER.of_lists.judge(after(NOW, 0.2), NOW).kind == FUTURE
+    assert refused(ORDER.of_lists, after(NOW, 0.2)).kind == FUTURE
 
 
 @given(

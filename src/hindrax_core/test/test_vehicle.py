@@ -16,7 +16,8 @@ FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "h
 
 
 def data() -> dict[str, Any]:
-    return yaml.safe_load(FILE.read_text())
+    found: dict[str, Any] = yaml.safe_load(FILE.read_text())
+    return found
 
 
 def test_net_buoyancy_of_cob_2023_1394() -> None:
@@ -82,7 +83,7 @@ def test_negative_thruster_curve_of_cob_2023_1394_table_2() -> None:
 )
 def test_mistakes_are_named(path: tuple[str | int, ...], value: object, sentence: str) -> None:
     changed = data()
-    target = changed
+    target: Any = changed
     for key in path[:-1]:
         target = target[key]
     target[path[-1]] = value

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction, Write, WriteRead
 from hindrax_core.driver_interface import Identity
@@ -16,6 +15,7 @@ from hindrax_replay.recorded_wires import RegisterWire, SerialWire
 SETUP = Write(0x10, b"\x01")
 CONVERT = Write(0x10, b"\x02")
 FETCH = WriteRead(0x10, b"\x03", 1)
+Script: TypeAlias = list[tuple[int, Transaction, bytes]]
 
 
 class Gauge:
@@ -23,7 +23,7 @@ class Gauge:
 
     period_s = 0.1
 
-    def configure(self) -> Iterator[Write]:
+    def configure(self) -> Program[Identity]:
         yield SETUP
         return Identity("gauge")
 
@@ -36,7 +36,7 @@ class Gauge:
         return [Stamped(stamp, Pressure(float(raw[0]), 20.0))]
 
 
-def _run(wire: RegisterWire, script: list[tuple[int, Transaction, bytes]]) -> list[object]:
+def _run(wire: RegisterWire, script: Script) -> list[object]:
     said: list[object] = []
     for second, transaction, answer in script:
         stamp = Stamp(second * NS_PER_S)
@@ -60,14 +60,26 @@ def test_programs_run_in_step_with_the_record() -> None:
 def test_a_transaction_that_is_not_recorded_had_failed() -> None:
     wire = RegisterWire("gauge", Gauge())
     # At 3 s the fetch failed on the wire: the record goes on with the device being configured anew.
-    script = [(1, SETUP, b""), (3, CONVERT, b""), (4, SETUP, b""), (5, CONVERT, b""), (5, FETCH, b"\x09")]
+    script: Script = [
+        (1, SETUP, b""),
+        (3, CONVERT, b""),
+        (4, SETUP, b""),
+        (5, CONVERT, b""),
+        (5, FETCH, b"\x09"),
+    ]
     assert _pressures(_run(wire, script)) == [(5, 9.0)]
     assert wire.strange == []
 
 
 def test_a_program_that_refuses_an_answer_is_begun_anew() -> None:
     wire = RegisterWire("gauge", Gauge())
-    script = [(1, SETUP, b""), (2, CONVERT, b""), (2, FETCH, b"\xff"), (3, SETUP, b""), (4, CONVERT, b"")]
+    script: Script = [
+        (1, SETUP, b""),
+        (2, CONVERT, b""),
+        (2, FETCH, b"\xff"),
+        (3, SETUP, b""),
+        (4, CONVERT, b""),
+    ]
     said = _run(wire, [*script, (4, FETCH, b"\x05")])
     assert _pressures(said) == [(4, 5.0)]
     assert wire.strange == []
