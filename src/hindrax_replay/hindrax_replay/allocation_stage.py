@@ -101,7 +101,7 @@ class AllocationStage:
         self._commands[stamp_of(message.data)] = message
 
     def _on_state(self, message: BagMessage) -> None:
-        state = applied_from_bytes(_current(message))
+        state = applied_from_bytes(current_bytes(message))
         self._newest = max(self._newest, state.stamp)
         self._states.setdefault((state.stamp, state.sequence), []).append(state)
 
@@ -127,7 +127,7 @@ class AllocationStage:
             self._command(stamp, wrench, command)
 
     def _command(self, stamp: Stamp, wrench: Any, recorded: BagMessage | None) -> None:
-        recorded_command = command_from_bytes(_current(recorded)) if recorded else None
+        recorded_command = command_from_bytes(current_bytes(recorded)) if recorded else None
         known = recorded_command is not None and self._resume(recorded_command.sequence)
         supply_V = self._cycle.supply_V
         made = self._cycle.command(wrench_from_msg(wrench), wrench.header.frame_id, stamp, stamp)
@@ -191,7 +191,7 @@ class AllocationStage:
         return all(abs(message.received - change) > SETTLING_NS for change in self._changes)
 
 
-def _current(message: BagMessage) -> bytes:
+def current_bytes(message: BagMessage) -> bytes:
     """Bytes of a message in today's definition of its type."""
     if not message.form.old:
         return message.data
