@@ -8,11 +8,12 @@ xarray is needed here. Tutorial: docs/how-to/analyze-in-python.ipynb.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
@@ -104,7 +105,7 @@ def coefficients(results: Results) -> Table:
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=False)}
 
 
-def predict(results: Results, axis: str, time_s: Sequence[float], force: Sequence[float], start: float = 0.0) -> Array:
+def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, start: float = 0.0) -> Array:
     """Return the velocity (n,) [m/s, rad/s] along an axis for a force (n,) [N, N m] held until the next time (n,) [s].
 
     Upright and along the other axes at rest, from the velocity `start`. UsageError where a coefficient is missing.

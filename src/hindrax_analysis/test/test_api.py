@@ -96,7 +96,7 @@ def test_a_drag_curve_is_drawn_with_its_band_and_units() -> None:
     of = results(surge=SURGE)
     axes = api.plot(of, "surge", Figure().subplots())
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed [m/s]", "drag [N]")
-    band = axes.collections[0].get_paths()[0].vertices
+    band = np.asarray(axes.collections[0].get_paths()[0].vertices)
     assert np.max(band[:, 1]) == pytest.approx(0.4**2 + 1.96 * 0.1 * 0.4)
     with pytest.raises(UsageError, match="yaw: has no drag curve; there is one of surge"):
         api.plot(of, "yaw")

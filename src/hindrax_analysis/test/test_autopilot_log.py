@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -96,7 +96,7 @@ def px4() -> Iterator[tuple[str, int, tuple[float, ...]]]:
         yield "battery_status", 1, (at_us, 11.0)
 
 
-LOGS = {"tlog": tlog, "bin": dataflash, "ulg": lambda: ulog(px4())}
+LOGS: dict[str, Callable[[], Iterator[bytes]]] = {"tlog": tlog, "bin": dataflash, "ulg": lambda: ulog(px4())}
 
 
 @pytest.fixture(params=list(LOGS))

@@ -12,12 +12,13 @@ from hindrax_analysis.experiments import bollard, towing
 from hindrax_core.curves.curve_branches import Curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
+from hindrax_ident.arrays import Array
 
 NEGATIVE = (927.1827, -2.2726, 0.001794, -4.61e-7)
 PULSES = np.concatenate((np.arange(1100.0, 1481.0, 20.0), np.arange(1520.0, 1901.0, 20.0)))
 
 
-def published(pulse: np.ndarray) -> np.ndarray:
+def published(pulse: Array) -> Array:
     """Negative row of COB-2023-1394 Table 2, mirrored about the stop pulse."""
     c1, c2, c3, c4 = NEGATIVE
     folded = np.where(pulse < 1500.0, pulse, 3000.0 - pulse)

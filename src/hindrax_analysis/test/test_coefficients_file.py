@@ -15,6 +15,7 @@ from hindrax_analysis.coefficients_file import as_yaml, conditions_of, read_coef
 from hindrax_analysis.exports.export_model import export_model, read_motions
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.arrays import array
 from hindrax_ident.assess.results import DragBand, MotionResult, Number, Results
 
 
@@ -24,7 +25,7 @@ def a_result(motion: str = "surge", *, identifiable: bool = True) -> MotionResul
         "k_l": Number(1.25, 0.06, math.nan, None, "N s/m"),
         "b": Number(-0.02, 0.004, 0.004, None, "N"),
     }
-    speed = np.linspace(0.1, 0.4, 5)
+    speed = array(np.linspace(0.1, 0.4, 5))
     return MotionResult(
         motion=motion,
         method="output-error",

@@ -12,7 +12,7 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_ident.arrays import Array, array
 
 PERIOD_s, NOISE_mps = 0.1, 0.01
-T = PERIOD_s * np.arange(800)
+T = array(PERIOD_s * np.arange(800))
 PUSH_N = np.where(np.sin(2.0 * np.pi * T / 20.0) > 0.0, 10.0, -10.0)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -51,6 +53,6 @@ def test_what_was_assumed_is_said() -> None:
     ("field", "value"), [("front_m2", 0.5), ("top_m2", 0.0), ("length_m", -1.0), ("mass_kg", float("nan"))]
 )
 def test_impossible_dimensions_are_refused_by_name(field: str, value: float) -> None:
-    given_values = {"length_m": 0.59, "width_m": 0.47, "height_m": 0.40, "mass_kg": 15.22, field: value}
+    given_values: dict[str, Any] = {"length_m": 0.59, "width_m": 0.47, "height_m": 0.40, "mass_kg": 15.22, field: value}
     with pytest.raises(HindraxError, match=field):
         Dimensions(**given_values)

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from hindrax_analysis.exports.export_model import direction, export_model, header, read_motions
 from hindrax_analysis.exports.tables import write_csv, write_latex
 from hindrax_core.errors import HindraxError
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_core.vehicle import Drag, Hydrodynamics, Vehicle
 
-PRIOR = Hydrodynamics(added_mass=(10, 20, 22, 0.2, 0.4, 0.3), **{axis: Drag(7.0, 2.0) for axis in AXES})
+PRIOR = Hydrodynamics((10, 20, 22, 0.2, 0.4, 0.3), *(Drag(7.0, 2.0),) * 6)
 VEHICLE = Vehicle("hindrax", 15.22, 0.0153, (0.59, 0.47, 0.40), hydrodynamics=PRIOR)
 
 
@@ -29,7 +29,7 @@ def value(number: float, std: float = 0.1) -> dict[str, float]:
     return {"value": number, "std": std}
 
 
-def results(**motions: dict) -> dict[str, Any]:
+def results(**motions: dict[str, Any]) -> dict[str, Any]:
     """Table 3 and Table 6 of the Hindrax, with changes."""
     table = {
         "surge": (66.48, 1.25, 12.08),

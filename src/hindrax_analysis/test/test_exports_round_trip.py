@@ -19,12 +19,18 @@ from hypothesis import strategies as st
 from hindrax_analysis.exports import gz, python_model, stonefish, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, direction, mean_of_directions
 from hindrax_core.knobs import build
+from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_ident.arrays import Array, array
 
 VEHICLE = Vehicle("hindrax", 15.22, 0.0153, (0.59, 0.47, 0.40), center_of_buoyancy_m=(0.0, 0.0, -0.02))
-CROSS = tuple(
-    tuple(1.5 if (r, c) == (0, 4) else -2.5 if (r, c) == (4, 0) else 0.7 if (r, c) == (1, 3) else 0.0 for c in range(6))
-    for r in range(6)
+CROSS: tuple[Vec6, ...] = (
+    (0.0, 0.0, 0.0, 0.0, 1.5, 0.0),
+    (0.0, 0.0, 0.0, 0.7, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (-2.5, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 HYDRODYNAMICS = Hydrodynamics(
     added_mass=(12.08, 19.43, 22.48, 0.25, 0.45, 0.35),
@@ -40,7 +46,7 @@ MODEL = ExportModel(VEHICLE, HYDRODYNAMICS, (0.45, 0.45, 0.7, 1.2, 1.5, 1.7), "c
 HALF_TURN = np.array([1, -1, -1, 1, -1, -1])
 
 
-def drag(velocity: np.ndarray) -> np.ndarray:
+def drag(velocity: Array) -> Array:
     """Force of the drag on the vehicle, SNAME: against every component of its velocity."""
     k = [direction(HYDRODYNAMICS.drag(axis), backward=v < 0.0) for axis, v in zip(AXES, velocity, strict=True)]
     return np.array([-(k_q * abs(v) + k_l) * v for (k_q, k_l), v in zip(k, velocity, strict=True)])
@@ -49,7 +55,7 @@ def drag(velocity: np.ndarray) -> np.ndarray:
 velocities = st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6).map(np.array)
 
 
-def gz_damping_force(text: str, velocity_flu: np.ndarray) -> np.ndarray:
+def gz_damping_force(text: str, velocity_flu: Array) -> Array:
     """What gz::sim::systems::Hydrodynamics adds to the link, in x forward, y left, z up."""
     plugin = ET.fromstring(text).find(".//plugin")
     assert plugin is not None
@@ -66,7 +72,7 @@ def gz_damping_force(text: str, velocity_flu: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=40)
 @given(velocities)
-def test_gazebo_damping_is_the_models_in_both_directions(velocity: np.ndarray) -> None:
+def test_gazebo_damping_is_the_models_in_both_directions(velocity: Array) -> None:
     in_gazebo = gz_damping_force(gz.write(MODEL), HALF_TURN * velocity)
     assert HALF_TURN * in_gazebo == pytest.approx(drag(velocity), abs=1e-6)
 
@@ -123,21 +129,21 @@ def test_added_mass_is_carried_to_the_center_of_mass() -> None:
     assert abs(float(fluid.findtext("xq", "0"))) == pytest.approx(1.2)
 
 
-def uuv_force(text: str, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+def uuv_force(text: str, velocity: Array, acceleration: Array) -> Array:
     """What HMFossen adds, in its own axes x forward, y right, z down: -D v - M_A a, D = -linear - quadratic |v|."""
     body = ET.fromstring(text).find(".//hydrodynamic_model")
     assert body is not None
 
-    def numbers(name: str) -> np.ndarray:
+    def numbers(name: str) -> Array:
         return np.array([float(word) for word in body.findtext(name, "").split()])
 
     damping = np.diag(-numbers("linear_damping") - numbers("quadratic_damping") * np.abs(velocity))
-    return -damping @ velocity - numbers("added_mass").reshape(6, 6) @ acceleration
+    return array(-damping @ velocity - numbers("added_mass").reshape(6, 6) @ acceleration)
 
 
 @settings(max_examples=40)
 @given(velocities, velocities)
-def test_uuv_simulator_force_is_the_models(velocity: np.ndarray, acceleration: np.ndarray) -> None:
+def test_uuv_simulator_force_is_the_models(velocity: Array, acceleration: Array) -> None:
     expected = drag(velocity) - MODEL.added_mass @ acceleration
     k_q, k_l = mean_of_directions(HYDRODYNAMICS.heave)
     expected[2] = -(k_q * abs(velocity[2]) + k_l) * velocity[2] - (MODEL.added_mass @ acceleration)[2]
@@ -149,9 +155,15 @@ def test_uuv_simulator_force_is_the_models(velocity: np.ndarray, acceleration: n
 def stonefish_force(text: str, axis: int, speed: float, exponent: int) -> float:
     """Drag of a box moving along one of its axes, from its faces, as SolidEntity sums them."""
     body = ET.fromstring(text)
-    edges = [float(word) for word in body.find("dimensions").get("xyz").split()]
-    c_f = [float(word) for word in body.find("hydrodynamics").get("viscous_drag").split()][axis]
-    c_d = [float(word) for word in body.find("hydrodynamics").get("quadratic_drag").split()][axis]
+
+    def numbers(name: str, attribute: str) -> list[float]:
+        found = body.find(name)
+        assert found is not None
+        return [float(word) for word in found.attrib[attribute].split()]
+
+    edges = numbers("dimensions", "xyz")
+    c_f = numbers("hydrodynamics", "viscous_drag")[axis]
+    c_d = numbers("hydrodynamics", "quadratic_drag")[axis]
     force = 0.0
     for normal in range(3):
         area = edges[(normal + 1) % 3] * edges[(normal + 2) % 3]
@@ -210,7 +222,7 @@ def module(generated: Path) -> types.ModuleType:
 
 @settings(max_examples=40)
 @given(velocities)
-def test_python_model_drag_and_passivity(module: types.ModuleType, velocity: np.ndarray) -> None:
+def test_python_model_drag_and_passivity(module: types.ModuleType, velocity: Array) -> None:
     assert -module.drag(velocity) == pytest.approx(drag(velocity), abs=1e-9)
     assert velocity @ module.drag(velocity) >= 0.0
     assert velocity @ module.coriolis(velocity) @ velocity == pytest.approx(0.0, abs=1e-9)

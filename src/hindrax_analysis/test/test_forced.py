@@ -19,6 +19,7 @@ from hindrax_analysis.experiments.forced import (
     run_from_columns,
 )
 from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import array
 
 MODEL = Model(78.0, 0.875, {"pitch": 6.0, "yaw": 5.5}, restoring_Nm=25.0)
 PUBLISHED = {
@@ -84,7 +85,7 @@ def test_frequency_and_phase_of_the_drive_are_found(frequency_Hz: float, phase: 
 
 def test_a_missing_column_is_named() -> None:
     with pytest.raises(HindraxError, match="no column Z_N, which heave needs"):
-        run_from_columns({"time_s": np.arange(20.0), "displacement_m": np.zeros(20)}, MOTIONS["heave"], "a.csv")
+        run_from_columns({"time_s": array(np.arange(20.0)), "displacement_m": np.zeros(20)}, MOTIONS["heave"], "a.csv")
 
 
 def test_a_motion_of_two_frequencies_is_refused() -> None:

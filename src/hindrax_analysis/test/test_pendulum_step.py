@@ -10,19 +10,20 @@ from scipy.integrate import solve_ivp
 
 from hindrax_analysis.experiments import pendulum, step
 from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import Array, array
 
 PENDULUM = pendulum.Pendulum(mass_kg=3.739, buoyancy_N=2.24 * 9.80665, arm_m=0.40)
 REPEATS = [(1.73977, 59.44488, 0.348868), (1.660689, 62.27559, 0.282417), (1.344367, 48.12204, 0.365481)]
 
 
-def coefficients(added: float, k_l: float, k_q: float) -> np.ndarray:
+def coefficients(added: float, k_l: float, k_q: float) -> Array:
     total = PENDULUM.mass_kg + added
     return np.array([-PENDULUM.net_weight_N / (total * PENDULUM.arm_m), k_l / total, k_q * PENDULUM.arm_m / total])
 
 
 @pytest.mark.parametrize("repeat", REPEATS)
 def test_the_published_repeats_come_back_from_their_simulation(repeat: tuple[float, float, float]) -> None:
-    time = np.arange(0.0, 8.0, 0.01)
+    time = array(np.arange(0.0, 8.0, 0.01))
     theta = pendulum.simulate(time, coefficients(*repeat), 1.0)
     found = pendulum.analyze(time, theta, PENDULUM).output_error
     assert found.added_mass_kg.value == pytest.approx(repeat[0], rel=0.005)
@@ -31,7 +32,7 @@ def test_the_published_repeats_come_back_from_their_simulation(repeat: tuple[flo
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_swinging_pendulum_tells_all_three_under_noise(seed: int) -> None:
-    time = np.arange(0.0, 12.0, 0.02)
+    time = array(np.arange(0.0, 12.0, 0.02))
     truth = (1.74, 2.2, 6.9)
     noise = np.random.default_rng(seed).normal(0.0, 1e-3, time.size)
     fit = pendulum.analyze(time, pendulum.simulate(time, coefficients(*truth), 1.0) + noise, PENDULUM)
@@ -44,7 +45,7 @@ def test_a_swinging_pendulum_tells_all_three_under_noise(seed: int) -> None:
 
 
 def test_a_pendulum_that_floats_is_refused() -> None:
-    time = np.arange(0.0, 5.0, 0.01)
+    time = array(np.arange(0.0, 5.0, 0.01))
     with pytest.raises(HindraxError, match="weight minus buoyancy"):
         pendulum.analyze(time, np.cos(time), pendulum.Pendulum(2.0, 30.0, 0.4))
 
@@ -59,7 +60,7 @@ def test_a_pendulum_that_floats_is_refused() -> None:
     ],
 )
 def test_what_is_no_pendulum_is_refused(signal: str, message: str) -> None:
-    time = np.arange(0.0, 6.0, 0.01)
+    time = array(np.arange(0.0, 6.0, 0.01))
     signals = {
         "degrees": 57.3 * np.cos(time),
         "noise": np.random.default_rng(0).normal(0.0, 0.3, time.size),
@@ -71,7 +72,7 @@ def test_what_is_no_pendulum_is_refused(signal: str, message: str) -> None:
 
 
 def test_a_record_without_a_step_is_refused() -> None:
-    time = np.arange(0.0, 6.0, 0.01)
+    time = array(np.arange(0.0, 6.0, 0.01))
     with pytest.raises(HindraxError, match=r"step|separate them"):
         step.fit([step.StepTest(5.0, time, np.random.default_rng(0).normal(0.0, 1.0, time.size))], 3.0)
 
@@ -82,7 +83,7 @@ def test_the_exact_step_is_the_solution_of_the_equation_of_motion(
     mass: float, k_l: float, k_q: float, thrust: float
 ) -> None:
     plant = step.Plant(mass, k_l, k_q)
-    time = np.linspace(0.0, 5.0, 21)
+    time = array(np.linspace(0.0, 5.0, 21))
     solved = solve_ivp(
         lambda _, v: (thrust - k_l * v - k_q * v * np.abs(v)) / mass,
         (0.0, 5.0),
@@ -102,7 +103,7 @@ def test_velocity_rises_to_where_drag_holds_the_thrust_and_acceleration_falls(
     plant = step.Plant(5.0, k_l, k_q)
     top = plant.terminal_mps(thrust)
     assert k_l * top + k_q * top**2 == pytest.approx(thrust)
-    time = np.linspace(0.0, 10.0, 50)
+    time = array(np.linspace(0.0, 10.0, 50))
     assert np.all(np.diff(plant.velocity_mps(time, thrust)) >= -1e-12)
     assert np.all(np.diff(plant.acceleration_mps2(time, thrust)) <= 1e-9)
     assert plant.acceleration_mps2(time, thrust)[0] == pytest.approx(thrust / 5.0)
@@ -110,7 +111,7 @@ def test_velocity_rises_to_where_drag_holds_the_thrust_and_acceleration_falls(
 
 def test_purely_quadratic_drag_is_a_hyperbolic_tangent() -> None:
     plant = step.Plant(27.3, 0.0, 66.48)
-    time = np.linspace(0.0, 5.0, 30)
+    time = array(np.linspace(0.0, 5.0, 30))
     assert plant.velocity_mps(time, 20.0) == pytest.approx(
         np.sqrt(20 / 66.48) * np.tanh(np.sqrt(20 * 66.48) / 27.3 * time)
     )
@@ -118,7 +119,7 @@ def test_purely_quadratic_drag_is_a_hyperbolic_tangent() -> None:
 
 def test_mass_and_drag_come_back_from_steps_in_both_directions() -> None:
     plant, generator = step.Plant(27.3, 1.25, 66.48), np.random.default_rng(0)
-    time = np.arange(0.0, 10.0, 0.05)
+    time = array(np.arange(0.0, 10.0, 0.05))
     tests = [
         step.StepTest(t, time, plant.velocity_mps(time, t) + generator.normal(0.0, 0.01, time.size))
         for t in (5.0, 10.0, -20.0, 30.0)
@@ -132,19 +133,19 @@ def test_mass_and_drag_come_back_from_steps_in_both_directions() -> None:
 def test_a_record_is_cut_where_the_thrust_changes_or_time_starts_again() -> None:
     time = np.array([0.0, 1.0, 2.0, 0.0, 1.0, 2.0, 3.0])
     thrust = np.array([5.0, 5.0, 5.0, 5.0, 5.0, 10.0, 10.0])
-    parts = step.tests_from_columns(time, np.arange(7.0), thrust)
+    parts = step.tests_from_columns(time, array(np.arange(7.0)), thrust)
     assert [(p.thrust_N, p.time_s.tolist()) for p in parts] == [(5.0, [0, 1, 2]), (5.0, [0, 1]), (10.0, [0, 1])]
 
 
 def test_an_arm_that_makes_the_added_mass_negative_is_refused() -> None:
-    time = np.arange(0.0, 8.0, 0.01)
+    time = array(np.arange(0.0, 8.0, 0.01))
     theta = pendulum.simulate(time, coefficients(1.74, 2.2, 6.9), 1.0)
     with pytest.raises(HindraxError, match="check mass, arm"):
         pendulum.analyze(time, theta, pendulum.Pendulum(PENDULUM.mass_kg, PENDULUM.buoyancy_N, 2.0 * PENDULUM.arm_m))
 
 
 def test_a_mass_above_the_total_is_refused() -> None:
-    time = np.arange(0.0, 5.0, 0.05)
+    time = array(np.arange(0.0, 5.0, 0.05))
     moved = [step.StepTest(T, time, step.Plant(17.0, 10.0, 20.0).velocity_mps(time, T)) for T in (5.0, 20.0)]
     with pytest.raises(HindraxError, match="check mass"):
         step.fit(moved, 40.0)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hindrax_analysis.experiments.experiment_record import Column, evenly, read_columns
 from hindrax_analysis.experiments.least_squares import least_squares, propagate
 from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import array
 
 COLUMNS = (Column("time_s", "time [s]"), Column("force_N", "force [N]"), Column("note_V", "supply [V]", required=False))
 
@@ -75,7 +76,7 @@ def test_deviations_of_a_straight_line_are_those_of_the_textbook() -> None:
 
 
 def test_a_fit_that_cannot_tell_its_coefficients_apart_says_so() -> None:
-    x = np.linspace(0.0, 1.0, 10)
+    x = array(np.linspace(0.0, 1.0, 10))
     with pytest.raises(HindraxError, match="cannot separate them"):
         least_squares(np.column_stack((x, 2.0 * x)), x, ("a", "b"))
     with pytest.raises(HindraxError, match="fit of b: the record holds no excitation"):

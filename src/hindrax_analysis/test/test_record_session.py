@@ -13,6 +13,7 @@ from hindrax_analysis.records.recording import Recording
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.signals import UNKNOWN6, Attitude, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.arrays import array
 from hindrax_ident.online.record_session import RecordSession
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -22,7 +23,7 @@ STEP_S, SPAN_S = 0.05, 60.0
 def record() -> Recording:
     """Surge pushed forth and back, seen with some noise; all else at rest."""
     noise = np.random.default_rng(3).normal(0.0, 0.005, round(SPAN_S / STEP_S))
-    t = np.arange(len(noise)) * STEP_S
+    t = array(np.arange(len(noise)) * STEP_S)
     force = np.where(t % 20.0 < 10.0, 20.0, 8.0) * np.where(t % 10.0 < 5.0, 1.0, -1.0)
     speeds, speed = [], 0.0
     for one in force.tolist():
