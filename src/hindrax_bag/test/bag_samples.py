@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
+
+from mcap.reader import McapReader
+from mcap.records import Statistics
+from mcap.summary import Summary
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 
 from hindrax_bag.write.bag_writer import BagWriter, Channel
 from hindrax_bag.write.limits import BagLimits
@@ -54,3 +60,17 @@ def small_bag(folder: Path, count: int = 300, per_flush: int = 20) -> Path:
             bag.flush()
     bag.close()
     return bag.path
+
+
+def summary_of(reader: McapReader) -> tuple[Summary, Statistics]:
+    """Summary at the end of a file, and the counts in it."""
+    found = reader.get_summary()
+    assert found is not None
+    assert found.statistics is not None
+    return found, found.statistics
+
+
+def offered_qualities(connection: Connection) -> Sequence[Qos]:
+    """What the publishers of a connection offered."""
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    return connection.ext.offered_qos_profiles

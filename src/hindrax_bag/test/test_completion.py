@@ -10,7 +10,7 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from bag_samples import LEVEL, level, lookup, small_bag, writer
+from bag_samples import LEVEL, level, lookup, small_bag, summary_of, writer
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
@@ -63,7 +63,7 @@ def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path: Path) -> N
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == len(list(reader.messages())) == 181 + 7
     with first.open("rb") as stream:
-        assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == 181
+        assert summary_of(make_reader(stream, validate_crcs=True))[1].message_count == 181
     assert sorted(file.name for file in first.parent.iterdir()) == ["bag_0.mcap", "bag_1.mcap", "metadata.yaml"]
 
 

@@ -18,6 +18,7 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("hindrax_msgs")
 
+from bag_samples import offered_qualities, summary_of
 from mcap.reader import make_reader
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -106,6 +107,9 @@ class Rig:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
+        assert self._publisher.stdin is not None
+        assert self._publisher.stdout is not None
+        self._orders, self._answers = self._publisher.stdin, self._publisher.stdout
 
     def __enter__(self) -> Self:
         return self
@@ -117,12 +121,12 @@ class Rig:
 
     def order(self, count: int, pause_s: float) -> None:
         """Have messages published."""
-        self._publisher.stdin.write(f"{count} {pause_s}\n")
-        self._publisher.stdin.flush()
+        self._orders.write(f"{count} {pause_s}\n")
+        self._orders.flush()
 
     def published(self) -> list[bytes]:
         """What was published of an order, once it is done."""
-        return [bytes.fromhex(word) for word in self._publisher.stdout.readline().split()]
+        return [bytes.fromhex(word) for word in self._answers.readline().split()]
 
     def end(self, number: int) -> None:
         """End the recorder."""
@@ -180,7 +184,7 @@ def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int) -> None:
     assert b"a test" in attachments(rig.bag)["parameters.yaml"]
     with Reader(rig.bag) as reader:
         (connection,) = [one for one in reader.connections if one.topic == IMU_TOPIC]
-        (offered,) = connection.ext.offered_qos_profiles
+        (offered,) = offered_qualities(connection)
     assert connection.digest.startswith("RIHS01_")
     assert (offered.depth, offered.reliability.name, offered.durability.name) == (50, "RELIABLE", "VOLATILE")
     with rig.bag.joinpath("bag_0.mcap").open("rb") as stream:
@@ -228,7 +232,7 @@ def test_a_restarted_recorder_goes_on_in_the_next_file_and_the_bag_is_whole(
         assert [bytes(data) for _, _, data in reader.messages(connections)] == [one.data for one in after]
     for file in rig.bag.glob("*.mcap"):
         with file.open("rb") as stream:
-            assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count
+            assert summary_of(make_reader(stream, validate_crcs=True))[1].message_count
 
 
 HOSTILE_JOY = """

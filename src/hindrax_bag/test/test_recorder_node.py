@@ -17,7 +17,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
 
 import rclpy
-from bag_samples import small_bag
+from bag_samples import offered_qualities, small_bag
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
@@ -270,8 +270,8 @@ def test_the_bag_names_the_quality_that_was_offered_and_that_of_the_table_if_the
     made.close()
     with Reader(made.bag) as reader:
         found = {one.topic: one for one in reader.connections}
-        (offered,) = found[resolved(THRUSTER_COMMAND)].ext.offered_qos_profiles
-        (assumed,) = found[resolved(LIGHTS)].ext.offered_qos_profiles
+        (offered,) = offered_qualities(found[resolved(THRUSTER_COMMAND)])
+        (assumed,) = offered_qualities(found[resolved(LIGHTS)])
     assert offered.lifespan.sec == 7
     assert (assumed.depth, assumed.reliability.name) == (LIGHTS.quality.depth, "RELIABLE")
 

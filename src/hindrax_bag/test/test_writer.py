@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from bag_samples import LEVEL, WORD, level, lookup, small_bag, word, writer
+from bag_samples import LEVEL, WORD, level, lookup, offered_qualities, small_bag, summary_of, word, writer
 from mcap.reader import make_reader
 from mcap.records import DataEnd
 from mcap.stream_reader import StreamReader
@@ -48,7 +48,7 @@ def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path:
     path = small_bag(tmp_path / "bag", count=5)
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        summary = reader.get_summary()
+        summary, _ = summary_of(reader)
         attachments = list(reader.iter_attachments())
         metadata = list(reader.iter_metadata())
         decoded = [one.decoded_message.level for one in reader.iter_decoded_messages(topics=[LEVEL.topic])]
@@ -73,15 +73,15 @@ def test_mcap_reader_verifies_every_checksum_and_finds_messages_by_their_index(t
         reader = make_reader(stream, validate_crcs=True)
         begin, end = NS_PER_S + 50 * 10_000_000, NS_PER_S + 1060 * 10_000_000
         found = [one for _, _, one in reader.iter_messages([LEVEL.topic], starting_at=begin, ending_before=end)]
-        summary = reader.get_summary()
+        summary, statistics = summary_of(reader)
     assert [one.data for one in found] == [level(NS_PER_S + i * 10_000_000, i * 0.5) for i in range(50, 1060)]
-    counts = summary.statistics.channel_message_counts
+    counts = statistics.channel_message_counts
     assert {summary.channels[number].topic: count for number, count in counts.items()} == {
         LEVEL.topic: 3000,
         WORD.topic: 1,
     }
-    assert summary.statistics.message_start_time == NS_PER_S
-    assert summary.statistics.message_end_time == NS_PER_S + 2999 * 10_000_000 + 1_000_000
+    assert statistics.message_start_time == NS_PER_S
+    assert statistics.message_end_time == NS_PER_S + 2999 * 10_000_000 + 1_000_000
 
 
 def test_qualities_of_the_publishers_survive_a_recovery(tmp_path: Path) -> None:
@@ -93,9 +93,9 @@ def test_qualities_of_the_publishers_survive_a_recovery(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "metadata.yaml").read_text().count("keep_last") == 2
     with Reader(tmp_path / "out") as reader:
         (one,) = reader.connections
-        assert [quality.reliability.name for quality in one.ext.offered_qos_profiles] == ["RELIABLE", "BEST_EFFORT"]
-        assert [quality.depth for quality in one.ext.offered_qos_profiles] == [1, 3]
-        assert one.ext.offered_qos_profiles[1].deadline.nsec == 250_000_000
+        assert [quality.reliability.name for quality in offered_qualities(one)] == ["RELIABLE", "BEST_EFFORT"]
+        assert [quality.depth for quality in offered_qualities(one)] == [1, 3]
+        assert offered_qualities(one)[1].deadline.nsec == 250_000_000
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "7", "- {reliability: 1}", "{"])
@@ -115,7 +115,7 @@ def test_rosbags_reads_the_folder(tmp_path: Path) -> None:
         topics = {one.topic: one for one in reader.connections}
         assert reader.message_count == 51
         assert topics[LEVEL.topic].digest == LEVEL.type_hash
-        assert topics[WORD.topic].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
+        assert offered_qualities(topics[WORD.topic])[0].durability.name == "TRANSIENT_LOCAL"
         data = [bytes(raw) for one, _, raw in reader.messages() if one.topic == LEVEL.topic]
     assert data[3] == level(NS_PER_S + 30_000_000, 1.5)
 

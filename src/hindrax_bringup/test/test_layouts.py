@@ -30,10 +30,11 @@ def paths() -> list[str]:
     return found + [panel[key] for panel in PANELS.values() for key in keys if key in panel]
 
 
-def message(kind: str) -> type:
-    """Class of a type: `package/msg/Type` in the table, `package/Type` in a message."""
+def fields(kind: str) -> dict[str, str]:
+    """Types of the fields of a type: `package/msg/Type` in the table, `package/Type` in a message."""
     words = kind.split("/")
-    return getattr(importlib.import_module(f"{words[0]}.msg"), words[-1])
+    found: dict[str, str] = getattr(importlib.import_module(f"{words[0]}.msg"), words[-1]).get_fields_and_field_types()
+    return found
 
 
 def resolve(path: str) -> str:
@@ -41,8 +42,10 @@ def resolve(path: str) -> str:
     topic, *words = path.split(".")
     kind = TYPES[topic]
     for word in words:
-        name, index = re.fullmatch(r"(\w+)(\[\d+\])?", word).groups()
-        kind = message(kind).get_fields_and_field_types()[name]
+        parts = re.fullmatch(r"(\w+)(\[\d+\])?", word)
+        assert parts is not None, f"{path}: {word}"
+        name, index = parts.groups()
+        kind = fields(kind)[name]
         listed = re.fullmatch(r"sequence<(.*)>|(.*)\[\d+\]", kind)
         assert bool(listed) == bool(index), f"{path}: {name} is {kind}"
         kind = (listed[1] or listed[2]) if listed else kind

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -17,10 +18,12 @@ NOW = Stamp(1_000 * 10**9)
 
 
 def unheard(maneuver_age_s: float | None, navigation_age_s: float) -> bool:
-    maneuver = None if maneuver_age_s is None else ManeuverStatus()
-    if maneuver is not None:
+    maneuver = None
+    if maneuver_age_s is not None:
+        maneuver = ManeuverStatus()
         maneuver.header.stamp = stamp_to_msg(after(NOW, -maneuver_age_s))
-    seen = SimpleNamespace(maneuver=maneuver, navigation=Stamped(after(NOW, -navigation_age_s), None), now=lambda: NOW)
+    navigation = Stamped(after(NOW, -navigation_age_s), None)
+    seen: Any = SimpleNamespace(maneuver=maneuver, navigation=navigation, now=lambda: NOW)
     return Operator._maneuver_lost(seen)
 
 
@@ -51,7 +54,7 @@ def test_heartbeats_keep_the_pace_of_the_wall_though_the_clock_of_a_mock_stands(
 
 def test_without_a_clock_no_heartbeat_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
-    sent: list[object] = []
+    sent: list[Any] = []
     with Operator(mock=True) as operator:
         monkeypatch.setattr(operator, "_heartbeats", SimpleNamespace(publish=sent.append))
         operator._send_heartbeat()
@@ -64,7 +67,7 @@ def test_without_a_clock_no_heartbeat_is_sent(monkeypatch: pytest.MonkeyPatch) -
 def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
     with Operator(mock=False) as operator:
-        ticks = []
+        ticks: list[None] = []
         with operator.repeating(0.02, lambda: ticks.append(None)):
             operator.beat(on=False)
             operator.wait(lambda: len(ticks) > 2, 10.0, lambda: "the other timer")

@@ -124,7 +124,7 @@ def test_the_policies_allow_by_full_name_and_deny_nothing() -> None:
     document = ET.fromstring(policies())
     assert [one.get("path") for one in document.iter("enclave")] == list(security.enclaves())
     names = [one.text for kind in ("topic", "service", "action") for one in document.iter(kind)]
-    assert all(name.startswith("/") for name in names)
+    assert all(name and name.startswith("/") for name in names)
     assert "DENY" not in policies()
     (pilot,) = document.findall(".//profile[@node='pilot']")
     said = {one.text for one in pilot.findall("./topics[@publish='ALLOW']/topic")}

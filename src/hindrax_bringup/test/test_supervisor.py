@@ -75,15 +75,21 @@ def until(done: Callable[[], object]) -> None:
 
 def told(supervisor: Supervisor) -> list[str]:
     """Sentences of the first look that has any."""
-    found = []
-    until(lambda: found.extend(supervisor.check()) or found)
+    found: list[str] = []
+
+    def look() -> bool:
+        found.extend(supervisor.check())
+        return bool(found)
+
+    until(look)
     return found
 
 
 def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor: Supervisor) -> None:
     child = supervisor.start(Process("lamps", "p", "no_such_module", "lamps", (), "none", restart=False))
     child.handle.wait(30.0)
-    assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", *supervisor.check())
+    (said,) = supervisor.check()
+    assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", said)
     wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?; look into .*, start again"
     with pytest.raises(HindraxError, match=wanted):
         supervisor.require()

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup import network_profile, stack_runner, tether
+from hindrax_bringup import stack_runner, tether
 from hindrax_bringup.link_monitor import LinkMonitor
 from hindrax_bringup.liveness import NODES, NOTIFY, LivenessFile, liveness_of_stacks, notify, stacks_well, tool_liveness
 from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
 from hindrax_bringup.stack import PROFILE, environment
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.stack_runner import _require_same, awaited
+from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
 from hindrax_bringup.tether import (
     SETTING,
     Tether,
@@ -95,7 +95,7 @@ def test_an_interface_with_an_address() -> None:
 
 
 def test_work_that_does_not_wait_goes_without_a_tether_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    said = []
+    said: list[str] = []
     assert available_tether(said.append) is None
     monkeypatch.setenv(SETTING, "nowhere0:192.168.2.1")
     assert available_tether(said.append) is None
@@ -117,8 +117,13 @@ def test_a_mock_keeps_to_this_machine_unless_asked_by_name(
     monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: Tether | None
 ) -> None:
     monkeypatch.setenv(SETTING, "eth0:192.168.2.1")
-    found = []
-    monkeypatch.setattr(up, "run_up", lambda options: found.append(options.tether) or 0)
+    found: list[Tether | None] = []
+
+    def run_up(options: UpOptions) -> int:
+        found.append(options.tether)
+        return 0
+
+    monkeypatch.setattr(up, "run_up", run_up)
     assert main(words) == 0
     assert found == [wanted]
 
@@ -134,7 +139,7 @@ def test_waiting_says_each_reason_once_and_ends(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(tether, "address_of", look)
     monkeypatch.setattr(tether, "LOOK_S", 0.0)
-    said = []
+    said: list[str] = []
     assert wait_for_address(Tether("eth0"), 10.0, lambda: False, said.append) == "192.168.2.2"
     assert said == ["waiting for the tether; no carrier", "waiting for the tether; no address"]
     assert wait_for_address(Tether("eth0"), 10.0, lambda: True, said.append) == ""
@@ -154,7 +159,7 @@ def test_the_profile_allows_loopback_and_the_tether_and_asks_the_peers() -> None
     assert profile.find(".//d:interfaceWhiteList", NAMES) is None
     peers = [one.text for one in profile.findall(".//d:initialPeersList//d:address", NAMES)]
     assert peers == [GROUP, "192.168.2.1"]
-    assert profile.find(".//d:useBuiltinTransports", NAMES).text == "false"
+    assert profile.findtext(".//d:useBuiltinTransports", None, NAMES) == "false"
 
 
 def test_without_peers_they_are_found_by_multicast() -> None:
@@ -166,7 +171,7 @@ def test_the_environment_reaches_over_the_tether_only_when_it_is_named(monkeypat
     monkeypatch.delenv(PROFILE, raising=False)
     assert environment(mock=True, domain=3)[PROFILE] == str(loopback_profile())
     made = environment(mock=False, domain=None, tether=Tether("eth0"))
-    assert 'name="eth0"' in network_profile.Path(made[PROFILE]).read_text()
+    assert 'name="eth0"' in Path(made[PROFILE]).read_text()
     assert made["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
     assert made[PROFILE] == str(profile_file(Tether("eth0")))
 

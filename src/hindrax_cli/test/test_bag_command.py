@@ -45,7 +45,8 @@ def bag(tmp_path: Path) -> Path:
 def _json(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
     code = command_line.main(["bag", *map(str, words), "--json"])
     assert code == 0
-    return json.loads(capsys.readouterr().out)
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
 
 
 def test_info(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:

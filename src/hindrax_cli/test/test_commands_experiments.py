@@ -14,12 +14,13 @@ from mcap_ros2.writer import Writer
 from hindrax_analysis.experiments import pendulum, step
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
+from hindrax_ident.arrays import Array, array
 
 CFD = (6.204, 12.416, 18.636, 24.864, 31.1, 37.344, 43.596, 49.856, 56.124, 62.40)
 BENCH = ["--mass", "0.39", "--volume", "0.00056", "--stiffness", "1127.7"]
 
 
-def write_csv(path: Path, **columns: np.ndarray) -> str:
+def write_csv(path: Path, **columns: Array) -> str:
     rows = zip(*columns.values(), strict=True)
     path.write_text("\n".join([",".join(columns), *(",".join(f"{v:.9g}" for v in row) for row in rows)]))
     return str(path)
@@ -29,9 +30,9 @@ def plot(folder: Path, name: str) -> list[str]:
     return ["--plot", str(folder / f"{name}.svg")]
 
 
-def decay() -> tuple[np.ndarray, np.ndarray]:
+def decay() -> tuple[Array, Array]:
     """Acceleration of a free decay with m_ad = 0.8289 kg and zeta = 0.06, at 330 Hz."""
-    time = np.arange(3300) / 330.0
+    time = array(np.arange(3300) / 330.0)
     natural, zeta = np.sqrt(1127.7 / (0.39 + 0.8289)), 0.06
     damped = natural * np.sqrt(1.0 - zeta**2)
     return time, -(natural**2) * 0.02 * np.exp(-zeta * natural * time) * (
@@ -43,7 +44,8 @@ def run_json(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     code = command_line.main([*words, "--json"])
     out = capsys.readouterr().out
     assert code == 0
-    return json.loads(out)
+    found: dict[str, Any] = json.loads(out)
+    return found
 
 
 def test_papers_json_has_the_agreed_shape(capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,7 +89,7 @@ def test_free_decay_from_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str
         for t, a in zip(time, acceleration, strict=True):
             stamp = int(1e9 * t)
             writer.write_message("/accel", schema, {"x": 0.0, "y": 0.0, "z": a}, log_time=stamp, publish_time=stamp)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
     found = run_json(capsys, "free-decay", str(bag), *BENCH, "--field", "acceleration_mps2=/accel:z")
     assert found["added_mass_kg"]["value"] == pytest.approx(0.8289, rel=0.005)
     assert command_line.main(["free-decay", str(bag), *BENCH]) == 2
@@ -107,7 +109,7 @@ def test_forced_pendulum_and_step(tmp_path: Path, capsys: pytest.CaptureFixture[
     found = run_json(capsys, "forced", *files, *words)
     assert found["coefficients"]["Z_wdot"]["fourier"]["value"] == pytest.approx(-86.7, rel=1e-3)
 
-    clock = np.arange(0.0, 12.0, 0.02)
+    clock = array(np.arange(0.0, 12.0, 0.02))
     file = write_csv(
         tmp_path / "p.csv", time_s=clock, theta_rad=pendulum.simulate(clock, np.array([-6.7, 0.4, 0.5]), 1.0)
     )
@@ -115,7 +117,7 @@ def test_forced_pendulum_and_step(tmp_path: Path, capsys: pytest.CaptureFixture[
     found = run_json(capsys, "pendulum", file, *words)
     assert found["output_error"]["gamma"]["value"] == pytest.approx(0.5, rel=1e-3)
 
-    plant, ticks = step.Plant(27.3, 1.25, 66.48), np.arange(0.0, 8.0, 0.05)
+    plant, ticks = step.Plant(27.3, 1.25, 66.48), array(np.arange(0.0, 8.0, 0.05))
     columns = [
         np.concatenate([part(t) for t in (5.0, 20.0)])
         for part in (lambda _: ticks, lambda t: plant.velocity_mps(ticks, t), lambda t: np.full(ticks.size, t))
@@ -136,7 +138,7 @@ def test_step_simulates_the_figures_of_the_paper(capsys: pytest.CaptureFixture[s
 
 
 def test_towing_and_bollard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = write_csv(tmp_path / "t.csv", speed_mps=np.arange(0.1, 1.01, 0.1), drag_N=np.array(CFD))
+    file = write_csv(tmp_path / "t.csv", speed_mps=array(np.arange(0.1, 1.01, 0.1)), drag_N=np.array(CFD))
     found = run_json(capsys, "towing", file, *plot(tmp_path, "towing"))
     assert (found["k_l"]["value"], found["k_q"]["value"]) == pytest.approx((62.0, 0.4))
 

@@ -140,7 +140,8 @@ def is_true(surge: dict[str, Any], sigmas: float = 4.0) -> bool:
 
 
 def force_at(surge: dict[str, Any], speed: float) -> float:
-    return surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
+    found: float = surge["k_q"]["value"] * speed**2 + surge["k_l"]["value"] * speed
+    return found
 
 
 # ---- CSV
@@ -451,9 +452,9 @@ def as_bag(
     signs: tuple[float, float] = (1.0, 1.0),
     extra: Sequence[Any] = (),
     variance: float = 0.0,
-    **record: float,
+    end_s: float = 80.0,
 ) -> Path:
-    (t_v, v), (t_w, w) = flown(**record)
+    (t_v, v), (t_w, w) = flown(end_s=end_s)
     rows = [(t, 0, value) for t, value in zip(t_v, v, strict=True)]
     rows += [(t, 1, value) for t, value in zip(t_w, w, strict=True)]
     with path.open("wb") as stream:
@@ -474,7 +475,7 @@ def as_bag(
                 content = velocity_message(kind, at, axis, signed, frame, variance=variance)
             received = int(at * 1e9)
             writer.write_message(topic, schemas[kind], content, log_time=received, publish_time=received)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
     return path
 
 
@@ -568,7 +569,7 @@ def test_a_bag_without_forces_lists_what_it_holds(tmp_path: Path, capsys: pytest
         schema = writer.register_msgdef("nav_msgs/msg/Odometry", DEFINITIONS["nav_msgs/msg/Odometry"])
         content = velocity_message("nav_msgs/msg/Odometry", START_S, 0, 0.1, "base_link")
         writer.write_message("/odom", schema, content, log_time=1, publish_time=1)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
     code, said = refused(capsys, path)
     assert code == 2
     assert "no topic holds the force" in said
@@ -585,7 +586,7 @@ def test_sqlite_bags_open_too(tmp_path: Path, small: Path, capsys: pytest.Captur
             "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding TEXT, "
             "encoded_message_definition TEXT)"
         )
-        numbers = {}
+        numbers: dict[str, int] = {}
         for message in messages(mcap):
             if message.topic not in numbers:
                 numbers[message.topic] = len(numbers) + 1
@@ -593,8 +594,8 @@ def test_sqlite_bags_open_too(tmp_path: Path, small: Path, capsys: pytest.Captur
                 base.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr')", row)
                 text = (row[0], message.type, DEFINITIONS[message.type])
                 base.execute("INSERT INTO message_definitions VALUES(?, ?, 'ros2msg', ?)", text)
-            row = (numbers[message.topic], message.received, message.data)
-            base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", row)
+            received = (numbers[message.topic], message.received, message.data)
+            base.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", received)
     from_mcap = identified(capsys, mcap, "--vehicle", small)["motions"]["surge"]
     from_sqlite = identified(capsys, bag, "--vehicle", small)["motions"]["surge"]
     assert from_sqlite["k_q"]["value"] == pytest.approx(from_mcap["k_q"]["value"], rel=1e-9)
@@ -614,7 +615,7 @@ def bag_of(path: Path, topics: list[Any]) -> Path:
         for t, name, schema, content in sorted(rows, key=lambda row: row[0]):
             at = int((START_S + t) * 1e9)
             writer.write_message(name, schema, content, log_time=at, publish_time=at)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
     return path
 
 

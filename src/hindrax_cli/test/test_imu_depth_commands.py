@@ -170,7 +170,7 @@ def test_a_recorded_turn_does_as_well_as_a_live_one(tmp_path: Path, capsys: pyte
             both = {"angular_velocity": vector, "linear_acceleration": force}
             writer.write_message("/hindrax/icm20948/data_raw", imu, both, log_time=turn)
             writer.write_message("/hindrax/icm20948/mag", field, {"magnetic_field": iron}, log_time=turn)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
     assert main(["imu", "calibrate", "--bag", str(tmp_path / "turn.mcap"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["calibration"]
     assert found["mag_offset_T"] == pytest.approx(IRON_T, abs=1e-9)

@@ -72,7 +72,7 @@ def test_the_kernel_can_be_asked() -> None:
 
 def test_room_for_bags(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert machine.disk(tmp_path).ok
-    monkeypatch.setattr(machine.shutil, "disk_usage", lambda _path: Message(free=10_000_000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _path: Message(free=10_000_000))
     assert "wanted 0.5 GB" in machine.disk(tmp_path).remedy
 
 
@@ -205,7 +205,9 @@ def mock_ports(tmp_path: Path) -> Iterator[dict[str, Any]]:
     with Supervisor(folder.logs, environment(mock=True, domain=None)) as supervisor:
         stack = Stack(folder, supervisor)
         stack.start_mock(MockOptions(), "--no-ros")
-        yield {**stack.mock_facts["ports"], "clock": stack.mock_facts["clock"]}
+        ports = stack.mock_facts["ports"]
+        assert isinstance(ports, dict)
+        yield {**ports, "clock": stack.mock_facts["clock"]}
 
 
 def test_a_chip_of_lines_is_there_or_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

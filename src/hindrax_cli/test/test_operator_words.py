@@ -8,9 +8,10 @@ import math
 import re
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import SimpleNamespace as Message
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,7 +90,9 @@ def test_what_is_no_place_is_refused_before_the_vehicle_is_asked(
 
 
 def test_angles_are_given_in_degrees_and_distances_in_meters() -> None:
-    assert hold.parse("heading", "90") == (("heading",), pytest.approx(math.pi / 2), True)
+    axes, value, engaged = hold.parse("heading", "90")
+    assert (axes, engaged) == (("heading",), True)
+    assert value == pytest.approx(math.pi / 2)
     assert hold.parse("depth", "0.8") == (("depth",), 0.8, True)
 
 
@@ -282,7 +285,7 @@ def test_a_sweep_that_makes_no_curve_is_refused_before_it_is_written(
 
 
 def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    nothing = Message(results=Message(motions={}))
+    nothing: Any = Message(results=Message(motions={}))
     finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 0}))
     assert capsys.readouterr().err == ""
     finish(nothing, RunFolder(tmp_path), FlownManeuver(facts={"wall_hits": 2}))
@@ -317,10 +320,11 @@ def test_a_signal_is_noted_and_interrupts_nothing() -> None:
 def test_the_devices_alone_lie_at_stable_paths_and_only_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told, asked = {}, threading.Event()
+    told: dict[str, str] = {}
+    asked = threading.Event()
     folder = tmp_path / "runtime" / "mock"
 
-    def tell(found: dict[str, str]) -> None:
+    def tell(found: Mapping[str, str]) -> None:
         told.update(found)
         assert main(["mock"]) == 1
         asked.set()

@@ -89,7 +89,7 @@ def test_it_measures_keeps_and_switches_the_channel_off(
     assert not chip.violations
     (running,) = [one for one in chip.changes if one.pulses_us[15] is not None]
     assert running.pulses_us[15] == pytest.approx(0.5e6 / chip.rate_Hz)
-    assert running.pulses_us[:8] == (pytest.approx(1500.0 / 1.031, abs=3.0),) * 8, "neutral by the clock of the file"
+    assert running.pulses_us[:8] == pytest.approx((1500.0 / 1.031,) * 8, abs=3.0), "neutral by the clock of the file"
 
 
 def test_without_the_wire_the_channel_is_off_again_and_nothing_is_kept(

@@ -14,7 +14,6 @@ import yaml
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
-from hindrax_cli.commands.develop import test as test_command
 from hindrax_cli.commands.operate import arm
 from hindrax_cli.commands.pool import pool_test
 from hindrax_core.errors import HindraxError
@@ -23,7 +22,7 @@ from hindrax_core.vehicle import load_vehicle
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     try:
-        code = command_line.main(words)
+        code: object = command_line.main(words)
     except SystemExit as end:
         code = end.code
     said = capsys.readouterr()
@@ -107,9 +106,13 @@ def test_no_word_at_all_shows_every_command(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize("words", [["-k", "dvl75"], ["test/golden", "-k", "dvl75"], ["-x", "--", "-q"]])
 def test_options_of_pytest_reach_pytest(monkeypatch: pytest.MonkeyPatch, words: list[str]) -> None:
-    called = []
-    child = SimpleNamespace(wait=lambda: 0)
-    monkeypatch.setattr(test_command.subprocess, "Popen", lambda command, **_: called.append(command) or child)
+    called: list[list[str]] = []
+
+    def started(command: list[str], **_: object) -> SimpleNamespace:
+        called.append(command)
+        return SimpleNamespace(wait=lambda: 0)
+
+    monkeypatch.setattr(subprocess, "Popen", started)
     assert command_line.main(["test", *words]) == 0
     assert called == [[sys.executable, "-m", "pytest", *words]]
 
@@ -166,8 +169,13 @@ def test_a_pool_test_without_its_ports_ends_at_once_and_names_the_mock(
 
 
 def test_ports_that_are_there_but_silent_get_their_time(monkeypatch: pytest.MonkeyPatch, at_a_desk: Path) -> None:
-    flown = []
-    monkeypatch.setattr(pool_test, "run_pool_test", lambda options: flown.append(options) or 0)
+    flown: list[object] = []
+
+    def run_pool_test(options: object) -> int:
+        flown.append(options)
+        return 0
+
+    monkeypatch.setattr(pool_test, "run_pool_test", run_pool_test)
     for mount in load_vehicle(at_a_desk).sensors.values():
         Path(mount.port).touch()
     assert command_line.main(["pool-test", "--vehicle", str(at_a_desk)]) == 0

@@ -94,7 +94,8 @@ class Fake:
     title = "mock vehicle, ROS domain 3, process 4711"
 
     def __init__(self, shown: Snapshot) -> None:
-        self.shown, self.orders = shown, []
+        self.shown = shown
+        self.orders: list[str] = []
 
     def snapshot(self) -> Snapshot:
         return self.shown

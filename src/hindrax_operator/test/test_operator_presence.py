@@ -31,7 +31,8 @@ def found_elsewhere() -> list[int]:
     )
     environment = dict(os.environ) | {"PYTHONPATH": os.pathsep.join(sys.path)}
     said = subprocess.run([sys.executable, "-c", words], env=environment, capture_output=True, check=True)
-    return json.loads(said.stdout)
+    found: list[int] = json.loads(said.stdout)
+    return found
 
 
 def test_a_stack_is_found_while_it_runs_and_not_after() -> None:

@@ -12,7 +12,7 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from http.client import HTTPResponse
 from pathlib import Path
@@ -167,6 +167,7 @@ def test_a_maneuver_needs_an_armed_vehicle_that_is_heard_and_one_at_a_time(page:
     status, text = page.order("fly", **words)
     assert status == 409
     assert "under way" in text
+    assert page.vehicle.landed is not None
     page.vehicle.landed("flown: surge, yaw", True)
     assert page.order("fly", **words)[0] == 202
 
@@ -586,7 +587,12 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(server.Server, "run", lambda _server: None)
     looks: list[Snapshot] = []
     step = Chart.step
-    monkeypatch.setattr(Chart, "step", lambda chart, view: looks.append(view) or step(chart, view))
+
+    def seen(chart: Chart, view: Snapshot) -> object:
+        looks.append(view)
+        return step(chart, view)
+
+    monkeypatch.setattr(Chart, "step", seen)
     assert main(["web", "--port", "0"]) == 1
     assert looks, "the chart follows the vehicle from the start, not from the first page on"
     assert "start `./hindrax web` again" in capsys.readouterr().err
@@ -625,12 +631,16 @@ class Flown:
     """An operator whose maneuver lasts until it is cancelled; turning is all that happens meanwhile."""
 
     def __init__(self) -> None:
-        self.orders = []
-        self.beats = []
+        self.orders: list[str] = []
+        self.beats: list[bool] = []
         self.thrusters = object()
 
     def beat(self, *, on: bool) -> None:
         self.beats.append(on)
+
+    def cancel(self) -> str:
+        self.orders.append("cancelled")
+        return "done"
 
     def last(self, link: GraphLink) -> str:
         while "cancelled" not in self.orders:
@@ -638,20 +648,27 @@ class Flown:
         return "flown"
 
 
+def linked(present: Callable[[], bool] = lambda: True) -> tuple[GraphLink, Flown, Any]:
+    """A link that has joined; the operator's node, also as such, is a stand-in."""
+    link, operator = GraphLink(None, sim_time=False, present=present), Flown()
+    node: Any = operator
+    link._operator = node
+    return link, operator, node
+
+
 def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
-    link, operator, told = GraphLink(None, sim_time=False), Flown(), []
-    link._operator = operator
+    link, operator, node = linked()
+    told: list[tuple[str, bool]] = []
     link._waiting = True
-    link._urgent.put((lambda found: found.orders.append("cancelled") or "done", lambda *said: told.append(said)))
-    link._carry_out(operator, lambda found: found.last(link), lambda *said: told.append(said))
+    link._urgent.put((lambda _node: operator.cancel(), lambda *said: told.append(said)))
+    link._carry_out(node, lambda _node: operator.last(link), lambda *said: told.append(said))
     assert told == [("done", True), ("flown", True)]
 
 
 def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
-    link, operator = GraphLink(None, sim_time=False), Flown()
-    link._operator = operator
+    link, operator, _ = linked()
     link._waiting = True
     link._over.set()
     with pytest.raises(HindraxError, match="not waited for"):
@@ -662,8 +679,7 @@ def test_a_link_that_ends_gives_up_waiting_once(monkeypatch: pytest.MonkeyPatch)
 def test_the_heartbeat_is_that_of_whoever_looks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", lambda _operator: Snapshot())
     looks = [True]
-    link, operator = GraphLink(None, sim_time=False, present=lambda: looks[-1]), Flown()
-    link._operator = operator
+    link, operator, _ = linked(lambda: looks[-1])
     for looks[-1] in (True, False, False, True, True):
         link._tick()
     assert operator.beats == [False, True]

@@ -70,6 +70,7 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         seen.run("document.getElementById('start').click()")
         seen.wait("document.getElementById('flying').disabled")
         assert page.vehicle.orders == [Goal(("surge", "yaw"), "plateaus", 1, "hold")]
+        assert page.vehicle.landed is not None
         page.vehicle.landed("the maneuver ended early, by operator: cancelled", False)
         seen.wait(f"{text('outcomes')}.includes('ended early')")
         for name in ("cancel", "disarm", "stop"):

@@ -66,7 +66,7 @@ def test_it_holds_every_axis_asks_for_each_load_and_measures_when_it_hangs(held:
     def ready() -> bool:
         """The operator takes a moment."""
         stack.asked += 1
-        return stack.asked % 20 == 0
+        return bool(stack.asked % 20 == 0)
 
     holds = weigh_on(
         stack, VEHICLE, 0, LOADS, ready=ready, ask=lambda load: setattr(stack, "load", load), say=heard.append
