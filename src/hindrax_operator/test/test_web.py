@@ -638,7 +638,8 @@ class Flown:
     def beat(self, *, on: bool) -> None:
         self.beats.append(on)
 
-    def cancel(self) -> str:
+    def cancel(self, found: object) -> str:
+        assert found is self
         self.orders.append("cancelled")
         return "done"
 
@@ -661,8 +662,8 @@ def test_an_end_is_obeyed_while_a_maneuver_is_waited_for(monkeypatch: pytest.Mon
     link, operator, node = linked()
     told: list[tuple[str, bool]] = []
     link._waiting = True
-    link._urgent.put((lambda _node: operator.cancel(), lambda *said: told.append(said)))
-    link._carry_out(node, lambda _node: operator.last(link), lambda *said: told.append(said))
+    link._urgent.put((operator.cancel, lambda *said: told.append(said)))
+    link._carry_out(node, lambda found: operator.last(link) if found is node else "", lambda *said: told.append(said))
     assert told == [("done", True), ("flown", True)]
 
 
