@@ -107,8 +107,10 @@ class Machines:
 @contextmanager
 def three_machines(folder: Path) -> Iterator[Machines]:
     require_namespaces()
-    names = [f"hindrax-{os.getpid()}-{what}" for what in ("vehicle", "topside", "elsewhere")]
-    made = Machines(folder, *names)
+    vehicle, topside, elsewhere = names = [
+        f"hindrax-{os.getpid()}-{what}" for what in ("vehicle", "topside", "elsewhere")
+    ]
+    made = Machines(folder, vehicle, topside, elsewhere)
     with ExitStack() as stack:
         for name in names:
             ip("netns", "add", name)

@@ -198,7 +198,7 @@ def test_a_folder_that_cannot_be_entered_deletes_nothing_elsewhere(place: Path) 
 def test_without_git_or_ssh_it_says_what_to_install(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(deploy.shutil, "which", lambda tool: None if tool == "ssh" else tool)
+    monkeypatch.setattr(shutil, "which", lambda tool: None if tool == "ssh" else tool)
     assert main(["deploy", "pi@rov"]) == 1
     assert "found no ssh here; sudo apt install openssh-client" in capsys.readouterr().err
     monkeypatch.undo()

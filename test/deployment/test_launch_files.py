@@ -148,7 +148,7 @@ class Started(Supervisor):
 
     def __init__(self, facts: Mapping[str, object]) -> None:
         super().__init__(Path("logs"), {})
-        self.facts, self.words = facts, {}
+        self.facts, self.words = facts, dict[Process, list[str]]()
 
     def start(self, process: Process, arguments: Sequence[str] = (), *, pipe: bool = False) -> Any:
         assert not pipe

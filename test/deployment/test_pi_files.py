@@ -26,8 +26,15 @@ MAJOR_OF_KIND = {"i2c": "89", "ttyAMA": "204", "ttyACM": "166", "ttyUSB": "188"}
 """Linux, Documentation/admin-guide/devices.txt."""
 
 
+class CasedParser(configparser.ConfigParser):
+    """Keeps the letters of a name as they are."""
+
+    def optionxform(self, optionstr: str) -> str:
+        return optionstr
+
+
 def set_up(root: Path, *words: str) -> str:
-    command = [SET_UP, "--root", root, *words]
+    command: list[str | Path] = [SET_UP, "--root", root, *words]
     return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
 
 
@@ -100,7 +107,7 @@ def test_a_container_gets_the_group_of_its_bus_and_no_service(tmp_path: Path) ->
     clone = tmp_path / "clone/docker"
     shutil.copytree(PI, clone / "pi")
     root = tmp_path / "root"
-    command = [clone / "pi/set-up.sh", "--root", root, "--container"]
+    command: list[str | Path] = [clone / "pi/set-up.sh", "--root", root, "--container"]
     subprocess.run(command, check=True, capture_output=True, timeout=60)
     assert list(root.rglob("hindrax.service")) == []
     (settings,) = root.rglob(".env")
@@ -149,7 +156,8 @@ def test_udev_accepts_the_rules() -> None:
     )
     if int(version) < 254:
         pytest.skip("needs `udevadm verify`, which systemd has from 254 on; the terms are looked at one by one above")
-    command = [udevadm, "verify", "--resolve-names=never", PI / "60-hindrax.rules"]
+    assert udevadm is not None
+    command: list[str | Path] = [udevadm, "verify", "--resolve-names=never", PI / "60-hindrax.rules"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -219,8 +227,7 @@ def test_every_setting_is_one_that_the_stack_reads() -> None:
 
 
 def test_the_service_is_watched_and_always_started_again() -> None:
-    parser = configparser.ConfigParser(strict=False, interpolation=None)
-    parser.optionxform = str
+    parser = CasedParser(strict=False, interpolation=None)
     parser.read(PI / "hindrax.service")
     service = parser["Service"]
     assert service["Type"] == "notify"

@@ -59,7 +59,8 @@ def report_of_a_stranger(machines: Machines, machine: str, *asked: str) -> dict[
     child = machines.start_stranger(machine, asked, STRANGER_S)
     out, _ = child.communicate(timeout=PATIENT_S)
     assert child.returncode == 0, machines.errors(machine).read_text()
-    return json.loads(out)
+    found: dict[str, object] = json.loads(out)
+    return found
 
 
 def test_without_a_tether_nobody_outside_the_machine_is_answered(machines: Machines) -> None:
@@ -102,6 +103,7 @@ def test_a_cut_in_mid_maneuver_ends_in_holds_and_full_recovery(
     alarm = threading.Timer(PATIENT_S, child.kill)
     alarm.start()
     events = {}
+    assert child.stdout is not None
     for line in child.stdout:
         told = json.loads(line)
         events[told["event"]] = told

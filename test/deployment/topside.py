@@ -45,6 +45,11 @@ def fly(operator: Operator) -> None:
     operator.wait(lambda: operator.flying == "surge", PATIENT_S, lambda: "the maneuver")
 
 
+def depth_m(operator: Operator) -> float:
+    assert operator.navigation is not None
+    return operator.navigation.reading.depth_m
+
+
 def graph(node: BatchedNode) -> dict[str, dict[str, list[str]]]:
     """What every node of the vehicle says, hears and answers, as the middleware sees it."""
     asked = {
@@ -71,7 +76,7 @@ def main() -> None:
         operator.wait(lambda: operator.navigation is not None, PATIENT_S, lambda: "a navigation solution")
         operator.arm(seconds=PATIENT_S)
         hold(operator, ["depth"], 0.6, engaged=True)
-        operator.wait(lambda: operator.navigation.reading.depth_m > 0.5, PATIENT_S, lambda: "the depth")
+        operator.wait(lambda: depth_m(operator) > 0.5, PATIENT_S, lambda: "the depth")
         fly(operator)
         tell("flying", graph=graph(operator.node))
         heard = Heard(operator)
@@ -84,7 +89,7 @@ def main() -> None:
         before = operator.holds
         operator.wait(lambda: operator.holds is not before, PATIENT_S, lambda: "the holds")
         held = [axis for axis, on in zip(operator.holds.axes, operator.holds.engaged, strict=True) if on]
-        tell("found", armed=operator.thrusters.armed, held=held, depth_m=operator.navigation.reading.depth_m)
+        tell("found", armed=operator.thrusters.armed, held=held, depth_m=depth_m(operator))
         # Its result was told into the cut and is lost: what flies is seen in the topic alone.
         operator.wait(lambda: not operator.flying, PATIENT_S, lambda: "the end of the maneuver")
         operator.wait(lambda: seen_by_vehicle(operator), PATIENT_S, lambda: "the vehicle to hear its operator again")

@@ -44,7 +44,7 @@ class StandInPilot:
             node,
             FlyManeuver,
             "maneuver/fly",
-            lambda handle: self._result(BUSY, handle),
+            partial(result_of, BUSY),
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -76,7 +77,7 @@ def flight() -> Iterator[Flight]:
             rclpy.try_shutdown()
 
 
-def outcomes(flight: Flight, *goals: tuple[str, str]) -> list[dict]:
+def outcomes(flight: Flight, *goals: tuple[str, str]) -> list[dict[str, Any]]:
     """What a client of its own is told of goals (motion, and what it does once that is flown) in a row."""
     made = environment(mock=True, domain=None)
     made["PYTHONPATH"] = ":".join([*SOURCES, made.get("PYTHONPATH", "")])
@@ -86,6 +87,7 @@ def outcomes(flight: Flight, *goals: tuple[str, str]) -> list[dict]:
         while client.poll() is None and time.monotonic() < deadline:
             flight.turn()
         client.terminate()
+        assert client.stdout is not None
         said = client.stdout.read().splitlines()
     return [json.loads(line) for line in said]
 

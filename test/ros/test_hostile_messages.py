@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -123,7 +123,8 @@ class Handle:
     """Stands for the server's end of a goal: keeps the result."""
 
     def __init__(self, request: Any) -> None:
-        self.request, self.is_cancel_requested, self.result = request, False, None
+        self.request, self.is_cancel_requested = request, False
+        self.result: Any = None
 
     def execute(self, callback: Any) -> None:
         assert self.result is None, "one result for one goal"
@@ -273,7 +274,7 @@ def test_a_navigator_navigates_on_whatever_a_sensor_says(control: Control, topic
         assert max(map(abs, known.attitude_rad[:2])) < 0.1, message
 
 
-ORDERS = {
+ORDERS: dict[Topic, Callable[[Stamp], Any]] = {
     OPERATOR_WRENCH: lambda now: wrench_to_msg(now, PUSH),
     HOLD_SETPOINT: lambda _: HoldSetpoint(axis="depth", engaged=True, value=1.5),
     THRUSTER_HEALTH_ORDER: lambda _: ThrusterHealth(disabled=["T1"], reasons=["a test"]),
@@ -342,7 +343,7 @@ def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothi
     sensible = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", on_cancel="hold")
     said = []
     for sec, nanosec in hostile.TIMES:
-        sensible.stamp = hostile.Time(sec=sec, nanosec=nanosec)
+        sensible.stamp = Time(sec=sec, nanosec=nanosec)
         said.append(control.ask(sensible).result.aborted)
     assert [one.partition(": ")[0] for one in said] == ["clock", "clock", "clock", "late", "clock", "clock"]
     assert all("wanted" in one for one in said)

@@ -54,7 +54,7 @@ SENT = (THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, E
 class Stranger:
     """Beside control on the graph: plays an inertial sensor at rest and armed thrusters, and sends what it likes."""
 
-    def __init__(self, child: subprocess.Popen) -> None:
+    def __init__(self, child: subprocess.Popen[bytes]) -> None:
         self.child, self.node = child, Node("stranger", namespace=NAMESPACE)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
@@ -98,7 +98,7 @@ class Stranger:
         self.until(sent.done)
         ended = sent.result().get_result_async()
         self.until(ended.done)
-        return ended.result().result.aborted
+        return str(ended.result().result.aborted)
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def test_control_lives_moves_nothing_and_says_what_it_refused(stranger: Stranger
             stranger.send(topic, message)
     for order in (
         (HOLD_SETPOINT, HoldSetpoint(axis="heading", engaged=True, value=1.0)),
-        (OPERATOR_WRENCH, wrench_to_msg(0, (30.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
+        (OPERATOR_WRENCH, wrench_to_msg(Stamp(0), (30.0, 0.0, 0.0, 0.0, 0.0, 0.0))),
         (THRUSTER_HEALTH_ORDER, ThrusterHealth(disabled=["T1"], reasons=["a test"])),
     ):
         for message in hostile.untimely(order[1]):

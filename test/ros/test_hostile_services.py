@@ -14,10 +14,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import psutil
+import psutil  # type: ignore[import-untyped]  # its stubs are a package of their own
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
@@ -38,7 +39,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
-from type_description_interfaces.srv import GetTypeDescription
+from type_description_interfaces.srv import GetTypeDescription  # type: ignore[import-untyped]  # generated
 
 from hindrax_bringup import security
 from hindrax_bringup.security import ROLES
@@ -242,7 +243,7 @@ def test_no_node_takes_gives_or_serves_what_the_reference_does_not_say() -> None
         client.until(lambda: set(client.node.get_node_names()) >= NODES, f"all of {NODES}")
         for name in sorted(NODES - {"sensors", "teleop"}):
             (role,) = (one for one in ROLES if one.node == name and one.enclave != "bench")
-            client.until(lambda name=name: client.edges_of(name), f"the edges of {name}")
+            client.until(partial(client.edges_of, name), f"the edges of {name}")
             assert client.edges_of(name) <= set(edges(role)), name
 
 

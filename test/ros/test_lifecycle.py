@@ -7,6 +7,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +52,11 @@ class Sensors:
         for topic in TOPICS:
             device = topic.name.removeprefix("raw/").partition("/")[0]
             if device in NAMES:
-                subscription(node, topic, lambda _message, name=topic.name: self.heard.update([name]))
+                subscription(node, topic, partial(self._hear, topic.name))
         self.nodes = {name: LifecycleClient(node, name, self.until) for name in NAMES}
+
+    def _hear(self, name: str, _message: Any) -> None:
+        self.heard[name] += 1
 
     def until(self, done: Callable[[], Any], what: str) -> None:
         deadline = time.monotonic() + PATIENT_S
@@ -91,7 +95,7 @@ def sensors(tmp_path: Path) -> Iterator[Sensors]:
         MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as mock,
     ):
         values = wire_parameters({"ports": mock.ports, "clock": mock.clock})
-        words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}} | values)
+        words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}, **values})
         rclpy.init(args=[])
         arguments = [sys.executable, "-m", "hindrax_drivers.nodes.sensors", *words, "-r", f"__ns:={NAMESPACE}"]
         with subprocess.Popen(arguments, env=made) as process:

@@ -15,12 +15,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
+import psutil  # type: ignore[import-untyped]  # its stubs are a package of their own
 import pytest
 
 from hindrax_bringup.stack_lock import FOLDER
@@ -75,6 +75,11 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
     return Terminal(environment, folder)
 
 
+def line_of(child: subprocess.Popen[str]) -> str:
+    assert child.stdout is not None
+    return child.stdout.readline()
+
+
 def wait_for(done: Callable[[], bool], terminal: Terminal) -> None:
     deadline = time.monotonic() + PATIENT_S
     while not done():
@@ -87,7 +92,7 @@ def up(terminal: Terminal) -> Iterator[psutil.Process]:
     """A stack in mock, in a ROS domain of its own; yields the process that looks after it."""
     out = terminal.folder / "run"
     child = terminal.start("up", "--mock", "--record", "--out", str(out))
-    first = child.stdout.readline()
+    first = line_of(child)
     assert "mock vehicle, ROS domain" in first, terminal.errors("up")
     wait_for(lambda: {"pilot: well", "thrusters: well"} <= set(terminal.errors("up").splitlines()), terminal)
     yield psutil.Process(child.pid)
@@ -190,10 +195,10 @@ def test_the_doctor_asks_the_nodes_of_a_stack_that_is_up(terminal: Terminal) -> 
 def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: Terminal) -> None:
     child = terminal.start("web", "--port", "0")
     try:
-        found = re.fullmatch(r"web: http://(127\.0\.0\.1:\d+)/#(\S+)\n", child.stdout.readline())
+        found = re.fullmatch(r"web: http://(127\.0\.0\.1:\d+)/#(\S+)\n", line_of(child))
         assert found, terminal.errors("web")
 
-        def ask(path: str, words: dict[str, object] | None = None) -> tuple[int, str]:
+        def ask(path: str, words: Mapping[str, object] | None = None) -> tuple[int, str]:
             """Status and first line."""
             body = None if words is None else json.dumps(words)
             headers = {"Authorization": f"Bearer {found[2]}", "Content-Type": "application/json"}
@@ -203,7 +208,8 @@ def test_the_page_flies_an_armed_vehicle_and_stops_it_in_mid_maneuver(terminal: 
                     return answer.status, answer.readline().decode()
 
         def state() -> dict[str, Any]:
-            return json.loads(ask("/events")[1].removeprefix("data: "))
+            told: dict[str, Any] = json.loads(ask("/events")[1].removeprefix("data: "))
+            return told
 
         surge = {"motions": ["surge"]}
         assert ask("/fly", surge)[0] == 409, "nothing flies before it is armed"

@@ -24,6 +24,7 @@ from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.supply_voltage import SupplyVoltage
 from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.nodes.pilot_node import PilotNode
+from hindrax_control.pool_bounds import PoolPosition
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Estimate, Navigation
@@ -76,7 +77,7 @@ class Bench:
         self.pilot.publish_queue.flush()
 
     def until(self, done: Callable[[], object]) -> None:
-        self.operator.wait(done, PATIENT_S, lambda: "the bench")
+        self.operator.wait(lambda: bool(done()), PATIENT_S, lambda: "the bench")
 
     def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> str:
         """The operator's last message."""
@@ -93,6 +94,11 @@ class Bench:
 
     def when_flying(self, act: Callable[[], object]) -> None:
         self.when(lambda: self.operator.flying, act)
+
+    def place(self) -> PoolPosition:
+        pool = self.pilot._pilot.pool
+        assert pool is not None
+        return pool.place(ADRIFT)
 
     def go_on(self) -> None:
         self.navigation = ADRIFT
@@ -115,20 +121,22 @@ def bench() -> Iterator[Bench]:
             made.close()
 
 
-def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(bench: Bench) -> None:
+def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
     known: list[bool] = []
     bench.pilot.know_position = lambda: known.append(True)
     bench.until(lambda: bench.pilot._pilot.pool is not None)
     recentre(bench.operator, 4.0, 2.0, math.nan)
-    place = bench.pilot._pilot.pool.place(ADRIFT)
+    place = bench.place()
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
     for x_m, y_m, turned in itertools.product((math.inf, -1e308, 11.0, math.nan), (2.0,), (math.nan, math.inf, 1e308)):
         with pytest.raises(HindraxError, match=r"recentre: (x|heading): found .* wanted"):
             recentre(bench.operator, x_m, y_m, turned)
-    bench.operator.now = lambda: Stamp(1)
+    monkeypatch.setattr(bench.operator, "now", lambda: Stamp(1))
     with pytest.raises(HindraxError, match="recentre: "):
         recentre(bench.operator, 5.0, 3.0, math.nan)
-    place = bench.pilot._pilot.pool.place(ADRIFT)
+    place = bench.place()
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
 
 
@@ -165,19 +173,19 @@ def test_the_plans_follow_parameters_and_thrusters_and_reach_who_comes_late(benc
     assert late[0].plans == bench.operator.plans.plans
 
 
-def estimate(stamp: Stamp, **changes: str | tuple[float, float]) -> Stamped[Estimate]:
-    told = {
-        "motion": "surge",
-        "names": ("k_q", "k_l"),
-        "units": ("N s^2/m^2", "N s/m"),
-        "values": (66.1, 1.3),
-        "covariance": ((0.16, 0.0), (0.0, 0.25)),
-        "samples": 120,
-        "effective_samples": 80.0,
-        "learning": True,
-        "reason": "",
-    }
-    return Stamped(stamp, Estimate(**(told | changes)))
+def estimate(stamp: Stamp, motion: str = "surge", values: tuple[float, float] = (66.1, 1.3)) -> Stamped[Estimate]:
+    told = Estimate(
+        motion,
+        ("k_q", "k_l"),
+        units=("N s^2/m^2", "N s/m"),
+        values=values,
+        covariance=((0.16, 0.0), (0.0, 0.25)),
+        samples=120,
+        effective_samples=80.0,
+        learning=True,
+        reason="",
+    )
+    return Stamped(stamp, told)
 
 
 def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
@@ -214,7 +222,7 @@ def test_feedback_tells_what_is_known_of_the_motion_flown(bench: Bench) -> None:
 def test_an_arm_request_that_came_too_late_is_made_again_for_a_mock_alone(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    answers = []
+    answers: list[int] = []
 
     def answer(request: Any, response: Any) -> Any:
         response.accepted = len(answers) == patience
@@ -250,7 +258,7 @@ def test_a_goal_that_was_late_is_asked_again_and_told_its_age_in_the_end(
 ) -> None:
     bench.say_armed(armed=True)
     true = bench.operator.now
-    asked = []
+    asked: list[str] = []
 
     def now() -> Stamp:
         return after(true(), -3.0 if bench.operator.maneuver is None and len(asked) < patience else 0.0)

@@ -101,6 +101,7 @@ def test_the_bag_opens_with_mcap_with_all_checksums(run: tuple[Path, Any]) -> No
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None
+        assert summary.statistics is not None
         assert reader.get_header().profile == "ros2"
         assert sum(1 for _ in reader.iter_messages()) == summary.statistics.message_count
 

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_ros.deferred_publisher import DeferredPublisher
-
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 import rclpy
 from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -32,7 +31,7 @@ WANTED_BYTES = 4 << 20
 GRANTED = Path("/proc/sys/net/core/rmem_max")
 
 
-def say(out: DeferredPublisher) -> None:
+def say(out: Publisher) -> None:
     out.publish(message_class(IMU.type)())
     assert out.wait_for_all_acked(Duration(seconds=PATIENT_S))
 

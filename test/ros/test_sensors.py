@@ -17,6 +17,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bringup.node_options import Blocks
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.sensor_table import SENSORS
@@ -76,11 +77,11 @@ class Reports:
 def reports(tmp_path: Path) -> Iterator[Reports]:
     """The process, told to use a mock that is not there yet."""
     clock = f"mock:{tmp_path}/i2c"
-    values = {
+    values: Blocks = {
         f"/**/{sensor.name}": {"port": f"{tmp_path}/{sensor.name}" if sensor.serial else clock, "clock": clock}
         for sensor in CARRIED
     }
-    words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}} | values)
+    words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}, **values})
     arguments = [sys.executable, "-m", "hindrax_drivers.nodes.sensors", *words, "-r", f"__ns:={NAMESPACE}"]
     with own_domain(mock=True) as domain, adopted(made := environment(mock=True, domain=domain)):
         rclpy.init(args=[])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -45,6 +46,14 @@ def depth_m(operator: Operator) -> float:
     return operator.navigation.reading.depth_m if operator.navigation is not None else 0.0
 
 
+def navigates(operator: Operator) -> bool:
+    return operator.navigation is not None
+
+
+def is_near(operator: Operator, depth: float) -> bool:
+    return abs(depth_m(operator) - depth) < NEAR_m
+
+
 def test_each_flies_by_itself_and_is_recorded_by_itself(tmp_path: Path) -> None:
     folders = {name: make_run_folder(str(tmp_path / name.strip("/")), default_vehicle()) for name in DEPTHS_m}
     with own_domain(mock=True) as domain, contextlib.ExitStack() as both:
@@ -53,14 +62,12 @@ def test_each_flies_by_itself_and_is_recorded_by_itself(tmp_path: Path) -> None:
         for name, depth in DEPTHS_m.items():
             supervisor = both.enter_context(flying(name, folders[name], made))
             with Operator(mock=True, namespace=name, tick=supervisor.require) as operator:
-                operator.wait(lambda own=operator: own.navigation is not None, PATIENT_S, lambda: "navigation")
+                operator.wait(partial(navigates, operator), PATIENT_S, lambda: "navigation")
                 operator.wait_for_time(PATIENT_S)
                 assert "/hindrax" not in {space for _, space in operator.node.get_node_names_and_namespaces()}
                 operator.arm(seconds=PATIENT_S)
                 hold(operator, ["depth"], depth, engaged=True)
-                operator.wait(
-                    lambda own=operator, at=depth: abs(depth_m(own) - at) < NEAR_m, PATIENT_S, lambda: "the depth"
-                )
+                operator.wait(partial(is_near, operator, depth), PATIENT_S, lambda: "the depth")
     for name, folder in folders.items():
         (file,) = bag_files(folder.bag)
         topics = {one.topic for one in records(file) if isinstance(one, Channel)}

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
+from hindrax_ident.arrays import Array
 from hindrax_ident.model.parameter_bounds import bounded
 
 FREE = ([-np.inf] * 3, [np.inf] * 3)
@@ -21,10 +22,17 @@ def test_one_violated_bound_gives_the_constrained_optimum(seed: int) -> None:
     C, mean = A @ A.T + 0.1 * np.eye(3), rng.standard_normal(3)
     low = [mean[0] + 0.5, -np.inf, -np.inf]
     W = np.linalg.inv(C)
+
+    def cost(x: Array) -> float:
+        return float((x - mean) @ W @ (x - mean))
+
+    def gradient(x: Array) -> Array:
+        return 2.0 * W @ (x - mean)
+
     best = minimize(
-        lambda x: (x - mean) @ W @ (x - mean),
+        cost,
         mean + 1.0,
-        jac=lambda x: 2.0 * W @ (x - mean),
+        jac=gradient,
         bounds=[(low[0], None), (None, None), (None, None)],
         options={"ftol": 1e-14, "gtol": 1e-10},
     )

@@ -41,10 +41,10 @@ def fitted(vehicle: Vehicle, record: Record, model: Model | None = None) -> Outp
     return refine(model, record, belief.values, belief)
 
 
-def budget(vehicle: Vehicle, record: Record, fit: OutputErrorFit, *names: str, **knobs: float) -> Budget:
+def budget(vehicle: Vehicle, record: Record, fit: OutputErrorFit, *names: str, tuning: Tuning | None = None) -> Budget:
     """Budget of the rows of these names, or of all."""
     rows = [row for row in INFLUENCES if row.name in names or not names]
-    return budget_of(Case(vehicle, record, fit, Tuning(**knobs)), rows)
+    return budget_of(Case(vehicle, record, fit, tuning or Tuning()), rows)
 
 
 def calibration(vehicle: Vehicle, record: Record, fit: OutputErrorFit) -> Array:
@@ -77,8 +77,9 @@ def test_the_linearization_predicts_a_fit_to_scaled_thrust(
 def test_standard_deviations_of_a_cubic_are_kept() -> None:
     branch = Branch((927.2, -2.2726, 0.001794, -4.61e-7), 1100.0, 1475.0, (137.82, 0.3212, 2.5e-4, 6.4e-8))
     C = branch_covariance(branch)
-    assert np.sqrt(np.diag(C)) == pytest.approx(branch.sigma)
-    assert np.all(np.linalg.eigvalsh(C / np.outer(branch.sigma, branch.sigma)) > -1e-9)
+    sigma = np.array(branch.sigma, np.float64)
+    assert np.sqrt(np.diag(C)) == pytest.approx(sigma)
+    assert np.all(np.linalg.eigvalsh(C / np.outer(sigma, sigma)) > -1e-9)
     # Taken alone, 137.8 N on c1 would drown every force; with its correlations the cubic is known to about a newton.
     x = np.array([1.0, 1300.0, 1300.0**2, 1300.0**3])
     assert 0.0 < float(np.sqrt(x @ C @ x)) < 3.0
@@ -130,7 +131,8 @@ def test_a_weighed_buoyancy_narrows_the_gain_and_with_it_the_drag(vehicle: Vehic
     record = record_of(Model(2, 15.22), theta)
     fit = fitted(vehicle, record, Model(2, 15.22))
     known, weighed = (
-        budget(vehicle, record, fit, "thrust calibration", buoyancy_sigma_N=sigma).band() for sigma in (0.0, 0.005)
+        budget(vehicle, record, fit, "thrust calibration", tuning=Tuning(buoyancy_sigma_N=sigma)).band()
+        for sigma in (0.0, 0.005)
     )
     assert np.sqrt(known[0, 0]) == pytest.approx(0.02 * 93.5, rel=0.03)
     assert weighed[0, 0] < 0.8 * known[0, 0]
@@ -138,7 +140,7 @@ def test_a_weighed_buoyancy_narrows_the_gain_and_with_it_the_drag(vehicle: Vehic
 
 def test_velocity_gain_goes_with_its_powers(vehicle: Vehicle, surge: tuple[Record, OutputErrorFit]) -> None:
     record, fit = surge
-    wide = budget(vehicle, record, fit, "gain of the velocity", velocity_gain_sigma=0.01).band()
+    wide = budget(vehicle, record, fit, "gain of the velocity", tuning=Tuning(velocity_gain_sigma=0.01)).band()
     share = np.sqrt(np.diag(wide)) / np.abs(fit.theta)
     assert share[[0, 1, 3]] == pytest.approx([0.02, 0.01, 0.01], rel=0.02)
 
@@ -159,13 +161,13 @@ def test_a_tilt_that_nobody_knows_of_is_within_the_band_of_the_offset(
     )
     fit = fitted(vehicle, record, model_of(vehicle, 3))
     b, plain = float(fit.theta[2]), float(np.sqrt(fit.covariance[2, 2]))
-    tilted = budget(vehicle, record, fit, "tilt of the mount", mount_sigma_rad=0.02).band()
+    tilted = budget(vehicle, record, fit, "tilt of the mount", tuning=Tuning(mount_sigma_rad=0.02)).band()
     wide = float(np.hypot(plain, np.sqrt(tilted[2, 2])))
     # The restoring moment of 3 N m makes an offset of up to 0.06 N m out of it.
     assert abs(b) > 5.0 * plain
     assert abs(b) < 3.0 * wide
     assert wide < 3.0 * 0.03
-    narrow = np.sqrt(np.diag(budget(vehicle, *surge, "tilt of the mount", mount_sigma_rad=0.02).band()))
+    narrow = np.sqrt(np.diag(budget(vehicle, *surge, "tilt of the mount", tuning=Tuning(mount_sigma_rad=0.02)).band()))
     assert narrow == pytest.approx([0.0, 0.0, 0.02 * vehicle.net_buoyancy_N, 0.0], abs=1e-6)
 
 

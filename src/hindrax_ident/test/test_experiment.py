@@ -88,17 +88,18 @@ def test_the_gain_of_a_leg_is_that_of_the_least_squares_with_it(speeds: tuple[fl
 
         # Independent: the covariance of a fit by QR of all rows, against that without the leg.
         def spread(x: Array) -> Array:
-            return np.sum(np.linalg.solve(np.linalg.qr(x)[1].T, known.gradient.T) ** 2, axis=0)
+            found: Array = np.sum(np.linalg.solve(np.linalg.qr(x)[1].T, known.gradient.T) ** 2, axis=0)
+            return found
 
         now = np.sum(known.gradient @ known.covariance * known.gradient, axis=1)
         after = now * spread(with_it) / spread(rows(speeds))
         assert gain == pytest.approx(np.sum(np.maximum(now, MARGIN**2) - np.maximum(after, MARGIN**2)), rel=1e-6)
-        assert (seconds, times) == (pytest.approx(20.0), 1)
+        assert (seconds, times) == pytest.approx((20.0, 1))
 
 
 def test_short_plateaus_are_flown_several_times_in_one_go() -> None:
     _, seconds, times = drag(3.0, seconds=1.5).after(1.0)
-    assert (seconds, times) == (pytest.approx(12.0), 4)
+    assert (seconds, times) == pytest.approx((12.0, 4))
     assert drag(3.0, seconds=0.01).after(1.0)[2] == 6
 
 

@@ -28,7 +28,7 @@ def told(vehicle: Vehicle) -> list[Any]:
     sensors = {name: replace(one, position_m=(0.1, 0.02, 0.15)) for name, one in vehicle.sensors.items()}
     moved = replace(vehicle, center_of_mass_m=CENTER, sensors=sensors)
     feed = Feed(moved)
-    at_dvl = tuple(v + w for v, w in zip(ORIGIN_MPS, cross(RATES, (0.1, 0.02, 0.15)), strict=True))
+    x, y, z = (v + w for v, w in zip(ORIGIN_MPS, cross(RATES, (0.1, 0.02, 0.15)), strict=True))
     sensor_m = DEPTH_M + rotate(matrix(ATTITUDE), (0.1, 0.02, 0.15))[2]
     pressure = vehicle.water.surface_pressure_Pa + sensor_m * vehicle.water.density_kgpm3 * 9.80665
     state = Navigation(
@@ -42,7 +42,7 @@ def told(vehicle: Vehicle) -> list[Any]:
         ages_s={},
         velocity_sigma_mps=(0.01, 0.01, 0.01),
     )
-    readings = (state, BottomVelocity(at_dvl, 0.01, 1.0, 0.05, 0), Pressure(pressure, 20.0))
+    readings = (state, BottomVelocity((x, y, z), 0.01, 1.0, 0.05, 0), Pressure(pressure, 20.0))
     return [event.reading for one in readings for event in feed.events_of(Stamped(Stamp(0), one))]
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from synthetic_runs import DVL, Plan, Sensors, back_and_forth, events, fly
 
 from hindrax_core.events import Stamped
-from hindrax_core.readings import Vec3
+from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
@@ -98,10 +98,12 @@ def test_slow_runs_give_the_force_band_instead(vehicle: Vehicle) -> None:
 
 
 def test_the_wrong_sign_of_the_wrench_is_named(vehicle: Vehicle) -> None:
+    def turned(wrench: Vec6) -> Vec6:
+        X, Y, Z, K, M, N = wrench
+        return -X, -Y, -Z, -K, -M, -N
+
     said = [
-        Stamped(event.stamp, Thrust(tuple(-force for force in event.reading.wrench)))
-        if isinstance(event.reading, Thrust)
-        else event
+        Stamped(event.stamp, Thrust(turned(event.reading.wrench))) if isinstance(event.reading, Thrust) else event
         for event in flown(vehicle, back_and_forth((4.0, 9.0, 13.0), 10.0, 80.0))
     ]
     result = identify(vehicle, said)

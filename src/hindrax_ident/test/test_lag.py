@@ -38,9 +38,9 @@ def test_thrust_is_steady_before_the_first_command() -> None:
 
 
 def test_impulse_does_not_depend_on_how_a_constant_command_is_repeated() -> None:
-    often = LaggedThrust(np.linspace(0.0, 1.0, 51), np.where(np.arange(51) < 20, 3.0, -2.0), 0.15)
+    often = LaggedThrust(np.linspace(0.0, 1.0, 51, dtype=np.float64), np.where(np.arange(51) < 20, 3.0, -2.0), 0.15)
     once = LaggedThrust(np.array([0.0, 0.4]), np.array([3.0, -2.0]), 0.15)
-    at = np.linspace(0.0, 2.0, 37)
+    at = np.linspace(0.0, 2.0, 37, dtype=np.float64)
     assert often.impulse(at) == pytest.approx(once.impulse(at), abs=1e-12)
 
 

@@ -35,7 +35,7 @@ def test_every_parameter_has_a_coefficient_with_a_unit(vehicle: Vehicle) -> None
 
 
 def test_drag_is_odd_where_it_is_not_split() -> None:
-    theta, v = np.array([66.48, 1.25, 0.0, 27.3]), np.linspace(0.01, 0.6, 20)
+    theta, v = np.array([66.48, 1.25, 0.0, 27.3]), np.linspace(0.01, 0.6, 20, dtype=np.float64)
     model, still = Model(0, 15.22), np.zeros(20)
     assert model.force(theta, v, still) == pytest.approx(-model.force(theta, -v, still))
 

@@ -47,7 +47,7 @@ def test_backward_coloring_is_the_transpose_of_coloring(rng: np.random.Generator
 
 def test_factor_is_that_of_the_variance_of_a_mean(rng: np.random.Generator) -> None:
     correlator = Correlator(lags=30)
-    for value in lfilter([1.0], [1.0, -0.6], rng.standard_normal(40_000)).tolist():
+    for value in np.asarray(lfilter([1.0], [1.0, -0.6], rng.standard_normal(40_000))).tolist():
         correlator.add(value)
     # (1 + a) / (1 - a) for a first-order autoregression.
     assert correlator.factor == pytest.approx(4.0, rel=0.15)

@@ -27,7 +27,7 @@ EMPTY = np.zeros(0), np.zeros((0, 3))
 
 def wave(*, beat_radps: float = 0.0, overtone: float = 0.0, rate_radps: float = 0.7, end_s: float = 60.0) -> Plan:
     """Smooth commands of 100 Hz; with a beat of all sizes, with an overtone of no plain symmetry."""
-    times = np.arange(0.0, end_s, 0.01)
+    times = np.arange(0.0, end_s, 0.01, dtype=np.float64)
     shape = np.sin(rate_radps * times) * np.cos(beat_radps * times) + overtone * np.sin(2.3 * rate_radps * times + 1.0)
     return Plan(times, 40.0 * shape, end_s)
 

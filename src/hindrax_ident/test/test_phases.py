@@ -61,7 +61,7 @@ def test_the_order_of_the_changes_does_not_matter() -> None:
 
 
 def regular(start: float, end: float, step: float = 0.1) -> Array:
-    return np.arange(start, end, step)
+    return np.arange(start, end, step, dtype=np.float64)
 
 
 def test_gaps_part_a_stretch() -> None:

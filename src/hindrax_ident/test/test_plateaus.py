@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
-from hindrax_ident.arrays import Array
 from hindrax_ident.fit.plateaus import Plateaus, detected, fit, measure
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 
-def plateaus(v: list[Any] | Array | list[float], noise: float = 0.0, seed: int = 0) -> Plateaus:
-    v = np.array(v)
+def plateaus(v: ArrayLike, noise: float = 0.0, seed: int = 0) -> Plateaus:
+    v = np.array(v, np.float64)
     force = 66.48 * np.abs(v) * v + 1.25 * v - 0.02 + noise * np.random.default_rng(seed).standard_normal(len(v))
     return Plateaus(v, force, np.full(len(v), 10.0))
 
 
 def test_exact_plateaus_give_the_coefficients_back() -> None:
     found = fit(plateaus([-0.4, -0.3, -0.2, 0.2, 0.3, 0.4]))
+    assert found is not None
     assert found.theta == pytest.approx([66.48, 1.25, -0.02])
     assert found.plateaus == 6
 
@@ -30,6 +31,7 @@ def test_standard_deviations_are_those_of_equation_7() -> None:
     theta = np.linalg.inv(X.T @ X) @ X.T @ table.force
     s2 = np.sum((table.force - X @ theta) ** 2) / (12 - 3)
     found = fit(table)
+    assert found is not None
     assert found.theta == pytest.approx(theta)
     assert np.sqrt(np.diag(found.covariance)) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(X.T @ X)) * s2))
 
@@ -46,12 +48,11 @@ def test_sides_are_told_apart() -> None:
     assert len(table.on_side(0).v) == 4
 
 
-def record(**changes: tuple[Stretch, Stretch] | Series | tuple[Stretch]) -> Record:
-    t = np.arange(0.0, 40.0, 0.05)
+def record() -> Record:
+    t = np.arange(0.0, 40.0, 0.05, dtype=np.float64)
     thrust = np.where(t < 20.0, 4.0, -6.0)
     v = np.where(t < 20.0, 0.2, -0.3)
-    base = {"velocity": Series(t, v), "thrust": Series(t, thrust), "stretches": (Stretch(0.0, 39.9),), "lag_s": 0.0}
-    return Record(**{**base, **changes})
+    return Record(Series(t, v), Series(t, thrust), (Stretch(0.0, 39.9),), lag_s=0.0)
 
 
 def test_plateaus_are_found_where_the_thrust_holds_still() -> None:
@@ -60,21 +61,23 @@ def test_plateaus_are_found_where_the_thrust_holds_still() -> None:
 
 
 def test_means_are_over_the_plateaus_that_the_maneuver_names() -> None:
-    told = measure(record(plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))))
+    told = measure(replace(record(), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))))
     assert told.v == pytest.approx([0.2, -0.3])
     assert told.force == pytest.approx([4.0, -6.0])
     assert told.duration_s == pytest.approx([10.0, 10.0])
 
 
 def test_without_a_velocity_the_position_serves() -> None:
-    t = np.arange(0.0, 40.0, 0.05)
+    t = np.arange(0.0, 40.0, 0.05, dtype=np.float64)
     position = np.where(t < 20.0, 0.2 * t, 4.0 - 0.3 * (t - 20.0))
     empty = Series(np.zeros(0), np.zeros(0))
     told = measure(
-        record(velocity=empty, position=Series(t, position), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0)))
+        replace(
+            record(), velocity=empty, position=Series(t, position), plateaus=(Stretch(5.0, 15.0), Stretch(25.0, 35.0))
+        )
     )
     assert told.v == pytest.approx([0.2, -0.3])
 
 
 def test_a_plateau_without_measurements_is_left_out() -> None:
-    assert len(measure(record(plateaus=(Stretch(100.0, 110.0),))).v) == 0
+    assert len(measure(replace(record(), plateaus=(Stretch(100.0, 110.0),))).v) == 0

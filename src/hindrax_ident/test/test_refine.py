@@ -119,7 +119,9 @@ def test_a_drag_of_another_form_widens_the_band(vehicle: Vehicle) -> None:
 
 def test_too_few_samples_are_refused(vehicle: Vehicle) -> None:
     short = Record(
-        Series(np.linspace(0.0, 0.2, 5), np.zeros(5)), Series(np.zeros(1), np.zeros(1)), (Stretch(0.0, 1.0),)
+        Series(np.linspace(0.0, 0.2, 5, dtype=np.float64), np.zeros(5)),
+        Series(np.zeros(1), np.zeros(1)),
+        (Stretch(0.0, 1.0),),
     )
     with pytest.raises(ValueError, match="enough samples"):
         build_problem(model_of(vehicle, 0), short)

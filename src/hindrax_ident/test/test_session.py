@@ -85,11 +85,15 @@ def test_truth_lies_within_three_standard_deviations(vehicle: Vehicle, axis: int
     for result in results.motions.values():
         assert result.identifiable, result.reasons
         for name, number in result.coefficients.items():
+            assert number.truth is not None
             assert abs(number.value - number.truth) < 3.5 * number.std, (name, number)
             assert number.std_calibrated >= number.std
         high = result.speeds[1]
         force, _ = result.drag_force(high)
-        truth = result.coefficients["k_q"].truth * high**2 + result.coefficients["k_l"].truth * high
+        k_q, k_l = (result.coefficients[name].truth for name in ("k_q", "k_l"))
+        assert k_q is not None
+        assert k_l is not None
+        truth = k_q * high**2 + k_l * high
         assert force == pytest.approx(truth, rel=0.02)
 
 

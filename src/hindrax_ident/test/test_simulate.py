@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +19,12 @@ ROLL = (Model(3, 0.483, restores=True), np.array([1.29, 0.05, 0.02, 3.0, 0.733])
 
 
 def grid_of(
-    impulse_at: Callable[[Any], Any] | Callable[[Array], Array],
+    impulse_at: Callable[[Array], Array],
     end: float = 12.0,
     step: float = 0.02,
     starts: tuple[float, ...] = (0.0,),
 ) -> Grid:
-    times = np.arange(0.0, end, step)
+    times = np.arange(0.0, end, step, dtype=np.float64)
     flags = np.isin(np.round(times, 9), np.round(starts, 9))
     impulse = np.where(flags, 0.0, np.diff(impulse_at(times), prepend=0.0))
     return Grid(times, flags, impulse)
@@ -33,6 +32,12 @@ def grid_of(
 
 def still(grid: Grid) -> Trajectory:
     return Trajectory(np.zeros(len(grid.times_s)), np.zeros(len(grid.times_s)))
+
+
+def path_of(model: Model, theta: Array, grid: Grid, start: Trajectory) -> Trajectory:
+    found = trajectory(model, theta, grid, start)
+    assert found is not None
+    return found
 
 
 def thrust(scale: float) -> LaggedThrust:
@@ -43,7 +48,7 @@ def test_quadratic_drag_alone_follows_the_hyperbolic_tangent() -> None:
     # M v' = F - k v^2 from rest: v = sqrt(F / k) tanh(t sqrt(F k) / M).
     model, F, k, M = Model(0, 10.0), 9.0, 60.0, 25.0
     grid = grid_of(lambda t: F * t)
-    path = trajectory(model, np.array([k, 0.0, 0.0, M]), grid, still(grid))
+    path = path_of(model, np.array([k, 0.0, 0.0, M]), grid, still(grid))
     t = grid.times_s
     v = math.sqrt(F / k) * np.tanh(t * math.sqrt(F * k) / M)
     assert path.v == pytest.approx(v, abs=1e-6)
@@ -54,17 +59,18 @@ def test_quadratic_drag_alone_follows_the_hyperbolic_tangent() -> None:
 def test_motion_is_that_of_a_fine_runge_kutta_integration(model: Model, theta: Array, scale: float) -> None:
     lagged = thrust(scale)
     grid = grid_of(lagged.impulse)
-    path = trajectory(model, theta, grid, still(grid))
+    path = path_of(model, theta, grid, still(grid))
     fine = runge_kutta(model, theta, lagged, grid.times_s[-1], 0.01)
     assert np.abs(path.v - fine[::2, 0]).max() < 2e-4 * np.abs(fine[:, 0]).max()
     assert np.abs(path.s - fine[::2, 1]).max() < 2e-4 * np.abs(fine[:, 1]).max()
 
 
 def runge_kutta(model: Model, theta: Array, lagged: LaggedThrust, end: float, h: float) -> Array:
-    at = np.arange(0.0, end + 0.5 * h, 0.5 * h)
+    at = np.arange(0.0, end + 0.5 * h, 0.5 * h, dtype=np.float64)
     force = lagged.force(at)
     # The left and the right limit of the force are the same: the lag makes it continuous.
-    state, out = np.zeros(2), [np.zeros(2)]
+    state: Array = np.zeros(2)
+    out = [state]
 
     def rate(x: Array, index: int) -> Array:
         resisting = float(model.force(theta, np.array([x[0]]), np.array([x[1]]))[0])
@@ -84,19 +90,19 @@ def runge_kutta(model: Model, theta: Array, lagged: LaggedThrust, end: float, h:
 def test_sensitivities_are_the_differences_of_the_motion(model: Model, theta: Array, scale: float) -> None:
     grid = grid_of(thrust(scale).impulse, starts=(0.0, 6.0))
     start = Trajectory(np.where(grid.times_s < 6.0, 0.0, 0.1), np.where(grid.times_s < 6.0, 0.0, 0.05))
-    path = trajectory(model, theta, grid, start)
+    path = path_of(model, theta, grid, start)
     S = sensitivities(model, theta, grid, path)
     p = len(theta)
     for index in range(p):
         moved = theta.copy()
         moved[index] += (h := 1e-5 * max(1.0, abs(theta[index])))
-        other = trajectory(model, moved, grid, path)
+        other = path_of(model, moved, grid, path)
         same(S[:, 0, index], (other.v - path.v) / h)
         same(S[:, 1, index], (other.s - path.s) / h)
     for index, h in ((0, 1e-6), (1, 1e-6)):
         v, s = path.v.copy(), path.s.copy()
         (v, s)[index][grid.starts] += h
-        other = trajectory(model, theta, grid, Trajectory(v, s))
+        other = path_of(model, theta, grid, Trajectory(v, s))
         same(S[:, 0, p + index], (other.v - path.v) / h)
 
 
@@ -107,11 +113,11 @@ def same(found: Array, expected: Array) -> None:
 def test_an_unknown_impulse_moves_the_vehicle_as_the_sensitivity_says() -> None:
     model, theta = SURGE
     grid = grid_of(thrust(12.0).impulse)
-    path = trajectory(model, theta, grid, still(grid))
+    path = path_of(model, theta, grid, still(grid))
     extra = 1e-5 * np.sin(grid.times_s)
     S = sensitivities(model, theta, grid, path, extra[:, None])
     pushed = Grid(grid.times_s, grid.starts, grid.impulse + np.where(grid.starts, 0.0, extra))
-    other = trajectory(model, theta, pushed, path)
+    other = path_of(model, theta, pushed, path)
     same(S[:, 0, -1], other.v - path.v)
 
 

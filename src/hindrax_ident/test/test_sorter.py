@@ -19,7 +19,7 @@ def thrust(t: float) -> Stamped[Any]:
 
 
 def play(events: list[Stamped[object]], wait_s: float = 0.25, lag_s: float = 0.0) -> tuple[list[Stamped[Any]], int]:
-    sorter = StampSorter(wait_s, lag_s)
+    sorter: StampSorter[Any] = StampSorter(wait_s, lag_s)
     out = [one for event in events for one in sorter.push(event)]
     return [*out, *sorter.flush()], sorter.dropped
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -37,14 +38,13 @@ def node(context: Context) -> Iterator[BatchedNode]:
     made.destroy_node()
 
 
-def wait_for(
-    done: Callable[[], object],
-    seconds: float = 10.0,
-) -> None:
+def wait_for(done: Callable[[], bool], seconds: float = 10.0, turn: Callable[[], None] = lambda: None) -> None:
     deadline = time.monotonic() + seconds
+    turn()
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.01)
+        turn()
 
 
 def say(out: DeferredPublisher, number: int) -> None:
@@ -77,7 +77,7 @@ def test_a_held_message_is_what_it_was_when_it_was_published(node: BatchedNode) 
     out.publish(message)
     message.axes = ["after"]
     node.publish_queue.flush()
-    wait_for(lambda: node.drain() or heard)
+    wait_for(lambda: bool(heard), turn=node.drain)
     assert heard == [["before"]]
 
 
@@ -105,18 +105,22 @@ def test_the_lead_begins_a_turn(node: BatchedNode, context: Context) -> None:
     loop.spin_once()  # nobody leads: it ends by itself
     assert not heard
     say(out, 7)
-    wait_for(lambda: loop.spin_once() or heard)
+    wait_for(lambda: bool(heard), turn=loop.spin_once)
     assert heard == [7]
     executor.shutdown()
 
 
 def test_an_error_in_a_callback_is_not_swallowed(node: BatchedNode) -> None:
     out = publisher(node, THRUSTER_COMMAND, held=False)
-    subscription(node, THRUSTER_COMMAND, lambda _message: 1 / 0)
+
+    def fail(_message: Any) -> None:
+        raise ZeroDivisionError
+
+    subscription(node, THRUSTER_COMMAND, fail)
     wait_for(lambda: out.get_subscription_count() == 1)
     say(out, 1)
     with pytest.raises(ZeroDivisionError):
-        wait_for(lambda: node.drain() or False, 5.0)
+        wait_for(lambda: False, 5.0, turn=node.drain)
 
 
 def test_one_outbox_serves_several_senders() -> None:

@@ -70,11 +70,13 @@ def test_orientation_there_and_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("velocity", "message"), [((1, 0, 0), (1, 0, 0)), ((0, 1, 0), (0, -1, 0)), ((0, 0, 1), (0, 0, -1))]
+    ("velocity", "message"),
+    [((1.0, 0.0, 0.0), (1, 0, 0)), ((0.0, 1.0, 0.0), (0, -1, 0)), ((0.0, 0.0, 1.0), (0, 0, -1))],
 )
-def test_dvl_velocity_axis_by_axis(velocity: tuple[int, int, int], message: tuple[int, int, int]) -> None:
-    reading = BottomVelocity(tuple(map(float, velocity)), 0.01, 1.0, 0.05, 7)
+def test_dvl_velocity_axis_by_axis(velocity: Vec3, message: Vec3) -> None:
+    reading = BottomVelocity(velocity, 0.01, 1.0, 0.05, 7)
     made = convert.velocity_to_msg(Stamped(STAMP, reading), "dvl75_link")
+    assert made is not None
     linear = made.twist.twist.linear
     assert (linear.x, linear.y, linear.z) == message
     assert made.twist.covariance[0] == pytest.approx(0.01**2)

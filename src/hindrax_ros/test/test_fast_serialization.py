@@ -16,7 +16,7 @@ from sensor_msgs.msg import FluidPressure, Imu, Range
 from std_msgs.msg import Header
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec3, Vec6
 from hindrax_core.signals import Navigation
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros import convert, fast_serialization
@@ -56,7 +56,7 @@ navigations = st.builds(
 
 
 @given(stamps, texts, three, three)
-def test_inertial(stamp: Stamp, frame: str, force_mps2: tuple[float, ...], rate_radps: tuple[float, ...]) -> None:
+def test_inertial(stamp: Stamp, frame: str, force_mps2: Vec3, rate_radps: Vec3) -> None:
     message = convert.inertial_to_msg(Stamped(stamp, Inertial(force_mps2, rate_radps, math.nan)), frame, 0.02, 0.001)
     read = fast_serialization.inertial_from_bytes(serialize_message(message))
     assert repr(read) == repr(convert.inertial_from_msg(message))
@@ -75,7 +75,7 @@ def test_navigation(states: list[Any]) -> None:
 
 
 @given(stamps, six)
-def test_wrench(stamp: Stamp, wrench: tuple[float, ...]) -> None:
+def test_wrench(stamp: Stamp, wrench: Vec6) -> None:
     assert same(fast_serialization.wrench_writer()(stamp, wrench), convert.wrench_to_msg(stamp, wrench))
 
 
@@ -89,7 +89,7 @@ def test_pressure(stamp: Stamp, frame: str, pressure_Pa: float, temperature_C: f
 
 
 @given(stamps, texts, three, number)
-def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: tuple[float, ...], range_m: float) -> None:
+def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: Vec3, range_m: float) -> None:
     field = Stamped(stamp, Magnetic(field_T))
     magnetic = convert.magnetic_to_msg(field, frame, 3e-7)
     assert fast_serialization.magnetic_from_bytes(serialize_message(magnetic)) == convert.magnetic_from_msg(magnetic)
@@ -98,7 +98,7 @@ def test_magnetic_and_echo(stamp: Stamp, frame: str, field_T: tuple[float, ...],
 
 
 @given(stamps, texts, st.tuples(*[st.floats(-3, 3)] * 3))
-def test_attitude(stamp: Stamp, frame: str, angles_rad: tuple[float, ...]) -> None:
+def test_attitude(stamp: Stamp, frame: str, angles_rad: Vec3) -> None:
     track = Stamped(stamp, BottomTrack(True, *angles_rad, 1.5, (0.0, 0.0), (), "", 0))
     message = convert.attitude_to_msg(track, frame, 0.02)
     assert repr(fast_serialization.attitude_from_bytes(serialize_message(message))) == repr(

@@ -128,7 +128,7 @@ def tuned_node(*words: str) -> Iterator[tuple[CheckedNode, list[Outer]]]:
 def asked(node: CheckedNode, **wanted: Any) -> str:
     """Ask as `ros2 param set` does, whole numbers as integers; returns the reason of a refusal."""
     service = CheckedParameterService.__new__(CheckedParameterService)
-    service._get_node = lambda: node  # type: ignore[method-assign]
+    service._get_node = lambda: node
     messages = [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in wanted.items()]
     return str(service._set(messages).reason)
 

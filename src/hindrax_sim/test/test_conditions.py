@@ -10,7 +10,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.events import stamp_from_s
 from hindrax_core.readings import Vec6
-from hindrax_core.vehicle import AXES, GRAVITY_mps2, load_vehicle
+from hindrax_core.vehicle import AXES, GRAVITY_mps2, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, realize, sizes_of
 from hindrax_sim.physics.plant import Plant
@@ -23,6 +23,11 @@ AHEAD = [1650.0, 1650.0, 1350.0, 1350.0, 1440.0, 1440.0, 1440.0, 1440.0]
 
 def made(**sizes: float) -> Realization:
     return realize(VEHICLE, sizes, seed=3)
+
+
+def hydrodynamics_of(vehicle: Vehicle) -> Hydrodynamics:
+    assert vehicle.hydrodynamics is not None
+    return vehicle.hydrodynamics
 
 
 def plant_of(world: Realization, *, nu: Vec6 = (0.0,) * 6, x_m: float = 0.0) -> Plant:
@@ -196,7 +201,7 @@ def test_the_memory_resists_a_jump_and_forgets_it_in_a_second() -> None:
     world = made(fluid_memory=0.2)
     plant = plant_of(world, nu=(0.3, 0.0, 0.0, 0.0, 0.0, 0.1))
     jumped = wrench(world, plant)
-    mass = VEHICLE.hydrodynamics.added_mass
+    mass = hydrodynamics_of(VEHICLE).added_mass
     assert (jumped[0], jumped[5]) == pytest.approx((-0.2 * mass[0] * 0.3, -0.2 * mass[5] * 0.1))
     for _ in range(200):
         forgot = wrench(world, plant)
@@ -209,7 +214,7 @@ def test_the_wake_is_met_after_a_reversal_only() -> None:
     for _ in range(20000):
         assert wrench(world, plant)[0] == 0.0
     plant.u = -0.4
-    drag = VEHICLE.hydrodynamics.surge
+    drag = hydrodynamics_of(VEHICLE).surge
     met = 0.4 * 1.2
     closed = drag.k_q * (met**2 - 0.4**2) + drag.k_l * (met - 0.4)
     assert wrench(world, plant)[0] == pytest.approx(closed, rel=1e-3)
@@ -237,7 +242,7 @@ def test_the_seiche_has_merians_period_and_carries_a_vehicle_that_floats_in_it()
 def test_another_exponent_agrees_at_the_tested_speed_and_is_the_truth_that_is_told() -> None:
     world = made(drag_exponent=-0.3)
     for axis, name in enumerate(AXES):
-        drag = VEHICLE.hydrodynamics.drag(name)
+        drag = hydrodynamics_of(VEHICLE).drag(name)
         for speed in (TESTED[axis], 0.5 * TESTED[axis], 0.1 * TESTED[axis]):
             share = (speed / TESTED[axis]) ** 1.7
             closed = drag.k_q * TESTED[axis] ** 2 * share + drag.k_l * speed
@@ -247,7 +252,7 @@ def test_another_exponent_agrees_at_the_tested_speed_and_is_the_truth_that_is_to
             a, b, c, d, e, f = velocities
             extra = wrench(world, plant_of(world, nu=(a, b, c, d, e, f)))[axis]
             assert extra == pytest.approx(-(closed - (drag.k_q * speed + drag.k_l) * speed))
-        told = world.described().hydrodynamics.drag(name)
+        told = hydrodynamics_of(world.described()).drag(name)
         for speed in (TESTED[axis], 0.5 * TESTED[axis]):
             assert (told.k_q * speed + told.k_l) * speed == pytest.approx(world.resistance(axis, speed))
 
@@ -260,7 +265,7 @@ def test_the_hull_can_be_harder_to_push_ahead_than_astern() -> None:
 
 def test_cross_added_mass_is_symmetric_and_a_share_of_the_axes_it_couples() -> None:
     world = made(added_mass_cross=0.1)
-    cross, mass = world.hydrodynamics.added_mass_cross, VEHICLE.hydrodynamics.added_mass
+    cross, mass = world.hydrodynamics.added_mass_cross, hydrodynamics_of(VEHICLE).added_mass
     assert abs(cross[0][4]) == pytest.approx(0.1 * math.sqrt(mass[0] * mass[4]))
     assert all(cross[a][b] == cross[b][a] for a in range(6) for b in range(6))
 

@@ -11,9 +11,9 @@ from hindrax_bringup.share_files import hindrax_with
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
 from hindrax_core.readings import Leak
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, stream_faults, with_faults
+from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
-from hindrax_sim.faults.stream_faults import FaultyLine
+from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
 from hindrax_sim.lockstep_rigs import BytesRig
 
 
@@ -99,7 +99,18 @@ class Clockwork:
 
 
 def line(*names: str, start_s: float = 1.0, end_s: float = 2.0, seed: int = 1) -> FaultyLine:
-    return FaultyLine(Clockwork(), [Scheduled(FAULTS[name].make(seed), start_s, end_s) for name in names])
+    return FaultyLine(Clockwork(), [Scheduled(made(name, seed), start_s, end_s) for name in names])
+
+
+def made(name: str, seed: int) -> StreamFault:
+    make = FAULTS[name].make
+    assert make is not None
+    return make(seed)
+
+
+def clockwork(faulty: FaultyLine) -> Clockwork:
+    assert isinstance(faulty.device, Clockwork)
+    return faulty.device
 
 
 def chunks(faulty: FaultyLine, until_s: float) -> list[tuple[float, bytes]]:
@@ -124,7 +135,7 @@ def test_absent_is_silent_and_deaf() -> None:
     faulty = line("absent")
     assert during(chunks(faulty, 1.5)) == []
     assert faulty.receive(b"hello", 1.6) == b""
-    assert faulty.device.heard == b""
+    assert clockwork(faulty).heard == b""
     assert faulty.connected
 
 
@@ -134,7 +145,7 @@ def test_an_unplugged_port_is_gone_and_the_device_without_power() -> None:
     assert not faulty.connected
     chunks(faulty, 3.0)
     assert faulty.connected
-    assert faulty.device.done == ["power at 2.0"]
+    assert clockwork(faulty).done == ["power at 2.0"]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +160,7 @@ def test_an_unplugged_port_is_gone_and_the_device_without_power() -> None:
 def test_faults_of_the_device_itself(name: str, done: list[str]) -> None:
     faulty = line(name)
     chunks(faulty, 3.0)
-    assert faulty.device.done == done
+    assert clockwork(faulty).done == done
 
 
 def test_bytewise_loses_nothing() -> None:
@@ -179,7 +190,7 @@ def test_garbage_keeps_the_message_s_own_bytes_in_order() -> None:
 
 
 def test_bit_flips_are_one_in_a_thousand() -> None:
-    fault = stream_faults.BitFlips(7)
+    fault = BitFlips(7)
     (chunk,) = fault.outgoing(bytes(125_000), 0.0)
     assert sum(byte.bit_count() for byte in chunk) == pytest.approx(1000, rel=0.15)
 
@@ -189,14 +200,14 @@ def test_a_baud_mismatch_works_both_ways() -> None:
     found = during(chunks(faulty, 1.5))
     assert all(b"0123456789" not in chunk for chunk in found)
     faulty.receive(b"0123456789", 1.6)
-    assert faulty.device.heard
-    assert b"0123456789" not in faulty.device.heard
+    assert clockwork(faulty).heard
+    assert b"0123456789" not in clockwork(faulty).heard
 
 
 def test_repeated_says_its_first_words_again() -> None:
     faulty = line("repeated")
     chunks(faulty, 1.0)
-    faulty.device.message = b"new words"
+    clockwork(faulty).message = b"new words"
     assert set(during(chunks(faulty, 2.0), 1.05)) == {b"0123456789"}
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.buses.ports import open_bus
@@ -58,7 +58,12 @@ def bus(wires: VirtualI2c) -> Iterator[Smbus2Bus]:
 
 
 def test_each_operation_is_one_transaction_on_the_wire(bus: Smbus2Bus, wires: VirtualI2c) -> None:
-    operations = [Write(0x50, b"\x10\xaa\xbb"), WriteRead(0x50, b"\x0f", 4), Read(0x50, 2), Write(0x50, b"")]
+    operations: list[Transaction] = [
+        Write(0x50, b"\x10\xaa\xbb"),
+        WriteRead(0x50, b"\x0f", 4),
+        Read(0x50, 2),
+        Write(0x50, b""),
+    ]
     assert [bus.transfer(one) for one in operations] == [b"", b"\x0f\xaa\xbb\x12", b"\x0f\xaa", b""]
     assert [one.transaction for one in wires.log] == operations
 

@@ -131,11 +131,13 @@ def test_a_surge_run_finds_the_drag_and_never_touches_a_wall() -> None:
         if isinstance(one.reading, Navigation):
             errors.append(abs(one.reading.depth_m - step.world.depth_m))
     surge = step.session.finalize().results.motions["surge"]
-    drag = VEHICLE.hydrodynamics.surge
+    hydro = VEHICLE.hydrodynamics
+    assert hydro is not None
+    drag = hydro.surge
     for speed in (0.2, 0.3, 0.4):
         truth = (drag.k_q * speed + drag.k_l) * speed
         assert surge.drag_force(speed)[0] == pytest.approx(truth, rel=0.03)
-    for name, truth in (("k_q", drag.k_q), ("k_l", drag.k_l), ("added_mass", VEHICLE.hydrodynamics.added_mass[0])):
+    for name, truth in (("k_q", drag.k_q), ("k_l", drag.k_l), ("added_mass", hydro.added_mass[0])):
         assert abs(surge.coefficients[name].value - truth) < 4.0 * surge.coefficients[name].std
     assert step.world.box.wall_hits == 0
     assert step.world.box.floor_hits == 0

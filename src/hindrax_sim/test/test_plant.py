@@ -13,7 +13,8 @@ from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_core.curves.curve_branches import Curve, reflected, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Thruster, Vehicle, load_vehicle
+from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
+from hindrax_ident.arrays import Array
 from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.quaternion import euler, quaternion, rotate
@@ -26,9 +27,9 @@ angle = st.floats(-1.2, 1.2)
 NO_DRAG = Hydrodynamics(added_mass=(12.0, 19.0, 22.0, 0.25, 0.45, 0.35))
 
 
-def neutral(vehicle: Vehicle = VEHICLE, **changes: tuple[Thruster, ...] | Hydrodynamics | Vec3) -> Vehicle:
+def neutral(vehicle: Vehicle = VEHICLE) -> Vehicle:
     """As heavy as the water it displaces, so that it stays where it is put."""
-    return replace(vehicle, volume_m3=vehicle.mass_kg / vehicle.water.density_kgpm3, **changes)
+    return replace(vehicle, volume_m3=vehicle.mass_kg / vehicle.water.density_kgpm3)
 
 
 def deep(vehicle: Vehicle, *, attitude: Vec3 = (0.0, 0.0, 0.0), nu: Vec6 = (0.0,) * 6) -> Plant:
@@ -36,6 +37,15 @@ def deep(vehicle: Vehicle, *, attitude: Vec3 = (0.0, 0.0, 0.0), nu: Vec6 = (0.0,
     plant.place((0.0, 0.0, 5.0), attitude)
     plant.u, plant.v, plant.w, plant.p, plant.q, plant.r = nu
     return plant
+
+
+def hydrodynamics_of(vehicle: Vehicle) -> Hydrodynamics:
+    assert vehicle.hydrodynamics is not None
+    return vehicle.hydrodynamics
+
+
+def rows_of(matrix: Array) -> tuple[Vec6, ...]:
+    return tuple((a, b, c, d, e, f) for a, b, c, d, e, f in matrix.tolist())
 
 
 def run(plant: Plant, seconds: float, dt: float = DT) -> Plant:
@@ -50,7 +60,7 @@ def energy(plant: Plant) -> float:
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(speed, speed, speed, speed, speed, speed), st.tuples(angle, angle, angle))
-def test_without_drag_and_thrust_the_energy_stays(nu: tuple[float, ...], attitude: Vec3) -> None:
+def test_without_drag_and_thrust_the_energy_stays(nu: Vec6, attitude: Vec3) -> None:
     plant = deep(replace(VEHICLE, hydrodynamics=NO_DRAG), attitude=attitude, nu=nu)
     before = energy(plant)
     run(plant, 1.0, 0.0005)
@@ -59,7 +69,7 @@ def test_without_drag_and_thrust_the_energy_stays(nu: tuple[float, ...], attitud
 
 @settings(max_examples=10, deadline=None)
 @given(st.tuples(speed, speed, speed, speed, speed, speed), st.tuples(angle, angle, angle))
-def test_drag_only_takes_energy(nu: tuple[float, ...], attitude: Vec3) -> None:
+def test_drag_only_takes_energy(nu: Vec6, attitude: Vec3) -> None:
     plant = deep(VEHICLE, attitude=attitude, nu=nu)
     before = energy(plant)
     for _ in range(10):
@@ -73,7 +83,7 @@ def test_drag_only_takes_energy(nu: tuple[float, ...], attitude: Vec3) -> None:
 def test_the_power_of_all_forces_is_the_change_of_energy(pulses: list[int]) -> None:
     plant = deep(VEHICLE, nu=(0.3, -0.2, 0.1, 0.2, -0.1, 0.3))
     plant.drive(pulses)
-    hydro = VEHICLE.hydrodynamics
+    hydro = hydrodynamics_of(VEHICLE)
     before, work = energy(plant), 0.0
     for _ in range(1000):
         was = (plant.u, plant.v, plant.w, plant.p, plant.q, plant.r)
@@ -97,10 +107,10 @@ def test_terminal_velocity_is_where_drag_equals_thrust(
     pulses: tuple[int, int, int, int], axis: str, along: str
 ) -> None:
     at_the_middle = tuple(replace(one, position_m=(*one.position_m[:2], 0.0)) for one in VEHICLE.thrusters)
-    plant = deep(neutral(thrusters=at_the_middle))
+    plant = deep(neutral(replace(VEHICLE, thrusters=at_the_middle)))
     plant.drive([*pulses, 1500, 1500, 1500, 1500])
     run(plant, 15.0, 0.005)
-    force, drag = plant.thrust[AXES.index(axis)], VEHICLE.hydrodynamics.drag(axis)
+    force, drag = plant.thrust[AXES.index(axis)], hydrodynamics_of(VEHICLE).drag(axis)
     root = (-drag.k_l + math.sqrt(drag.k_l**2 + 4 * drag.k_q * abs(force))) / (2 * drag.k_q)
     assert getattr(plant, along) == pytest.approx(math.copysign(root, force), rel=2e-3)
 
@@ -116,7 +126,7 @@ def test_heave_sinks_and_rises_with_its_own_drag(net_N: float, k_q: float, k_l: 
 def test_free_decay_in_roll_has_the_period_and_decrement_of_a_damped_pendulum() -> None:
     damping = 0.3
     hydro = replace(NO_DRAG, roll=Drag(0.0, damping))
-    vehicle = neutral(hydrodynamics=hydro)
+    vehicle = neutral(replace(VEHICLE, hydrodynamics=hydro))
     plant = deep(vehicle, attitude=(0.05, 0.0, 0.0))
     inertia = vehicle.inertia[0] + 0.25
     stiffness = vehicle.weight_N * 0.02
@@ -151,7 +161,7 @@ def test_port_and_starboard_are_mirror_images(pulses: list[int]) -> None:
 def test_the_length_of_the_step_does_not_change_the_apparent_inertia(dt: float) -> None:
     # An Euler step that takes drag at its beginning makes the vehicle lighter by half a step times the drag's slope.
     hydro = replace(NO_DRAG, surge=Drag(0.0, 40.0))
-    plant = deep(neutral(hydrodynamics=hydro), nu=(0.4, 0, 0, 0, 0, 0))
+    plant = deep(neutral(replace(VEHICLE, hydrodynamics=hydro)), nu=(0.4, 0, 0, 0, 0, 0))
     run(plant, 0.5, dt)
     inertia = VEHICLE.mass_kg + 12.0
     assert -40.0 * 0.5 / math.log(plant.u / 0.4) == pytest.approx(inertia, rel=2e-4)
@@ -159,7 +169,7 @@ def test_the_length_of_the_step_does_not_change_the_apparent_inertia(dt: float) 
 
 def test_munk_moment_turns_an_oblique_body_towards_broadside() -> None:
     # Fossen 2011 section 6.3: N = -(Yvdot - Xudot) u v; with more added mass in sway than in surge, drift grows.
-    plant = deep(neutral(hydrodynamics=NO_DRAG), nu=(1.0, 0.1, 0, 0, 0, 0))
+    plant = deep(neutral(replace(VEHICLE, hydrodynamics=NO_DRAG)), nu=(1.0, 0.1, 0, 0, 0, 0))
     plant.step(1e-4)
     assert plant.dr == pytest.approx((12.0 - 19.0) * 1.0 * 0.1 / (VEHICLE.inertia[2] + 0.35), rel=1e-3)
 
@@ -167,8 +177,8 @@ def test_munk_moment_turns_an_oblique_body_towards_broadside() -> None:
 def test_off_diagonal_added_mass_may_be_unsymmetric() -> None:
     cross = np.zeros((6, 6))
     cross[2, 4], cross[4, 2] = 1.5, 0.7
-    hydro = replace(NO_DRAG, added_mass_cross=tuple(map(tuple, cross.tolist())))
-    vehicle = neutral(hydrodynamics=hydro, center_of_buoyancy_m=(0.0, 0.0, 0.0))
+    hydro = replace(NO_DRAG, added_mass_cross=rows_of(cross))
+    vehicle = neutral(replace(VEHICLE, hydrodynamics=hydro, center_of_buoyancy_m=(0.0, 0.0, 0.0)))
     plant = deep(vehicle)
     plant.drive([1500, 1500, 1500, 1500, 1700, 1700, 1700, 1700])
     run(plant, 1.5)
@@ -186,8 +196,11 @@ def test_symmetric_coupling_keeps_the_energy() -> None:
     cross[2, 4] = cross[4, 2] = 1.5
     cross[1, 5] = cross[5, 1] = -1.0
     whole = np.diag([VEHICLE.mass_kg] * 3 + list(VEHICLE.inertia)) + np.diag(NO_DRAG.added_mass) + cross
-    hydro = replace(NO_DRAG, added_mass_cross=tuple(map(tuple, cross.tolist())))
-    plant = deep(neutral(hydrodynamics=hydro, center_of_buoyancy_m=(0.0, 0.0, 0.0)), nu=(0.5, 0.3, 0.2, 0.3, 0.2, 0.4))
+    hydro = replace(NO_DRAG, added_mass_cross=rows_of(cross))
+    plant = deep(
+        neutral(replace(VEHICLE, hydrodynamics=hydro, center_of_buoyancy_m=(0.0, 0.0, 0.0))),
+        nu=(0.5, 0.3, 0.2, 0.3, 0.2, 0.4),
+    )
     nu = np.array([plant.u, plant.v, plant.w, plant.p, plant.q, plant.r])
     before = nu @ whole @ nu
     run(plant, 2.0, 0.0005)
@@ -205,7 +218,7 @@ def test_energy_that_could_be_negative_is_refused() -> None:
     cross = np.zeros((6, 6))
     cross[2, 4] = 50.0
     with pytest.raises(UsageError, match="energy can be negative"):
-        Plant(replace(VEHICLE, hydrodynamics=replace(NO_DRAG, added_mass_cross=tuple(map(tuple, cross.tolist())))))
+        Plant(replace(VEHICLE, hydrodynamics=replace(NO_DRAG, added_mass_cross=rows_of(cross))))
 
 
 def test_a_vehicle_file_without_hydrodynamics_cannot_be_mocked() -> None:
@@ -216,7 +229,7 @@ def test_a_vehicle_file_without_hydrodynamics_cannot_be_mocked() -> None:
 
 
 def test_center_of_mass_ahead_lifts_the_bow_by_buoyancy() -> None:
-    ahead = deep(neutral(center_of_mass_m=(0.05, 0.0, 0.0)))
+    ahead = deep(neutral(replace(VEHICLE, center_of_mass_m=(0.05, 0.0, 0.0))))
     ahead.step(DT)
     assert ahead.dq < 0.0  # heavy nose: nose down
     assert ahead.dw == pytest.approx(0.0, abs=1e-9)
@@ -254,7 +267,9 @@ def test_euler_angles_and_quaternions_are_inverses(attitude: Vec3) -> None:
 
 
 def test_turning_over_the_pole_keeps_the_attitude_finite() -> None:
-    plant = deep(neutral(hydrodynamics=NO_DRAG, center_of_buoyancy_m=(0.0, 0.0, 0.0)), nu=(0, 0, 0, 0, 1.0, 0))
+    plant = deep(
+        neutral(replace(VEHICLE, hydrodynamics=NO_DRAG, center_of_buoyancy_m=(0.0, 0.0, 0.0))), nu=(0, 0, 0, 0, 1.0, 0)
+    )
     run(plant, 2 * math.pi)
     assert sum(x * x for x in plant.quaternion) == pytest.approx(1.0)
     assert euler(plant.quaternion) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
@@ -336,7 +351,7 @@ def test_thrust_lags_and_a_failed_thruster_fades() -> None:
 
 def test_thrusters_may_have_different_lags() -> None:
     thrusters = (replace(VEHICLE.thrusters[0], lag_s=0.0), *VEHICLE.thrusters[1:])
-    plant = deep(neutral(thrusters=thrusters))
+    plant = deep(neutral(replace(VEHICLE, thrusters=thrusters)))
     plant.drive([1700, 1700, 1500, 1500, 1500, 1500, 1500, 1500])
     run(plant, 0.15, 0.001)
     wanted = math.cos(math.radians(55)) * 8.1543 * (2 - math.exp(-1))

@@ -34,14 +34,15 @@ def vehicle() -> Vehicle:
 def part(cycles: int = 50) -> RecordedPart:
     """Cycles of 20 ms: one quantity, its result, another, its result."""
     made = RecordedPart()
+    steps: list[tuple[Transaction, bytes]] = [(START, b""), (RESULT, b"p%02d"), (OTHER, b""), (RESULT, b"t%02d")]
     for index in range(cycles):
-        for step, (asked, answer) in enumerate([(START, b""), (RESULT, b"p%02d"), (OTHER, b""), (RESULT, b"t%02d")]):
+        for step, (asked, answer) in enumerate(steps):
             made.add((20 * index + 5 * step) * MS, asked, answer % index if answer else answer)
     return made
 
 
 def cycle(made: RecordedPart, at_ms: float) -> list[bytes]:
-    asked = (START, RESULT, OTHER, RESULT)
+    asked: tuple[Transaction, ...] = (START, RESULT, OTHER, RESULT)
     return [made.answer(one, round((at_ms + 5 * step) * MS)) for step, one in enumerate(asked)]
 
 

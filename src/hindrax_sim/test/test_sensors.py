@@ -83,6 +83,7 @@ def test_lock_is_lost_by_silence_and_by_tilt() -> None:
         world.dvl_silenced = silenced
         world.advance(Stamp(world.stamp + 50_000_000))
         velocity = dvl.sample(world)[0].reading
+        assert isinstance(velocity, BottomVelocity)
         assert not velocity.valid
         assert velocity.velocity_mps is None
 
@@ -99,7 +100,9 @@ def test_noise_has_the_spread_that_is_asked_for() -> None:
     noise = replace(QUIET, pressure_Pa=300.0)
     sensor = next(one for one in sensors(world, noise, 1) if one.source == "ms5837")
     truth = world.pressure_Pa(world.mounting(VEHICLE.sensors["ms5837"]))
-    off = [sensor.sample(world)[0].reading.pressure_Pa - truth for _ in range(4000)]
+    readings = [sensor.sample(world)[0].reading for _ in range(4000)]
+    off = [one.pressure_Pa - truth for one in readings if isinstance(one, Pressure)]
+    assert len(off) == len(readings)
     assert math.sqrt(sum(one * one for one in off) / len(off)) == pytest.approx(300.0, rel=0.05)
 
 
