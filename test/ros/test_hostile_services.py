@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import psutil  # type: ignore[import-untyped]  # its stubs are a package of their own
+import psutil
 import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
@@ -39,7 +39,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
-from type_description_interfaces.srv import GetTypeDescription  # type: ignore[import-untyped]  # generated
+from type_description_interfaces.srv import GetTypeDescription
 
 from hindrax_bringup import security
 from hindrax_bringup.security import ROLES
