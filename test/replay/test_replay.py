@@ -38,11 +38,11 @@ from hindrax_drivers.nodes import marine_acoustic, reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
-from hindrax_replay.allocation_stage import current_bytes
 from hindrax_replay.bag_replay import replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
 from hindrax_ros.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
-from hindrax_ros.serialization import serialized
+from hindrax_ros.graph import message_class
+from hindrax_ros.serialization import current_bytes, serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
@@ -188,7 +188,7 @@ def test_bursts_that_were_recorded_topic_by_topic_are_matched(tmp_path: Path) ->
         twin = one._replace(topic=resolved(ODOMETRY), type=ODOMETRY.type, data=odometry)
         bursts += [(burst, twin.topic, twin), (burst, one.topic, one)]
     for _, _, one in sorted(bursts, key=lambda entry: entry[:2]):
-        bag.write(Channel(one.topic, one.type), current_bytes(one), one.received, one.sent)
+        bag.write(Channel(one.topic, one.type), current_bytes(one, message_class(one.type)), one.received, one.sent)
     bag.close()
     replayed = replay(bag.folder).ledger
     assert replayed.messages[resolved(NAVIGATION)] == replayed.messages[resolved(ODOMETRY)] > 15
@@ -245,7 +245,7 @@ def test_estimates_that_lack_late_measurements_are_explained_in_one_line(
     for name, data in attachments(ESTIMATES).items():
         copy.attach(name, "application/yaml", data, 0)
     for one in messages(ESTIMATES):
-        copy.write(Channel(one.topic, one.type), current_bytes(one), one.received, one.sent)
+        copy.write(Channel(one.topic, one.type), current_bytes(one, message_class(one.type)), one.received, one.sent)
     status = DiagnosticStatus(name="hindrax: identifier", values=[KeyValue(key=DROPPED, value=str(late))])
     report = serialized(DiagnosticArray(status=[status]))
     copy.write(Channel(resolved(DIAGNOSTICS), DIAGNOSTICS.type), report, one.received, one.sent)

@@ -170,6 +170,15 @@ def test_a_control_process_that_comes_back_is_told_what_is_out_of_use(terminal: 
     assert code == 0, wrong
     assert json.loads(said)["disabled"] == ["T3"]
     assert terminal.run("thruster", "enable", "T3", "T4")[1] == "out of use: none\n"
+    # Where it is in the pool only a person knows now.
+    wait_for(
+        lambda: "pilot: pool_box: the vehicle was armed before this pilot began" in terminal.errors("up"), terminal
+    )
+    for _ in range(10):
+        code, _, wrong = terminal.run("recentre")
+        if code == 0:
+            break
+    assert code == 0, wrong
 
 
 @pytest.mark.usefixtures("up")

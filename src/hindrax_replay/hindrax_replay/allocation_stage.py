@@ -28,7 +28,7 @@ from hindrax_replay.wire_stage import SAMPLE_NS, Samples, compare_lazily
 from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.fast_serialization import ThrusterStateFields, applied_from_bytes, command_from_bytes
 from hindrax_ros.graph import message_class
-from hindrax_ros.serialization import as_message, deserialized, serialized
+from hindrax_ros.serialization import current_bytes, deserialized
 
 WRENCH_NAME, COMMAND_NAME, STATE_NAME = map(resolved, (WRENCH, THRUSTER_COMMAND, THRUSTER_STATE))
 STATUS_NAME, HEALTH_NAME, BATTERY_NAME = map(resolved, (ALLOCATION, THRUSTER_HEALTH, BATTERY))
@@ -101,7 +101,7 @@ class AllocationStage:
         self._commands[stamp_of(message.data)] = message
 
     def _on_state(self, message: BagMessage) -> None:
-        state = applied_from_bytes(current_bytes(message))
+        state = applied_from_bytes(current_bytes(message, message_class(message.type)))
         self._newest = max(self._newest, state.stamp)
         self._states.setdefault((state.stamp, state.sequence), []).append(state)
 
@@ -127,7 +127,9 @@ class AllocationStage:
             self._command(stamp, wrench, command)
 
     def _command(self, stamp: Stamp, wrench: Any, recorded: BagMessage | None) -> None:
-        recorded_command = command_from_bytes(current_bytes(recorded)) if recorded else None
+        recorded_command = (
+            command_from_bytes(current_bytes(recorded, message_class(recorded.type))) if recorded else None
+        )
         known = recorded_command is not None and self._resume(recorded_command.sequence)
         supply_V = self._cycle.supply_V
         made = self._cycle.command(wrench_from_msg(wrench), wrench.header.frame_id, stamp, stamp)
@@ -189,13 +191,6 @@ class AllocationStage:
 
     def _settled(self, message: BagMessage) -> bool:
         return all(abs(message.received - change) > SETTLING_NS for change in self._changes)
-
-
-def current_bytes(message: BagMessage) -> bytes:
-    """Bytes of a message in today's definition of its type."""
-    if not message.form.old:
-        return message.data
-    return serialized(as_message(message.decoded(), message_class(message.type)))
 
 
 def _plan_of(status: Any) -> Allocation:

@@ -28,3 +28,8 @@ def as_message(decoded: Any, message_type: Any) -> Any:
         nested = hasattr(default, "get_fields_and_field_types")
         setattr(message, name, as_message(value, type(default)) if nested else value)
     return message
+
+
+def current_bytes(message: Any, message_type: Any) -> bytes:
+    """CDR bytes of a message of a bag (`BagMessage`) in today's form of its type."""
+    return serialized(as_message(message.decoded(), message_type)) if message.form.old else bytes(message.data)

@@ -35,8 +35,9 @@ from hindrax_core.topics import (
 from hindrax_core.vehicle import Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
-from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.graph import message_class, publisher, subscription
 from hindrax_ros.process import StopSignal
+from hindrax_ros.serialization import current_bytes
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import Ports
 from hindrax_sim.nodes.hardware_process import main_of
@@ -103,11 +104,9 @@ class Player(BatchedNode):
             self._clock_at = now
             self._clock.publish(Clock(clock=stamp_to_msg(now)))
         while self._next_message is not None and self._next_message.received <= now:
-            if self._next_message.form.old:
-                raise UsageError(
-                    f"{self._next_message.topic}: recorded in an earlier form of its type; use replay --pure"
-                )
-            self._out[self._next_message.topic].publish(self._next_message.data)
+            self._out[self._next_message.topic].publish(
+                current_bytes(self._next_message, message_class(self._next_message.type))
+            )
             self._next_message = next(self._messages, None)
         self.publish_queue.flush()
         self.drain()
