@@ -9,10 +9,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, after
+from hindrax_core.topics import OPERATOR_WRENCH
+from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.graph import subscription
 
 NOW = Stamp(1_000 * 10**9)
 
@@ -74,3 +78,43 @@ def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch: pytest.Mon
             assert [timer.is_canceled() for timer in operator.node.timers] == [True, False]
         operator.beat(on=True)
         assert not any(timer.is_canceled() for timer in operator.node.timers)
+
+
+def clock_that_arrives(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first /clock of a mock comes while the operator waits for it."""
+    spun: list[None] = []
+    monkeypatch.setattr(operator, "_tick", lambda: spun.append(None))
+    monkeypatch.setattr(operator, "now", lambda: NOW if spun else Stamp(0))
+
+
+def test_orders_wait_for_the_clock_but_not_a_disarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a stamp an order is refused on board, a disarm obeyed: seen where the state was heard before /clock."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    asked: list[Any] = []
+
+    def answer(request: Any) -> Any:
+        asked.append(request.stamp.sec)
+        reply = SimpleNamespace(accepted=False, reason="that is all")
+        return SimpleNamespace(done=lambda: True, result=lambda: reply)
+
+    with Operator(mock=True) as operator:
+        clock_that_arrives(operator, monkeypatch)
+        monkeypatch.setattr(operator, "_arm", SimpleNamespace(service_is_ready=lambda: True, call_async=answer))
+        with pytest.raises(HindraxError, match="that is all"):
+            operator.arm(arm=False)
+        with pytest.raises(HindraxError, match="that is all"):
+            operator.arm()
+        clock_that_arrives(operator, monkeypatch)
+        client = SimpleNamespace(send_goal_async=answer)
+        with pytest.raises(HindraxError, match="without a reason"):
+            operator._fly_to_its_end(client, FlyManeuver.Goal(), 1.0)
+    assert asked == [0, 1_000, 1_000]
+
+
+def test_who_sends_has_a_time_to_stamp_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    with Operator(mock=True) as operator:
+        subscription(operator.node, OPERATOR_WRENCH, lambda _: None)
+        clock_that_arrives(operator, monkeypatch)
+        with operator.sender(OPERATOR_WRENCH, "a reader"):
+            assert operator.now() == NOW

@@ -172,6 +172,11 @@ class Operator:
         """Wait for the clock: system time is known at once, a mock's when /clock arrives."""
         self.wait(lambda: self.now() > 0, seconds, lambda: "the clock of the mock; is its stack still up?")
 
+    def order_stamp(self) -> Any:
+        """Return the stamp of an order that is given now. An order without time is refused, so wait for the clock."""
+        self.wait_for_time()
+        return stamp_to_msg(self.now())
+
     def publishers(self, topic: Topic) -> int:
         """How many nodes publish a topic, as far as they have been discovered."""
         return int(self.node.count_publishers(topic.name))
@@ -181,6 +186,7 @@ class Operator:
         """Yield a function that publishes on a topic which somebody reads; HindraxError names the missing `reader`."""
         out = publisher(self.node, topic, held=False)
         try:
+            self.wait_for_time()
             self.wait(lambda: out.get_subscription_count() > 0, ANSWER_S, lambda: f"{reader}; {UP}")
             yield out.publish
             self.pause(LINK_S)
@@ -236,8 +242,8 @@ class Operator:
         self.wait(lambda: self.thrusters is not None and self.thrusters.armed is arm, seconds, self._thruster_state)
 
     def _request_arming(self, *, arm: bool) -> Any:
-        request = Arm.Request(arm=arm, sequence=self.next())
-        request.stamp = stamp_to_msg(self.now())
+        stamp = self.order_stamp() if arm else stamp_to_msg(self.now())  # to disarm, no time is waited for or wanted
+        request = Arm.Request(arm=arm, stamp=stamp, sequence=self.next())
         future = self._arm.call_async(request)
         self.wait(future.done, ANSWER_S, lambda: "an answer from thrusters/arm")
         return future.result()
@@ -285,7 +291,7 @@ class Operator:
         return aborted, result
 
     def _fly_to_its_end(self, client: Any, goal: Any, seconds: float) -> tuple[str, Any]:
-        goal.stamp = stamp_to_msg(self.now())
+        goal.stamp = self.order_stamp()
         self.maneuver = None
         future = client.send_goal_async(goal)
         self.wait(future.done, ANSWER_S, lambda: f"the vehicle to answer a goal; {AGAIN}")
