@@ -66,7 +66,7 @@ class Bench(Generic[DriverT]):
 
     def _step(self) -> None:
         line = self.line
-        line.set_truth(self.truth(self.now_s))
+        self.emulator.set_truth(self.truth(self.now_s), self.now_s)
         arrived = line.chunks(self.now_s) if isinstance(line, FaultyLine) else [line.step(self.now_s)]
         stamp = stamp_from_s(EPOCH_S + self.now_s)
         if isinstance(line, FaultyLine) and not line.connected:

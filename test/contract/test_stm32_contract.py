@@ -142,7 +142,7 @@ def test_something_else_on_the_line_is_told() -> None:
 
 def test_battery() -> None:
     bench = Bench()
-    bench.board.set_truth(SupplyTruth(14.8))
+    bench.board.set_truth(SupplyTruth(14.8), 0.0)
     bench.run(1.2)
     found = [one.reading for one in bench.outputs if isinstance(one, Stamped) and isinstance(one.reading, Battery)]
     assert found[0].voltage_V == pytest.approx(14.8)

@@ -185,7 +185,7 @@ def test_a_board_that_falls_silent_in_flight_is_faulted_and_nobody_stays_armed(b
 
 
 def test_battery_is_delivered(bench: Bench) -> None:
-    bench.board.set_truth(SupplyTruth(15.2))
+    bench.board.set_truth(SupplyTruth(15.2), 0.0)
     bench.run(1.5)
     found = [one.reading for one in bench.said if isinstance(one, Stamped) and isinstance(one.reading, Battery)]
     assert found[0].voltage_V == pytest.approx(15.2)

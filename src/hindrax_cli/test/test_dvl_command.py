@@ -31,7 +31,7 @@ def dvl(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str, D
         begun = time.monotonic()
         while not stop.is_set():
             now_s = time.monotonic() - begun
-            device.set_truth(DvlTruth())
+            device.set_truth(DvlTruth(), 0.0)
             port.write(device.step(now_s) + device.receive(port.read(), now_s))
             if network:
                 network.turn()

@@ -25,7 +25,7 @@ def sonar(tmp_path: Path) -> Iterator[str]:
         begun = time.monotonic()
         while not stop.is_set():
             now_s = time.monotonic() - begun
-            device.set_truth(PingTruth(1.8))
+            device.set_truth(PingTruth(1.8), 0.0)
             port.write(device.step(now_s) + device.receive(port.read(), now_s))
             stop.wait(0.005)
 

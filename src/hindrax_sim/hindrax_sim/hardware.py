@@ -39,7 +39,7 @@ class Hardware:
         self.vehicle = vehicle
         self.world = World(vehicle, seed, conditions)
         self.i2c = VirtualI2c()
-        self.serial: dict[str, SerialEmulator[Any]] = {}
+        self.serial: dict[str, SerialEmulator] = {}
         self.registers: dict[str, Any] = {}
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
@@ -88,7 +88,7 @@ class Hardware:
         output = self.vehicle.output
         if output.device == "stm32":
             board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
-            board.set_truth(SupplyTruth(self.vehicle.supply_V))
+            board.set_truth(SupplyTruth(self.vehicle.supply_V), to_s(START))
             on_line = [spec for spec in self._faults if FAULTS[spec.name].make is not None]
             self.serial[THRUSTERS] = with_faults(THRUSTERS, board, on_line, seed, to_s(START))
             return
@@ -106,13 +106,12 @@ class Hardware:
         device = row.make(seed)
         at = self.world.mounting(mount)
         lies = liar(name, self._faults, to_s(START))
+        self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s), now_s))
         if mount.device in SERIAL:
             self.serial[name] = with_faults(name, device, self._faults, seed, to_s(START))
-            self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s)))
             return
         self.registers[name] = device
         afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
         self.i2c.attach(mount.address or row.address, afflicted.at(device))
         for address, part in row.also_at(device, mount).items():
             self.i2c.attach(address, part if address >= EDGES else afflicted.at(part))
-        self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s), now_s))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Protocol, TypeVar
-
-TruthT_contra = TypeVar("TruthT_contra", contravariant=True)
+from typing import Protocol
 
 
-class SerialEmulator(Protocol[TruthT_contra]):
+class SerialEmulator(Protocol):
     """A device on the far end of a serial line. Time is an argument: seconds of the simulated world, never less."""
 
     @property
@@ -20,26 +18,11 @@ class SerialEmulator(Protocol[TruthT_contra]):
     def next_due_s(self) -> float:
         """Time of the next output of the device by itself; before it, `step` returns nothing."""
 
-    def set_truth(self, truth: TruthT_contra) -> None:
-        """Set the truth for the next `step`."""
-
     def step(self, now_s: float) -> bytes:
         """Return the output of the device since the last call; cheap when there is none."""
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         """Handle bytes of the host; return the answers."""
-
-    def power_cycle(self, now_s: float) -> None:
-        """Fault: power is lost and comes back at once."""
-
-    def jump_clock(self, seconds: float) -> None:
-        """Fault: the device's clock jumps; no effect on a device without one."""
-
-    def disguise(self, on: bool) -> None:
-        """Fault: another device answers in its place."""
-
-    def saturate(self, on: bool) -> None:
-        """Fault: measurements are at the end of their scale, well framed and confident."""
 
 
 class BaudRateLine:

@@ -22,7 +22,7 @@ def said(device: Dvl75, start_s: float, stop_s: float, truth: DvlTruth = STILL) 
     """Lines of a span of time, each checked for its checksum."""
     data = b""
     for index in range(round((stop_s - start_s) / 0.005) + 1):
-        device.set_truth(truth)
+        device.set_truth(truth, 0.0)
         data += device.step(start_s + index * 0.005)
     lines = data.decode("ascii").split("\r\n")
     assert lines.pop() == ""
@@ -90,7 +90,7 @@ def test_there_is_no_lock_out_of_reach(altitude: float) -> None:
 def test_messages_take_their_time_on_the_wire() -> None:
     device = Dvl75(settings=ON)
     due = device.next_due_s
-    device.set_truth(DvlTruth())
+    device.set_truth(DvlTruth(), 0.0)
     assert device.step(due) == b""
     assert device.next_due_s - due == pytest.approx(76 * 10 / 115200, rel=0.05)
     assert device.step(device.next_due_s).startswith(b"$DVPDL")
@@ -98,7 +98,7 @@ def test_messages_take_their_time_on_the_wire() -> None:
 
 def test_what_was_said_before_the_first_step_was_heard_by_nobody() -> None:
     device = Dvl75(settings=ON)
-    device.set_truth(DvlTruth())
+    device.set_truth(DvlTruth(), 0.0)
     assert device.step(500.0) == b""
     assert len(said(device, 500.005, 501.0)) < 50
 

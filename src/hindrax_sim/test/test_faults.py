@@ -70,9 +70,6 @@ class Clockwork:
         self.heard = b""
         self.next_due_s = 0.1
 
-    def set_truth(self, truth: object) -> None:
-        self.done.append(f"truth {truth}")
-
     def step(self, now_s: float) -> bytes:
         said = b""
         while self.next_due_s <= now_s + 1e-9:
@@ -229,8 +226,6 @@ def test_only_the_faults_of_a_device_fall_on_it() -> None:
     assert with_faults("ping1d", device, specs) is device
     faulty = with_faults("dvl75", device, specs, start_s=10.0)
     assert isinstance(faulty, FaultyLine)
-    faulty.set_truth("told")
-    assert device.done == ["truth told"]
     assert b"".join(chunk for _, chunk in chunks(faulty, 39.0)) == b"0123456789" * 390
     assert faulty.baud == 115200
 

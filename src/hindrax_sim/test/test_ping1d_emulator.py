@@ -31,7 +31,7 @@ def host(message: int, payload: bytes) -> bytes:
 def run(device: Ping1d, start_s: float, stop_s: float, truth: PingTruth | None = None) -> list[tuple[int, bytes]]:
     data = b""
     for index in range(round((stop_s - start_s) / 0.005) + 1):
-        device.set_truth(truth or PingTruth(2.0))
+        device.set_truth(truth or PingTruth(2.0), 0.0)
         data += device.step(start_s + index * 0.005)
     return frames(data)
 
@@ -206,7 +206,7 @@ class Serial:
 
     def sleep(self, seconds: float) -> None:
         self.now_s += seconds
-        self._device.set_truth(PingTruth(2.0, speed_of_sound_mps=1500.0))
+        self._device.set_truth(PingTruth(2.0, speed_of_sound_mps=1500.0), 0.0)
         self._heard += self._device.step(self.now_s)
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_sim.devices.ina226 import EMULATOR as SUPPLY
 from hindrax_sim.devices.ina226 import SupplyTruth
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 
 CONVERSION, CONFIGURATION, LOW, HIGH = range(4)
 FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
@@ -24,20 +23,14 @@ class _Conversion:
     word: int
 
 
-class Ads1115:
-    """One converter, with the module's current at AIN2 and its voltage at AIN3."""
+class Ads1115(Part[SupplyTruth]):
+    """One converter, with the module's current at AIN2 and its voltage at AIN3. Hung, its conversions never end."""
 
     def __init__(self, seed: int = 0) -> None:
+        super().__init__(SupplyTruth())
         self._draw = random.Random(f"ads1115 {seed}")  # noqa: S311  # noise, not secrets
-        self._truth = SupplyTruth()
-        self._hung = self._saturated = self._disguised = False
         self._conversion: _Conversion | None = None
         self.power_cycle(0.0)
-
-    def set_truth(self, truth: SupplyTruth, now_s: float) -> None:
-        """Set the truth from now on."""
-        del now_s
-        self._truth = truth
 
     def write(self, data: bytes, now_s: float) -> None:
         """The register, and perhaps its two bytes; a configuration with OS starts a conversion."""
@@ -80,23 +73,6 @@ class Ads1115:
         del now_s
         self._pointer, self._words, self._conversion = 0, list(AT_RESET), None
 
-    def disguise(self, on: bool) -> None:
-        """Fault: be a part with other registers."""
-        self._disguised = on
 
-    def saturate(self, on: bool) -> None:
-        """Fault: the inputs are beyond the scale."""
-        self._saturated = on
-
-    def hang(self, on: bool) -> None:
-        """Fault: conversions never end."""
-        self._hung = on
-
-
-def _agrees(truth: SupplyTruth, reading: Any) -> bool:
-    """Noise is a count: a millivolt and a half, and five milliamperes."""
-    off = abs(reading.voltage_V - truth.voltage_V), abs(reading.current_A - truth.current_A)
-    return bool(off[0] < 0.05 and off[1] < 0.2)
-
-
-EMULATOR = Emulator(Ads1115, SUPPLY.truth, SUPPLY.example, _agrees)
+EMULATOR = Emulator(Ads1115, SUPPLY.truth, SUPPLY.example, SUPPLY.agrees)
+"""Its noise is a count, a millivolt and a half and five milliamperes: well within what the other one may be off."""

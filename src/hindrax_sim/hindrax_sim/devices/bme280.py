@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 
 CALIBRATION, CHIP_ID, RESET, CALIBRATION_H, CTRL_HUM, STATUS, CTRL_MEAS, CONFIG, DATA = (
     *(0x88, 0xD0, 0xE0, 0xE1, 0xF2),
@@ -39,20 +39,14 @@ class HullTruth:
     humidity: float = 0.4
 
 
-class Bme280:
-    """One part, asleep until a measurement is wanted."""
+class Bme280(Part[HullTruth]):
+    """One part, asleep until a measurement is wanted. Disguised, it is a BMP180; what saturates is the pressure."""
 
     def __init__(self, seed: int = 0) -> None:
+        super().__init__(HullTruth())
         self._draw = random.Random(f"bme280 {seed}")  # noqa: S311  # noise, not secrets
-        self._truth = HullTruth()
-        self._hung = self._saturated = self._disguised = False
         self._data = bytes(8)
         self.power_cycle(0.0)
-
-    def set_truth(self, truth: HullTruth, now_s: float) -> None:
-        """Set the truth from now on."""
-        del now_s
-        self._truth = truth
 
     def write(self, data: bytes, now_s: float) -> None:
         """Pairs of register and value; the first byte alone is what a read starts from."""
@@ -124,18 +118,6 @@ class Bme280:
         """Fault, and power-up: settings are lost, the calibration is loaded again."""
         self._pointer = self._ctrl_hum = self._osrs_h = self._ctrl_meas = self._config = 0
         self._waiting, self._done_s, self._awake_s = False, now_s, now_s + 0.9 * START_UP_S
-
-    def disguise(self, on: bool) -> None:
-        """Fault: be a BMP180."""
-        self._disguised = on
-
-    def saturate(self, on: bool) -> None:
-        """Fault: the pressure is beyond the converter."""
-        self._saturated = on
-
-    def hang(self, on: bool) -> None:
-        """Fault: the registers keep the last measurement."""
-        self._hung = on
 
 
 def _high() -> bytes:

@@ -29,7 +29,7 @@ from hindrax_sim.devices.dvl75_sentences import (
     minimum,
     over_ground,
 )
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 from hindrax_sim.serial_emulator import BaudRateLine
 from hindrax_sim.world import Mounting, World
 
@@ -106,8 +106,11 @@ WITHOUT_EFFECT = frozenset(
 """Commands of the page that the device takes without a word and that are not played through here."""
 
 
-class Dvl75:
-    """One instrument: its clock is `drift_ppm` fast, each axis of its velocity noisy by `noise_mps` (1 sigma)."""
+class Dvl75(Part[DvlTruth]):
+    """One instrument: its clock is `drift_ppm` fast, each axis of its velocity noisy by `noise_mps` (1 sigma).
+
+    Disguised, it is a GPS receiver; saturated, its deltas are at the end of their scale, with full confidence.
+    """
 
     def __init__(
         self,
@@ -118,14 +121,13 @@ class Dvl75:
         drift_ppm: float = 40.0,
         booted_s: float = 60.0,
     ) -> None:
+        super().__init__(DvlTruth())
         self.settings = settings or DvlSettings()
         self._random = np.random.default_rng(seed)
         self._noise_mps = noise_mps
         self._us_per_s = 1e6 * (1.0 + drift_ppm * 1e-6)
         self._wire = BaudRateLine(self.settings.baud)
-        self._truth = DvlTruth()
         self._measured_m: Vec3 = (0.0, 0.0, 0.0)
-        self._disguised = self._saturated = False
         self._stepped = False
         self._boot(-booted_s, booted_s)
 
@@ -157,11 +159,7 @@ class Dvl75:
         """End of the running interval, or of the sentence on the wire."""
         return min(self._next_s, self._wire.next_s)
 
-    # ---- truth and time
-
-    def set_truth(self, truth: DvlTruth) -> None:
-        """Set the truth for the next `step`."""
-        self._truth = truth
+    # ---- time
 
     def step(self, now_s: float) -> bytes:
         """Sentences that are complete on the wire by now."""
@@ -323,14 +321,6 @@ class Dvl75:
     def jump_clock(self, seconds: float) -> None:
         """Fault: the device's clock jumps."""
         self._jumped_us += round(seconds * 1e6)
-
-    def disguise(self, on: bool) -> None:
-        """Fault: a GPS receiver in its place."""
-        self._disguised = on
-
-    def saturate(self, on: bool) -> None:
-        """Fault: deltas at the end of their scale, with full confidence."""
-        self._saturated = on
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:

@@ -17,7 +17,7 @@ from hindrax_sim.devices.icm20948_converters import SELF_TEST_CODES, Converters
 from hindrax_sim.devices.icm20948_fifo import Fifo
 from hindrax_sim.devices.icm20948_master import InnerMaster
 from hindrax_sim.devices.imu_signal import ImuSignal, ImuTruth, SensorErrors, typical
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 from hindrax_sim.register_emulator import NackError
 from hindrax_sim.world import Mounting, World
 
@@ -39,16 +39,16 @@ TEMPORARY = 0x0E
 """Bits of USER_CTRL that start something and clear themselves."""
 READ_ONLY = frozenset((WHO_AM_I, I2C_MST_STATUS, *range(INT_STATUS_1, INT_STATUS_2 + 1), *range(0x2D, 0x53)))
 
-IDENTITY = 0xEA
+IDENTITY, MPU9250 = 0xEA, 0x71
 RESET_S = 0.005
 WAKE_S = 0.02
 
 
-class Icm20948:
-    """One part. Attach it at 0x68 or 0x69, and its `magnetometer` at 0x0C."""
+class Icm20948(Part[ImuTruth]):
+    """One part. Attach it at 0x68 or 0x69, and its `magnetometer` at 0x0C. Disguised, it is an MPU-9250."""
 
     def __init__(self, seed: int = 0, imperfections: SensorErrors | None = None) -> None:
-        self._identity = IDENTITY
+        super().__init__(ImuTruth())
         self.signal = ImuSignal(typical(seed) if imperfections is None else imperfections, seed)
         self.compass = Ak09916(self.signal)
         self.magnetometer = Bypass(self.compass, self._bypassed, NackError)
@@ -61,10 +61,6 @@ class Icm20948:
     def set_truth(self, truth: ImuTruth, now_s: float) -> None:
         """Set the truth at a time, not earlier than the last one."""
         self.signal.set_truth(truth, now_s)
-
-    def disguise(self, on: bool) -> None:
-        """Fault: be another part (an MPU-9250, which has another identity)."""
-        self._identity = 0x71 if on else IDENTITY
 
     def saturate(self, on: bool) -> None:
         """Fault: all converters at the end of their scale."""
@@ -171,7 +167,7 @@ class Icm20948:
         """Status registers of bank 0; all others return what was written."""
         value = self._banks[0][register]
         if register == WHO_AM_I:
-            value = self._identity
+            value = MPU9250 if self._disguised else IDENTITY
         elif register == PWR_MGMT_1 and now_s < self._ready_until_s:
             value |= DEVICE_RESET
         elif register in (INT_STATUS_1, DATA_RDY_STATUS):

@@ -7,7 +7,7 @@ import random
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 
 CONFIGURATION, SHUNT, BUS, POWER, CURRENT, CALIBRATION, MASK_ENABLE, LIMIT = range(8)
 MANUFACTURER, DIE = 0xFE, 0xFF
@@ -27,19 +27,16 @@ class SupplyTruth:
     current_A: float = 0.0
 
 
-class Ina226:
-    """One part across a shunt of half a milliohm, converting all the time after power-up."""
+class Ina226(Part[SupplyTruth]):
+    """One part across a shunt of half a milliohm, converting all the time after power-up.
+
+    Disguised, it has no registers of identity, as an INA219; what saturates is the current.
+    """
 
     def __init__(self, seed: int = 0) -> None:
+        super().__init__(SupplyTruth())
         self._draw = random.Random(f"ina226 {seed}")  # noqa: S311  # noise, not secrets
-        self._truth = SupplyTruth()
-        self._hung = self._saturated = self._disguised = False
         self.power_cycle(0.0)
-
-    def set_truth(self, truth: SupplyTruth, now_s: float) -> None:
-        """Set the truth from now on."""
-        del now_s
-        self._truth = truth
 
     def write(self, data: bytes, now_s: float) -> None:
         """The register, and perhaps its two bytes."""
@@ -99,18 +96,6 @@ class Ina226:
         self._pointer = 0
         self._words = dict.fromkeys(range(8), 0) | {CONFIGURATION: 0x4127}
         self._begin(now_s)
-
-    def disguise(self, on: bool) -> None:
-        """Fault: be a part without the registers of identity, such as an INA219."""
-        self._disguised = on
-
-    def saturate(self, on: bool) -> None:
-        """Fault: the current is beyond the shunt's scale."""
-        self._saturated = on
-
-    def hang(self, on: bool) -> None:
-        """Fault: no new conversions."""
-        self._hung = on
 
 
 def _agrees(truth: SupplyTruth, reading: Any) -> bool:

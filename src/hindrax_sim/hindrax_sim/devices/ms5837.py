@@ -11,7 +11,7 @@ import random
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 
 RESET, PROM_FIRST, PROM_LAST, ADC_READ = 0x1E, 0xA0, 0xAE, 0x00
 D1_FIRST, D1_LAST, D2_FIRST, D2_LAST = 0x40, 0x4A, 0x50, 0x5A
@@ -50,35 +50,17 @@ class _Conversion:
     value: int
 
 
-class Ms5837:
-    """One part at 0x76. `noise` scales the noise of the datasheet."""
+class Ms5837(Part[WaterTruth]):
+    """One part at 0x76. `noise` scales the noise of the datasheet. Disguised, its memory is no MS5837's."""
 
     def __init__(self, model: Literal["30BA", "02BA"] = "30BA", seed: int = 0, noise: float = 1.0) -> None:
+        super().__init__(WaterTruth())
         self.prom: tuple[int, ...] = PROM_30BA if model == "30BA" else PROM_02BA
-        self._hung = self._saturated = self._disguised = False
         self._model, self._noise = model, noise
         self._draw = random.Random(f"ms5837 {seed}")  # noqa: S311  # noise, not secrets
-        self._truth = WaterTruth()
         self._held = {0: 0, 1: 0}
         self._solved = (math.nan, 0)
         self.power_cycle(0.0)
-
-    def set_truth(self, truth: WaterTruth, now_s: float) -> None:
-        """Set the truth from now on."""
-        del now_s
-        self._truth = truth
-
-    def disguise(self, on: bool) -> None:
-        """Fault: be another part, whose memory at these addresses is no MS5837's."""
-        self._disguised = on
-
-    def saturate(self, on: bool) -> None:
-        """Fault: the pressure exceeds the range of the converter."""
-        self._saturated = on
-
-    def hang(self, on: bool) -> None:
-        """Fault: the converter repeats the last values."""
-        self._hung = on
 
     def power_cycle(self, now_s: float) -> None:
         """Clear command and conversion; reload the PROM."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_core.readings import DeviceText, Echo, SonarHealth
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 from hindrax_sim.serial_emulator import BaudRateLine
 
 PROCESSING_S = 0.002
@@ -71,19 +71,22 @@ class _Ping:
         return struct.pack("<IHHIIII", self.distance_mm, self.confidence, 52, *fields)
 
 
-class Ping1d:
-    """One sonar; distances are noisy by half a percent (1 sigma). It may know no `continuous` mode."""
+class Ping1d(Part[PingTruth]):
+    """One sonar; distances are noisy by half a percent (1 sigma). It may know no `continuous` mode.
+
+    Disguised, it is a Ping360, which uses the same protocol.
+    """
 
     def __init__(
         self, *, seed: int = 0, noise: float = 0.005, baud: int = 115200, continuous: bool = True, supply_V: float = 5.0
     ) -> None:
+        super().__init__(PingTruth())
         self._continuous, self._supply_V = continuous, supply_V
         self._random = np.random.default_rng(seed)
         self._noise = noise
         self._baud = baud
         self._wire = BaudRateLine(baud)
-        self._truth = PingTruth()
-        self._disguised = self._saturated = self._stepped = False
+        self._stepped = False
         self._boot(0.0)
 
     def _boot(self, now_s: float) -> None:
@@ -108,10 +111,6 @@ class Ping1d:
     def next_due_s(self) -> float:
         """End of the running ping, or of the frame on the wire."""
         return min(self._done_s, self._wire.next_s)
-
-    def set_truth(self, truth: PingTruth) -> None:
-        """Set the truth for the next `step`."""
-        self._truth = truth
 
     def step(self, now_s: float) -> bytes:
         """Frames of the stream, if there is one, that are complete on the wire by now."""
@@ -267,17 +266,10 @@ class Ping1d:
         self._wire.clear()
         self._boot(now_s)
 
-    def jump_clock(self, seconds: float) -> None:
-        """Do nothing: a Ping1D has no clock."""
-
     def disguise(self, on: bool) -> None:
-        """Fault: a Ping360 in its place, which uses the same protocol."""
-        self._disguised = on
+        """Fault: a Ping360 comes or goes, silent as after its power-up."""
+        super().disguise(on)
         self._settings.stream = 0
-
-    def saturate(self, on: bool) -> None:
-        """Fault: distances at the end of their scale, with full confidence."""
-        self._saturated = on
 
 
 def _frame(message: int, payload: bytes) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.emulator import Emulator, Part
 
 UNPOWERED_S = 0.15
 
@@ -17,20 +17,14 @@ class ProbeTruth:
     wet: bool = False
 
 
-class SosLeak:
-    """One board with its probes."""
+class SosLeak(Part[ProbeTruth]):
+    """One board with its probes. Disguised, it is another signal on the line."""
 
     def __init__(self, seed: int = 0) -> None:
         del seed
-        self._truth = ProbeTruth()
-        self._disguised = False
+        super().__init__(ProbeTruth())
         self._turn = 0
         self._powered_s = 0.0
-
-    def set_truth(self, truth: ProbeTruth, now_s: float) -> None:
-        """Set the truth from now on."""
-        del now_s
-        self._truth = truth
 
     def write(self, data: bytes, now_s: float) -> None:
         """The bias of the line, which the board is stronger than."""
@@ -44,10 +38,6 @@ class SosLeak:
     def power_cycle(self, now_s: float) -> None:
         """Fault: the board is without power for a moment."""
         self._powered_s = now_s + UNPOWERED_S
-
-    def disguise(self, on: bool) -> None:
-        """Fault: another signal is on the line."""
-        self._disguised = on
 
 
 def _agrees(truth: ProbeTruth, reading: Any) -> bool:

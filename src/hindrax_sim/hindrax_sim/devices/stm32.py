@@ -7,9 +7,9 @@ simulated. `pulses_us` is the input of the speed controllers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from hindrax_sim.emulator import Part
 from hindrax_sim.firmware.controller import Controller
 from hindrax_sim.serial_emulator import BaudRateLine
 
@@ -25,15 +25,13 @@ class SupplyTruth:
     voltage_V: float = 0.0
 
 
-class Stm32:
-    """One board with eight thrusters and two lights, powered up at `now_s`."""
+class Stm32(Part[SupplyTruth]):
+    """One board with eight thrusters and two lights, powered up at `now_s`. Disguised, it is a GPS receiver."""
 
     def __init__(self, thrusters: int = 8, lights: int = 2, now_s: float = 0.0) -> None:
+        super().__init__(SupplyTruth())
         self._outputs = (thrusters, lights)
         self._wire = BaudRateLine(BAUD)
-        self._truth = SupplyTruth()
-        self._garble: Callable[[bytes], bytes] = bytes
-        self._saturated = False
         self._controller = Controller(thrusters, lights, 0)
         self.power_cycle(now_s)
 
@@ -60,10 +58,6 @@ class Stm32:
     def pulses_us(self) -> tuple[float | None, ...]:
         """Pulses of all outputs as of the last `step`."""
         return tuple(self.pulse_us(channel) for channel in range(PINS))
-
-    def set_truth(self, truth: SupplyTruth) -> None:
-        """Set the supply voltage."""
-        self._truth = truth
 
     def step(self, now_s: float) -> bytes:
         """Run the firmware; return its output on the wire."""
@@ -93,13 +87,8 @@ class Stm32:
         """Fault: the board's millisecond counter jumps; it never decreases."""
         self._boot_s -= max(0.0, seconds)
 
-    def disguise(self, on: bool) -> None:
-        """Fault: another device on this line."""
-        self._garble = (lambda told: b"$GPTXT," + told.hex().encode() + b"\r\n") if on else bytes
-
-    def saturate(self, on: bool) -> None:
-        """Fault: the battery input is at the end of its scale."""
-        self._saturated = on
+    def _garble(self, told: bytes) -> bytes:
+        return b"$GPTXT," + told.hex().encode() + b"\r\n" if self._disguised else told
 
     def _ms(self, now_s: float) -> int:
         return math.floor((now_s - self._boot_s) * 1e3)

@@ -8,53 +8,40 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 from hindrax_sim.register_emulator import BusStuckError, NackError, RegisterEmulator
 
 
-class BusFault(Protocol):
-    """One fault of a register device. `device` is the part as a whole, whatever addresses it answers at."""
+class BusFault:
+    """One fault of a register device; this one passes everything unchanged.
+
+    `device` is the part as a whole, whatever addresses it answers at.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self._random = random.Random(seed)  # noqa: S311  # noise, not secrets
 
     def begin(self, device: Any, now_s: float) -> None:
         """Start the fault."""
 
     def write(self, data: bytes) -> bytes:
         """Return the bytes that reach the device; raises OSError as a bus does."""
+        return data
 
     def read(self, data: bytes) -> bytes:
         """Return the bytes that reach the host; raises OSError as a bus does."""
+        return data
 
     def end(self, device: Any, now_s: float) -> None:
         """End the fault."""
-
-
-class Harmless:
-    """Base class of the faults: passes everything unchanged."""
-
-    def __init__(self, seed: int = 0) -> None:
-        self._random = random.Random(seed)  # noqa: S311  # noise, not secrets
-
-    def begin(self, device: Any, now_s: float) -> None:
-        """Do nothing."""
-
-    def write(self, data: bytes) -> bytes:
-        """Return the bytes unchanged."""
-        return data
-
-    def read(self, data: bytes) -> bytes:
-        """Return the bytes unchanged."""
-        return data
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Do nothing."""
 
     def _chance(self, probability: float) -> bool:
         return self._random.random() < probability
 
 
-class Absent(Harmless):
+class Absent(BusFault):
     """No device acknowledges at the address."""
 
     def write(self, data: bytes) -> bytes:
@@ -64,15 +51,14 @@ class Absent(Harmless):
 
     def read(self, data: bytes) -> bytes:
         """Refuse."""
-        del data
-        raise NackError
+        return self.write(data)
 
     def end(self, device: Any, now_s: float) -> None:
         """Reconnect, after a power cycle."""
         device.power_cycle(now_s)
 
 
-class Nack(Harmless):
+class Nack(BusFault):
     """One transaction in ten is not acknowledged (Errno 121)."""
 
     SHARE = 0.1
@@ -88,7 +74,7 @@ class Nack(Harmless):
         return self.write(data)
 
 
-class BusStuck(Harmless):
+class BusStuck(BusFault):
     """A line is held low: every transaction times out (Errno 110)."""
 
     def write(self, data: bytes) -> bytes:
@@ -98,11 +84,10 @@ class BusStuck(Harmless):
 
     def read(self, data: bytes) -> bytes:
         """Time out."""
-        del data
-        raise BusStuckError
+        return self.write(data)
 
 
-class ShortRead(Harmless):
+class ShortRead(BusFault):
     """One read in ten ends before its last byte."""
 
     SHARE = 0.1
@@ -112,7 +97,7 @@ class ShortRead(Harmless):
         return data[: self._random.randrange(len(data))] if data and self._chance(self.SHARE) else data
 
 
-class BitFlips(Harmless):
+class BitFlips(BusFault):
     """One bit in a thousand is read wrongly."""
 
     SHARE = 1e-3
@@ -128,7 +113,7 @@ class BitFlips(Harmless):
         return bytes(wrong)
 
 
-class WrongIdentity(Harmless):
+class WrongIdentity(BusFault):
     """Another part answers at the address; the exchange interrupts its power."""
 
     def begin(self, device: Any, now_s: float) -> None:
@@ -142,7 +127,7 @@ class WrongIdentity(Harmless):
         device.power_cycle(now_s)
 
 
-class Reset(Harmless):
+class Reset(BusFault):
     """The device loses power briefly, at the start."""
 
     def begin(self, device: Any, now_s: float) -> None:
@@ -150,7 +135,7 @@ class Reset(Harmless):
         device.power_cycle(now_s)
 
 
-class Saturated(Harmless):
+class Saturated(BusFault):
     """Measurements at the end of their scale."""
 
     def begin(self, device: Any, now_s: float) -> None:
@@ -164,7 +149,7 @@ class Saturated(Harmless):
         device.saturate(False)
 
 
-class Repeated(Harmless):
+class Repeated(BusFault):
     """The converters hang: they repeat the last values."""
 
     def begin(self, device: Any, now_s: float) -> None:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
-from hindrax_sim.faults import bus_faults, stream_faults
+from hindrax_sim.faults import bus_faults, stream_faults, world_faults
 from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
 from hindrax_sim.faults.device_lies import (
     DepthStuck,
@@ -28,7 +28,7 @@ from hindrax_sim.faults.device_lies import (
 )
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
-from hindrax_sim.faults.world_faults import Current, FaultInjector, Leak, LockLost, ThrusterFails, WorldFault
+from hindrax_sim.faults.world_faults import FaultInjector, WorldFault
 from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import World
 
@@ -54,7 +54,7 @@ class FaultKind:
     make: Callable[[int], StreamFault] | None
     meaning: str
     on_bus: Callable[[int], BusFault] | None = None
-    on_world: Callable[[], WorldFault] | None = None
+    on_world: WorldFault | None = None
     on_truth: Callable[[], SensorFault] | None = None
 
 
@@ -116,10 +116,10 @@ _KINDS = (
     FaultKind("force_offset", ("icm20948",), None, "3 m/s^2 to starboard too much", on_truth=ForceOffset),
     FaultKind("depth_stuck", ("ms5837",), None, "the pressure stays as it is", on_truth=DepthStuck),
     FaultKind("range_short", ("ping1d",), None, "an echo half a meter too near, as of a fish", on_truth=RangeShort),
-    FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=ThrusterFails),
-    FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=LockLost),
-    FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=Leak),
-    FaultKind("current", ("water",), None, "0.15 m/s across the pool", on_world=Current),
+    FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=world_faults.thruster_fails),
+    FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=world_faults.lock_lost),
+    FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=world_faults.leak),
+    FaultKind("current", ("water",), None, "0.15 m/s across the pool", on_world=world_faults.current),
 )
 
 FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
@@ -155,8 +155,8 @@ def _seconds(written: str, text: str) -> float:
 
 
 def with_faults(
-    name: str, device: SerialEmulator[Any], specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
-) -> SerialEmulator[Any]:
+    name: str, device: SerialEmulator, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
+) -> SerialEmulator:
     """Wrap the device `name` with the faults that apply to it; returns the device itself without faults.
 
     Times of the specifications count from `start_s` of the world's time.
@@ -187,9 +187,9 @@ def with_bus_faults(
 def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> FaultInjector:
     """Injector of the faults of vehicle and water. Times count from `start_s`."""
     schedule = [
-        _scheduled((make(), target), spec, start_s)
+        _scheduled((fault, target), spec, start_s)
         for spec in specs
-        if (make := FAULTS[spec.name].on_world) is not None
+        if (fault := FAULTS[spec.name].on_world) is not None
         for target in spec.devices
     ]
     return FaultInjector(world, schedule)

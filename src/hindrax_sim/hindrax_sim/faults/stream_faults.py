@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,51 +16,33 @@ from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 from hindrax_sim.serial_emulator import SerialEmulator
 
 
-class StreamFault(Protocol):
-    """One fault of a serial device. `outgoing` handles bytes of the device, `incoming` bytes of the host."""
-
-    connected: bool
-    """Whether the port is there at all while the fault lasts."""
-
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
-        """Start the fault."""
-
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
-        """Return the chunks that reach the host.
-
-        Called without data as time passes, and once with infinite time at the end, to return held bytes.
-        """
-
-    def incoming(self, data: bytes, now_s: float) -> bytes:
-        """Return the bytes that reach the device."""
-
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
-        """End the fault."""
-
-
-class Harmless:
-    """Base class of the faults: passes everything unchanged."""
+class StreamFault:
+    """One fault of a serial device; this one passes everything unchanged."""
 
     connected = True
+    """Whether the port is there at all while the fault lasts."""
 
     def __init__(self, seed: int = 0) -> None:
         self._random = np.random.default_rng(seed)
 
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
-        """Do nothing."""
+    def begin(self, device: Any, now_s: float) -> None:
+        """Start the fault."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
-        """Return the bytes unchanged."""
+        """Return the chunks of the device's bytes that reach the host.
+
+        Called without data as time passes, and once with infinite time at the end, to return held bytes.
+        """
         del now_s
         return [data] if data else []
 
     def incoming(self, data: bytes, now_s: float) -> bytes:
-        """Return the bytes unchanged."""
+        """Return the bytes of the host that reach the device."""
         del now_s
         return data
 
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
-        """Do nothing."""
+    def end(self, device: Any, now_s: float) -> None:
+        """End the fault."""
 
     def _chance(self, probability: float) -> bool:
         return bool(self._random.random() < probability)
@@ -69,7 +51,7 @@ class Harmless:
         return self._random.integers(0, 256, count, dtype=np.uint8).tobytes()
 
 
-class Absent(Harmless):
+class Absent(StreamFault):
     """No device at the port: no byte passes in either direction."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -88,64 +70,64 @@ class UnplugReplug(Absent):
 
     connected = False
 
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def end(self, device: Any, now_s: float) -> None:
         """Restore the power."""
         device.power_cycle(now_s)
 
 
-class WrongIdentity(Harmless):
+class WrongIdentity(StreamFault):
     """Another device answers."""
 
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def begin(self, device: Any, now_s: float) -> None:
         """Swap the devices."""
         del now_s
         device.disguise(True)
 
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def end(self, device: Any, now_s: float) -> None:
         """Swap them back."""
         del now_s
         device.disguise(False)
 
 
-class Saturated(Harmless):
+class Saturated(StreamFault):
     """Measurements at the end of their scale."""
 
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def begin(self, device: Any, now_s: float) -> None:
         """Saturate the measurements."""
         del now_s
         device.saturate(True)
 
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def end(self, device: Any, now_s: float) -> None:
         """Restore the measurements."""
         del now_s
         device.saturate(False)
 
 
-class Reset(Harmless):
+class Reset(StreamFault):
     """The device restarts in mid-stream; its current message is cut."""
 
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def begin(self, device: Any, now_s: float) -> None:
         """Cycle the power."""
         device.power_cycle(now_s)
 
 
-class ClockJump(Harmless):
+class ClockJump(StreamFault):
     """The device's clock jumps ahead, and back at the end."""
 
     LEAP_S = 1000.0
 
-    def begin(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def begin(self, device: Any, now_s: float) -> None:
         """Jump ahead."""
         del now_s
         device.jump_clock(self.LEAP_S)
 
-    def end(self, device: SerialEmulator[Any], now_s: float) -> None:
+    def end(self, device: Any, now_s: float) -> None:
         """Jump back."""
         del now_s
         device.jump_clock(-self.LEAP_S)
 
 
-class CutFrames(Harmless):
+class CutFrames(StreamFault):
     """A piece is missing from every second message."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -157,7 +139,7 @@ class CutFrames(Harmless):
         return [part for part in (data[:start], data[stop:]) if part]
 
 
-class Bytewise(Harmless):
+class Bytewise(StreamFault):
     """Every byte arrives by itself."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -166,7 +148,7 @@ class Bytewise(Harmless):
         return [data[at : at + 1] for at in range(len(data))]
 
 
-class Merged(Harmless):
+class Merged(StreamFault):
     """Bytes are delayed and arrive in blocks of a quarter of a second."""
 
     HOLD_S = 0.25
@@ -185,7 +167,7 @@ class Merged(Harmless):
         return [held]
 
 
-class Garbage(Harmless):
+class Garbage(StreamFault):
     """Bursts of up to 300 random bytes before, inside and behind messages."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -199,7 +181,7 @@ class Garbage(Harmless):
         return [data[:place] + self._noise(int(self._random.integers(1, 300))) + data[place:]]
 
 
-class BitFlips(Harmless):
+class BitFlips(StreamFault):
     """One bit in a thousand is wrong."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -212,7 +194,7 @@ class BitFlips(Harmless):
         return [np.packbits(bits ^ wrong).tobytes()]
 
 
-class BaudMismatch(Harmless):
+class BaudMismatch(StreamFault):
     """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
@@ -226,7 +208,7 @@ class BaudMismatch(Harmless):
         return self._noise(1 + len(data) * 2 // 3) if data else b""
 
 
-class Repeated(Harmless):
+class Repeated(StreamFault):
     """The device is stuck: it repeats its last message."""
 
     def __init__(self, seed: int = 0) -> None:
@@ -241,10 +223,10 @@ class Repeated(Harmless):
 
 
 class FaultyLine:
-    """A SerialEmulator with faults between its device and the host."""
+    """A SerialEmulator: a device, and faults between it and the host."""
 
-    def __init__(self, device: SerialEmulator[Any], schedule: Sequence[Scheduled[StreamFault]]) -> None:
-        self.device = device
+    def __init__(self, device: Any, schedule: Sequence[Scheduled[StreamFault]]) -> None:
+        self.device: SerialEmulator = device
         self._schedule = FaultSchedule(schedule)
         self._late: list[bytes] = []
 
@@ -264,10 +246,6 @@ class FaultyLine:
         if self._schedule.active:
             return -math.inf
         return min(self.device.next_due_s, self._schedule.next_start_s)
-
-    def set_truth(self, truth: Any) -> None:
-        """Pass the truth to the device."""
-        self.device.set_truth(truth)
 
     def step(self, now_s: float) -> bytes:
         """Return all bytes that arrive at the host now."""
@@ -302,19 +280,3 @@ class FaultyLine:
         for fault in ended:
             self._late += fault.outgoing(b"", math.inf)
             fault.end(self.device, now_s)
-
-    def power_cycle(self, now_s: float) -> None:
-        """Forward to the device."""
-        self.device.power_cycle(now_s)
-
-    def jump_clock(self, seconds: float) -> None:
-        """Forward to the device."""
-        self.device.jump_clock(seconds)
-
-    def disguise(self, on: bool) -> None:
-        """Forward to the device."""
-        self.device.disguise(on)
-
-    def saturate(self, on: bool) -> None:
-        """Forward to the device."""
-        self.device.saturate(on)
