@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable, Iterator
 from textwrap import wrap
 from typing import TextIO
 
 UNBOUNDED = 100_000
+COMMAND = "./hindrax "
+"""A line with it is to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
 
@@ -34,9 +37,36 @@ def fitted(text: str, width: int, hang: int | None = None) -> str:
     return "\n".join(_broken(line, width, hang) for line in text.split("\n"))
 
 
-def fitted_prose(line: str, width: int) -> str:
-    """The same for a line of a description: what follows is indented only if the line is, as an entry of a list."""
-    return fitted(line, width, None if line.startswith(" ") else 0)
+def fitted_description(lines: Iterable[str], width: int) -> str:
+    """The same for a description: its paragraphs flow, entries of a list hang, and commands stay in one piece."""
+    return "\n".join(_fitted_prose(line, width) for line in (lines if width >= UNBOUNDED else _paragraphs(lines)))
+
+
+def _paragraphs(lines: Iterable[str]) -> Iterator[str]:
+    """Join what continues a line: prose at the margin below prose at the margin that does not announce a list."""
+    paragraph = ""
+    for line in lines:
+        if paragraph and _flows(line):
+            paragraph += f" {line}"
+        else:
+            if paragraph:
+                yield paragraph
+            paragraph = line if _flows(line) else ""
+            if not paragraph:
+                yield line
+        if paragraph.endswith(":"):
+            yield paragraph
+            paragraph = ""
+    if paragraph:
+        yield paragraph
+
+
+def _flows(line: str) -> bool:
+    return line[:1].strip() != "" and COMMAND not in line
+
+
+def _fitted_prose(line: str, width: int) -> str:
+    return line if COMMAND in line else fitted(line, width, None if line.startswith(" ") else 0)
 
 
 def _broken(line: str, width: int, hang: int | None) -> str:

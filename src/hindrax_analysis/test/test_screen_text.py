@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.screen_text import UNBOUNDED, fitted, print_fitted, screen_width
+from hindrax_analysis.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
 
 WORDS = st.lists(st.text("abc-/.", min_size=1, max_size=12), min_size=1, max_size=40)
 
@@ -48,3 +48,28 @@ def test_a_screen_is_as_wide_as_it_says(monkeypatch: pytest.MonkeyPatch) -> None
     os.close(mine)
     assert len(said) == 2
     assert all(len(line) <= 60 for line in said)
+
+
+def test_paragraphs_of_a_description_flow_and_lists_and_commands_stay() -> None:
+    lines = [
+        "one two three",
+        "four five",
+        "",
+        "columns, with",
+        "units:",
+        "  t  time",
+        "./hindrax a --b c d e f g h",
+        "last",
+    ]
+    assert fitted_description(lines, 14).split("\n") == [
+        "one two three",
+        "four five",
+        "",
+        "columns, with",
+        "units:",
+        "  t  time",
+        "./hindrax a --b c d e f g h",
+        "last",
+    ]
+    assert fitted_description(lines[:2], 20) == "one two three four\nfive"
+    assert fitted_description(lines, UNBOUNDED).split("\n") == lines

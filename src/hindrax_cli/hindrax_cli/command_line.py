@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn, Protocol
 
-from hindrax_analysis.screen_text import fitted, fitted_prose, print_fitted, screen_width
+from hindrax_analysis.screen_text import fitted, fitted_description, print_fitted, screen_width
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
@@ -61,12 +61,11 @@ class Command(Protocol):
 
 
 class HelpText(argparse.RawDescriptionHelpFormatter):
-    """Keeps the lines of a description that fit, breaks others between words, and leaves commands in one piece."""
+    """Fits descriptions to the screen."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         del indent
-        lines = text.splitlines()
-        return "\n".join(line if "./hindrax " in line else fitted_prose(line, width) for line in lines)
+        return fitted_description(text.splitlines(), width)
 
 
 class Parser(argparse.ArgumentParser):

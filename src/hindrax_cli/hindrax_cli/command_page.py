@@ -5,12 +5,13 @@ Needs nothing but the standard library of Python 3.9: it answers before hindrax 
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from itertools import starmap
 from pathlib import Path
 
-from hindrax_analysis.screen_text import UNBOUNDED, fitted, fitted_prose
+from hindrax_analysis.screen_text import UNBOUNDED, fitted, fitted_description
 
 WIDTH = 24
 """Of the column of the options, as argparse sets it."""
@@ -54,16 +55,14 @@ def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
     if name is None:
         return None
     below = [f"  {one.partition(' ')[2]}" for one in found if one.startswith(f"{name} ")]
-    text = [_line(line, width) for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
+    lines = [line for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
+    prose = itertools.takewhile(lambda line: not ROW.match(line), lines)
+    text = [fitted_description(prose, width), *(_row(row, width) for row in map(ROW.match, lines) if row)]
     more = [f"\nwords, each with --help of its own:\n{chr(10).join(below)}"] if below else []
     return "\n".join([f"usage: ./hindrax {name} {'WORD ' if below else ''}[OPTIONS]\n", *text, *more]) + "\n"
 
 
-def _line(line: str, width: int) -> str:
-    row = ROW.match(line)
-    if not row:
-        # A command stays in one piece, to be copied.
-        return line if "./hindrax " in line else fitted_prose(line, width)
+def _row(row: re.Match[str], width: int) -> str:
     form, meaning = _plain(row["form"]), _plain(row["meaning"])
     text = f"  {form:<{WIDTH}}  {meaning}" if len(form) <= WIDTH else f"  {form}\n{'':{WIDTH + 4}}{meaning}"
     return fitted(text, width, WIDTH + 4)
