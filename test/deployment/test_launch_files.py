@@ -96,7 +96,7 @@ def words_of(found: Sequence[Said]) -> list[str]:
 
 
 def pairs(wanted: tuple[Process, ...]) -> set[tuple[str, str]]:
-    return {(one.package, one.executable) for one in wanted}
+    return {(one.package, one.name) for one in wanted}
 
 
 def scripts_of(package: str) -> dict[str, str]:
@@ -120,7 +120,7 @@ def test_they_use_launch_and_our_own_packages_only(file: Path) -> None:
 
 @pytest.mark.parametrize("process", [*ONBOARD, RECORDER, MOCK], ids=lambda process: process.name)
 def test_every_process_is_an_executable_of_its_package(process: Process) -> None:
-    assert scripts_of(process.package)[process.executable] == f"{process.module}:main"
+    assert scripts_of(process.package)[process.name] == f"{process.module}:main"
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
@@ -182,7 +182,7 @@ def test_both_ways_start_the_same_stack(mock: bool, tmp_path: Path, monkeypatch:
         MockOptions() if mock else None, record=True, without_operator="neutral"
     )
     assert processes(launched) == pairs((*ONBOARD, RECORDER))
-    assert [one.keywords["executable"] for one in launched] == [one.executable for one in supervisor.words]
+    assert [one.keywords["executable"] for one in launched] == [one.name for one in supervisor.words]
     for one, (process, words) in zip(launched, supervisor.words.items(), strict=True):
         assert words[:2] == ["--ros-args", "--params-file"]
         launch_way = told(one.keywords["ros_arguments"], one.keywords["parameters"][0])

@@ -20,9 +20,9 @@ def test_a_replay_is_a_record_on_the_nodes_that_compute() -> None:
     assert processes(found) == pairs((SENSORS, CONTROL, IDENTIFIER, REPLAY))
     words = parser().parse_args(words_of(found))
     assert (str(words.bag), words.rate) == ("runs/today/bag", 1.0)
-    (control,) = (one for one in found if one.kind == "Node" and one.keywords["executable"] == CONTROL.executable)
+    (control,) = (one for one in found if one.kind == "Node" and one.keywords["executable"] == CONTROL.name)
     assert control.keywords["ros_arguments"][-2:] == UNHEARD
 
 
 def test_it_is_an_executable_of_its_package() -> None:
-    assert scripts_of(REPLAY.package)[REPLAY.executable] == f"{REPLAY.module}:main"
+    assert scripts_of(REPLAY.package)[REPLAY.name] == f"{REPLAY.module}:main"

@@ -69,7 +69,7 @@ def stack(
             line = ["--vehicle", vehicle, "--folder", str(folder), "--namespace", tuning.namespace]
             line += [word for name, option in (words or {}).items() for word in _option(option, argument(name))]
             # Not a Node: that adds words of ROS, and this process has its own.
-            program = ExecutableInPackage(package=hardware.package, executable=hardware.executable)
+            program = ExecutableInPackage(package=hardware.package, executable=hardware.name)
             ends = Shutdown(reason=f"the {hardware.name} has ended")
             started.append(ExecuteProcess(cmd=[program, *line], output="screen", on_exit=ends))
         record = argument("record")
@@ -118,7 +118,7 @@ def _node(process: Process, file: Path, options: NodeOptions) -> Node:
 
     return Node(
         package=process.package,
-        executable=process.executable,
+        executable=process.name,
         parameters=[str(file)],
         ros_arguments=options.arguments(process),
         respawn=process.restart,

@@ -22,7 +22,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_ros.heartbeat import beaten_s
 
 PATIENT_S = 30.0
-LAMPS = Process("lamps", "p", "lamps", "lamps", (), "none")
+LAMPS = Process("lamps", (), "none")
 UNSAFE = replace(LAMPS, last_resort=("--dark",))
 BEATS = """
 import os, pathlib, subprocess, sys, time
@@ -86,11 +86,11 @@ def told(supervisor: Supervisor) -> list[str]:
 
 
 def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor: Supervisor) -> None:
-    child = supervisor.start(Process("lamps", "p", "no_such_module", "lamps", (), "none", restart=False))
+    child = supervisor.start(Process("no_such_module.lamps", (), "none", restart=False))
     child.handle.wait(30.0)
     (said,) = supervisor.check()
     assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", said)
-    wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?; look into .*, start again"
+    wanted = r"lamps: the process has ended for good; its last words: .*no_such_module'?\)?; look into .*, start again"
     with pytest.raises(HindraxError, match=wanted):
         supervisor.require()
 

@@ -78,7 +78,7 @@ def _node(role: Role) -> str:
 
 
 def _process(role: Role) -> str:
-    hosts = {one.name: f"ros2 run {one.package} {one.executable}" for one in EVERY}
+    hosts = {one.name: f"ros2 run {one.package} {one.name}" for one in EVERY}
     return code(ALONE.get(role.node) or hosts.get(role.enclave) or "./hindrax")
 
 
