@@ -36,7 +36,7 @@ from hindrax_ros.batched_node import SpinLoop, events_executor
 from hindrax_ros.graph import message_class, publisher, subscription
 
 PATIENT_S = 60.0
-CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", STATE, 0, False, "time of a mock")
+CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", STATE, 0, "time of a mock")
 
 
 class Bench:

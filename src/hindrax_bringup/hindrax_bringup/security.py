@@ -101,11 +101,7 @@ def _sensor(name: str) -> Role:
     own = TOPICS_OF[name].values()
     dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in MEASURED else ()
     profile = (f"{name}/request_profile",) if f"{name}/profile" in MEASURED else ()
-    return Role(name, "sensors", publishes=(*own, _raw(name), DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
-
-
-def _raw(source: str) -> Topic:
-    return next(topic for topic in RAW_FRAMES if topic.name == f"raw/{source}")
+    return Role(name, "sensors", publishes=(*own, RAW_FRAMES[name], DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
 
 
 _STATE = (NAVIGATION, THRUSTER_STATE, MANEUVER, PLANS, ALLOCATION, HOLD_STATUS, THRUSTER_HEALTH, ESTIMATE, DIAGNOSTICS)
@@ -117,7 +113,7 @@ ROLES: tuple[Role, ...] = (
     Role(
         "thrusters",
         "thrusters",
-        publishes=(THRUSTER_STATE, BATTERY, _raw("thrusters"), DIAGNOSTICS),
+        publishes=(THRUSTER_STATE, BATTERY, RAW_FRAMES["thrusters"], DIAGNOSTICS),
         subscribes=(THRUSTER_COMMAND, LIGHTS),
         serves=(ARM,),
         lifecycle=True,
@@ -156,9 +152,7 @@ ROLES: tuple[Role, ...] = (
         executes=(RUN,),
         calls=(FLY,),
     ),
-    Role(
-        "recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=tuple(topic for topic in TOPICS if topic.recorded)
-    ),
+    Role("recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=TOPICS),
     Role(
         "safety_monitor",
         "safety_monitor",

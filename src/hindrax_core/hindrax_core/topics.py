@@ -33,14 +33,14 @@ RAW = Quality(depth=200)
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row: name, type as `package/msg/Type`, quality, usual rate, whether the recorder takes it, meaning."""
+    """One row: name, type as `package/msg/Type`, quality, usual rate, meaning, whether the recorder takes it."""
 
     name: str
     type: str
     quality: Quality
     rate_Hz: float
-    recorded: bool
     meaning: str
+    recorded: bool = True
 
 
 QUANTITIES: Mapping[str, tuple[str, str]] = {
@@ -69,8 +69,8 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
 def _topic(sensor: Sensor, quantity: str, rate_Hz: float) -> Topic:
     kind, meaning = QUANTITIES[quantity]
     if quantity in SHARED:
-        return Topic(quantity, kind, STATE, 1, True, meaning)
-    return Topic(f"{sensor.name}/{quantity}", kind, SENSOR, rate_Hz, True, meaning)
+        return Topic(quantity, kind, STATE, 1, meaning)
+    return Topic(f"{sensor.name}/{quantity}", kind, SENSOR, rate_Hz, meaning)
 
 
 TOPICS_OF: Mapping[str, Mapping[str, Topic]] = {
@@ -81,95 +81,67 @@ TOPICS_OF: Mapping[str, Mapping[str, Topic]] = {
 MEASURED: Mapping[str, Topic] = {topic.name: topic for of in TOPICS_OF.values() for topic in of.values()}
 """Topics of the sensors by name."""
 
-DVL_VELOCITY, DVL_ATTITUDE = MEASURED["dvl75/velocity"], MEASURED["dvl75/attitude"]
-DVL_DETAIL, DVL_ALTITUDE = MEASURED["dvl75/detail"], MEASURED["dvl75/altitude"]
+DVL_ATTITUDE, DVL_DETAIL = MEASURED["dvl75/attitude"], MEASURED["dvl75/detail"]
 IMU, MAGNETIC = MEASURED["icm20948/data_raw"], MEASURED["icm20948/mag"]
 PRESSURE, WATER_TEMPERATURE = MEASURED["ms5837/pressure"], MEASURED["ms5837/temperature"]
-ALTITUDE, PING_PROFILE = MEASURED["ping1d/range"], MEASURED["ping1d/profile"]
+ALTITUDE = MEASURED["ping1d/range"]
 BATTERY, LEAK = MEASURED["battery"], MEASURED["leak"]
-ODOMETRY = Topic(
-    "navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, True, "pose and twist, REP-105; of one publisher"
-)
-NAVIGATION = Topic(
-    "navigation/status", "hindrax_msgs/msg/NavigationStatus", STATE, 50, True, "depth, altitude, attitude, ages, SNAME"
-)
-HOLD_SETPOINT = Topic("holds/setpoint", "hindrax_msgs/msg/HoldSetpoint", COMMAND, 0, True, "setpoint of one hold")
-HOLD_STATUS = Topic("holds/status", "hindrax_msgs/msg/HoldStatus", STATE, 10, True, "holds, their setpoints and errors")
-OPERATOR_WRENCH = Topic(
-    "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, True, "wrench by hand, added to the holds"
-)
-JOYSTICK = Topic("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, True, "joystick of the operator, as `joy_node` tells it")
-TWIST = Topic("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, True, "velocity by hand: keyboard, web page")
-LIGHTS = Topic("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, True, "brightness of every lamp, 0 dark to 1")
-WRENCH = Topic(
-    "control/wrench",
-    "geometry_msgs/msg/WrenchStamped",
-    COMMAND,
-    50,
-    True,
-    "wrench wanted of the allocator; of one publisher",
-)
-ALLOCATION = Topic(
-    "control/allocation",
-    "hindrax_msgs/msg/AllocationStatus",
-    STATE,
-    50,
-    True,
-    "wanted, achieved, shortfall, forces",
-)
-MANEUVER = Topic("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10, True, "motion, phase, progress")
-PLANS = Topic("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, True, "what each motion would fly now")
-THRUSTER_COMMAND = Topic("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, True, "pulses wanted")
-THRUSTER_STATE = Topic("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, True, "armed, pulses applied")
-THRUSTER_HEALTH = Topic(
-    "thrusters/health", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, True, "disabled thrusters, as the pilot has them"
-)
-THRUSTER_HEALTH_ORDER = Topic(
-    "thrusters/health_order", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, True, "the list that the pilot is to take"
-)
-ESTIMATE = Topic("ident/estimate", "hindrax_msgs/msg/ModelEstimate", Quality(depth=100), 10, True, "coefficients")
-RAW_FRAMES = tuple(
-    Topic(f"raw/{source}", "hindrax_msgs/msg/RawFrames", RAW, 10, True, f"wire frames of {source}")
-    for source in (*(sensor.name for sensor in SENSORS), "thrusters")
-)
-HEARTBEAT = Topic(
-    "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, True, "the operator's link"
-)
-DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE, 1, True, "health of every node")
-ROSOUT = Topic("/rosout", "rcl_interfaces/msg/Log", LATCHED, 0, True, "log of every node")
-TF = Topic("/tf", "tf2_msgs/msg/TFMessage", SENSOR, 10, True, "odom -> base_link")
-TF_STATIC = Topic(
-    "/tf_static", "tf2_msgs/msg/TFMessage", LATCHED, 0, True, "base_link -> base_link_fsd, sensors and thrusters"
-)
-ROBOT_DESCRIPTION = Topic("robot_description", "std_msgs/msg/String", LATCHED, 0, True, "the vehicle as URDF")
+_rows = list(MEASURED.values())
 
-TOPICS: tuple[Topic, ...] = (
-    *MEASURED.values(),
-    ODOMETRY,
-    NAVIGATION,
-    HOLD_SETPOINT,
-    HOLD_STATUS,
-    OPERATOR_WRENCH,
-    JOYSTICK,
-    TWIST,
-    LIGHTS,
-    WRENCH,
-    ALLOCATION,
-    MANEUVER,
-    PLANS,
-    THRUSTER_COMMAND,
-    THRUSTER_STATE,
-    THRUSTER_HEALTH,
-    THRUSTER_HEALTH_ORDER,
-    ESTIMATE,
-    *RAW_FRAMES,
-    HEARTBEAT,
-    DIAGNOSTICS,
-    ROSOUT,
-    TF,
-    TF_STATIC,
-    ROBOT_DESCRIPTION,
+
+def _row(name: str, kind: str, quality: Quality, rate_Hz: float, meaning: str) -> Topic:
+    """Add a row to the table."""
+    _rows.append(Topic(name, kind, quality, rate_Hz, meaning))
+    return _rows[-1]
+
+
+ODOMETRY = _row("navigation/odometry", "nav_msgs/msg/Odometry", STATE, 50, "pose and twist, REP-105; of one publisher")
+NAVIGATION = _row(
+    "navigation/status", "hindrax_msgs/msg/NavigationStatus", STATE, 50, "depth, altitude, attitude, ages, SNAME"
 )
+HOLD_SETPOINT = _row("holds/setpoint", "hindrax_msgs/msg/HoldSetpoint", COMMAND, 0, "setpoint of one hold")
+HOLD_STATUS = _row("holds/status", "hindrax_msgs/msg/HoldStatus", STATE, 10, "holds, their setpoints and errors")
+OPERATOR_WRENCH = _row(
+    "operator/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 0, "wrench by hand, added to the holds"
+)
+JOYSTICK = _row("joy", "sensor_msgs/msg/Joy", BY_HAND, 0, "joystick of the operator, as `joy_node` tells it")
+TWIST = _row("cmd_vel", "geometry_msgs/msg/Twist", BY_HAND, 0, "velocity by hand: keyboard, web page")
+LIGHTS = _row("lights", "std_msgs/msg/Float32MultiArray", STATE, 0, "brightness of every lamp, 0 dark to 1")
+WRENCH = _row(
+    "control/wrench", "geometry_msgs/msg/WrenchStamped", COMMAND, 50, "wrench wanted of the allocator; of one publisher"
+)
+ALLOCATION = _row(
+    "control/allocation", "hindrax_msgs/msg/AllocationStatus", STATE, 50, "wanted, achieved, shortfall, forces"
+)
+MANEUVER = _row("maneuver/status", "hindrax_msgs/msg/ManeuverStatus", STATE, 10, "motion, phase, progress")
+PLANS = _row("maneuver/plans", "hindrax_msgs/msg/MotionPlans", LATCHED, 0, "what each motion would fly now")
+THRUSTER_COMMAND = _row("thrusters/command", "hindrax_msgs/msg/ThrusterCommand", COMMAND, 50, "pulses wanted")
+THRUSTER_STATE = _row("thrusters/state", "hindrax_msgs/msg/ThrusterState", STATE, 50, "armed, pulses applied")
+THRUSTER_HEALTH = _row(
+    "thrusters/health", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, "disabled thrusters, as the pilot has them"
+)
+THRUSTER_HEALTH_ORDER = _row(
+    "thrusters/health_order", "hindrax_msgs/msg/ThrusterHealth", LATCHED, 0, "the list that the pilot is to take"
+)
+ESTIMATE = _row("ident/estimate", "hindrax_msgs/msg/ModelEstimate", Quality(depth=100), 10, "coefficients")
+RAW_FRAMES = {
+    source: _row(f"raw/{source}", "hindrax_msgs/msg/RawFrames", RAW, 10, f"wire frames of {source}")
+    for source in (*(sensor.name for sensor in SENSORS), "thrusters")
+}
+"""By the source of the frames."""
+HEARTBEAT = _row(
+    "operator/heartbeat", "hindrax_msgs/msg/Heartbeat", Quality(depth=1, deadline_s=1.0), 2, "the operator's link"
+)
+DIAGNOSTICS = _row("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STATE, 1, "health of every node")
+ROSOUT = _row("/rosout", "rcl_interfaces/msg/Log", LATCHED, 0, "log of every node")
+TF = _row("/tf", "tf2_msgs/msg/TFMessage", SENSOR, 10, "odom -> base_link")
+TF_STATIC = _row(
+    "/tf_static", "tf2_msgs/msg/TFMessage", LATCHED, 0, "base_link -> base_link_fsd, sensors and thrusters"
+)
+ROBOT_DESCRIPTION = _row("robot_description", "std_msgs/msg/String", LATCHED, 0, "the vehicle as URDF")
+
+TOPICS = tuple(_rows)
+"""All rows, in the order of this file."""
 
 NAMESPACE = "/hindrax"
 """Namespace of a vehicle unless another is named; bags of every vehicle are read as if recorded in it."""

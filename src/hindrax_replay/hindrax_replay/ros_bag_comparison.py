@@ -21,7 +21,7 @@ SETTLING_NS = 3 * NS_PER_S
 """At the start nodes discover their devices and each other at different times."""
 ALLOCATION_NAME = resolved(ALLOCATION)
 COMPUTED = {resolved(topic) for topic in (NAVIGATION, ALLOCATION, ESTIMATE)}
-_NAMES = {topic.name.partition("/")[2] for topic in RAW_FRAMES}
+_NAMES = RAW_FRAMES.keys()
 DEVICES = {resolved(topic) for topic in TOPICS if topic.name.partition("/")[0] in _NAMES} & COMPARED
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 Row = tuple[int, dict[str, Any]]

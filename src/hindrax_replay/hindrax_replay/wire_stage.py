@@ -28,7 +28,7 @@ SAMPLE_NS = NS_PER_S
 """Distance of the samples of a reference."""
 COMPARED = frozenset(resolved(topic) for topic in MEASURED.values() if topic is not LEAK)
 """A leak has no stamp by which it could be found again."""
-RAW_NAMES = {resolved(topic): topic.name.partition("/")[2] for topic in RAW_FRAMES}
+RAW_NAMES = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
 AS_RECORDED, NOT_YET = b"", None
 Samples = dict[str, dict[str, Any]]
 """Values that a reference keeps, by topic and time."""

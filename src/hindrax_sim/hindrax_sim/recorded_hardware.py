@@ -163,7 +163,7 @@ def _pairs(frames: Sequence[Frame]) -> Iterable[tuple[Frame, Frame]]:
 
 def frames_of(bag: Path) -> dict[str, list[Frame]]:
     """Wire frames of every source of a bag, in the order of their times."""
-    names = {resolved(topic): topic.name.partition("/")[2] for topic in RAW_FRAMES}
+    names = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
     found: dict[str, list[Frame]] = {}
     for message in messages(bag, names):
         batch, start = message.decoded(), 0

@@ -34,10 +34,12 @@ def run(words: argparse.Namespace) -> int:
     """Wait for the recorder, report it, publish in bursts of 10 ms, and report the count."""
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node("load", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
-    out = [publisher(node, topic) for topic in RAW_FRAMES]
+    out = [publisher(node, topic) for topic in RAW_FRAMES.values()]
     data = message_of(words.size)
     deadline = time.monotonic() + READY_S
-    while time.monotonic() < deadline and not all(node.count_subscribers(resolved(topic)) for topic in RAW_FRAMES):
+    while time.monotonic() < deadline and not all(
+        node.count_subscribers(resolved(topic)) for topic in RAW_FRAMES.values()
+    ):
         time.sleep(0.05)
     time.sleep(SETTLE_S)
     print(json.dumps({"bytes": len(data)}), flush=True)
