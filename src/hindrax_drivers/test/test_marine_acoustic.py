@@ -70,7 +70,6 @@ def test_a_velocity_without_lock_is_unknown_there_too() -> None:
 
 def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
     assert optional_class(marine_acoustic.TYPE) is None
-    assert marine_acoustic.dvl_class() is None
     assert "dvl75/dvl" not in {topic.name for topic in dvl_messages().topics}
 
 

@@ -11,16 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
-from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
-from hindrax_drivers.nodes.reading_messages import _MAKERS
+from hindrax_drivers.nodes.reading_messages import MAKERS
 from hindrax_ros import convert
 from hindrax_ros.fast_serialization import in_place
 
-VEHICLE = load_vehicle(default_vehicle())
 number = st.floats(width=32, allow_nan=False)
 three = st.tuples(*[number] * 3)
 maybe = st.none() | number
@@ -58,8 +55,11 @@ def same(data: bytes | None, message: Any) -> bool:
 @settings(max_examples=30)
 @given(st.data())
 def test_every_quantity_in_place_says_what_its_message_says(quantity: str, data: st.DataObject) -> None:
-    kinds, maker = _MAKERS[quantity]
-    make = maker("link", VEHICLE)
+    kinds, maker = MAKERS[quantity]
+
+    def make(one: Stamped[Any]) -> Any:
+        return maker(one, "link")
+
     write = in_place(make, *FIELDS[quantity])
     of_kinds = [READINGS[kind] for kind in kinds if kind in READINGS]
     for one in data.draw(st.lists(stamped(st.one_of(of_kinds)), min_size=1, max_size=3)):

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 from hindrax_core.topics import SENSOR, Topic
-from hindrax_ros.graph import optional_class
 
 TYPE = "marine_acoustic_msgs/msg/Dvl"
 ALIKE = (
@@ -33,11 +32,6 @@ def fill(theirs: Any, ours: Any) -> Any:
     for name, field in OF_BEAMS.items():
         setattr(theirs, name, [getattr(beam, field) for beam in ours.beams])
     return theirs
-
-
-def dvl_class() -> Any:
-    """Class of marine_acoustic_msgs/Dvl; None without the package."""
-    return optional_class(TYPE)
 
 
 def topic_of(device: str) -> Topic:

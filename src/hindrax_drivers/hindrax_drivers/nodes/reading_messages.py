@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, TypeAlias
 
-from sensor_msgs.msg import Range, Temperature
+from sensor_msgs.msg import Range
 from std_msgs.msg import Bool
 
 from hindrax_core.events import NS_PER_S, Stamped
@@ -32,14 +33,16 @@ from hindrax_core.readings import (
 from hindrax_core.topics import TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.nodes import marine_acoustic
-from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS, Fields
+from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
 from hindrax_msgs.msg import PingProfile
 from hindrax_ros import convert
 from hindrax_ros.fast_serialization import in_place
+from hindrax_ros.graph import optional_class
 
 Write: TypeAlias = Callable[[Stamped[Any]], Any]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""
-Make: TypeAlias = Callable[[str, Vehicle], Write]
+Make: TypeAlias = Callable[[Stamped[Any], str], Any]
+"""Message of a reading in a frame; None as above."""
 
 # ICM-20948 datasheet table 1 and 2: 0.015 dps/sqrt(Hz) and 230 ug/sqrt(Hz), over the noise bandwidth of a 50 Hz filter.
 SIGMA_RATE_radps = math.radians(0.015) * math.sqrt(1.57 * 50.0)
@@ -71,16 +74,28 @@ class ReadingMessages:
         self._writers: dict[type, list[tuple[str, Write]]] = {}
         frame = frame or frame_of(device)
         for quantity, topic in TOPICS_OF.get(device, {}).items():
-            readings, make = _MAKERS[quantity]
-            self._add(topic, readings, make(frame, vehicle), FIELDS.get(quantity))
-            if quantity == "detail" and marine_acoustic.dvl_class() is not None:
-                self._add(marine_acoustic.topic_of(device), (BottomVelocity, BottomTrack), _copy(frame, vehicle))
+            if quantity == "detail":
+                self._add_detail(topic, frame, vehicle.water.speed_of_sound_mps)
+                continue
+            readings, make = MAKERS[quantity]
+            write = _in_frame(make, frame)
+            if quantity == "die_temperature":
+                write = _first_of_second(write)
+            self._add(topic, readings, in_place(write, *FIELDS[quantity]) if quantity in FIELDS else write)
 
-    def _add(self, topic: Topic, readings: tuple[type, ...], make: Write, fields: Fields | None = None) -> None:
+    def _add(self, topic: Topic, readings: tuple[type, ...], write: Write) -> None:
         self.topics.append(topic)
-        write = make if fields is None else in_place(make, *fields)
         for reading in readings:
             self._writers.setdefault(reading, []).append((topic.name, write))
+
+    def _add_detail(self, topic: Topic, frame: str, sound_mps: float) -> None:
+        """Add the DVL's detail, and its copy as marine_acoustic_msgs/Dvl where that package is installed."""
+        make = partial(convert.dvl_to_msg, frame=frame, sound_mps=sound_mps)
+        self._add(topic, (BottomVelocity, BottomTrack), _with_track(in_place(make, *DETAIL)))
+        kind = optional_class(marine_acoustic.TYPE)
+        if kind is not None:
+            copy = _with_track(lambda velocity, track: marine_acoustic.fill(kind(), make(velocity, track)))
+            self._add(marine_acoustic.topic_of(topic.name.partition("/")[0]), (BottomVelocity, BottomTrack), copy)
 
     def accepts(self, reading: type) -> bool:
         """Whether readings of this kind have messages."""
@@ -94,116 +109,48 @@ class ReadingMessages:
                 yield topic, message
 
 
-def _inertial(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.inertial_to_msg(one, frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps)
+def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:
+    echo = one.reading
+    message = PingProfile(
+        distance=echo.range_m,
+        confidence=echo.confidence,
+        ping_number=echo.ping_number,
+        scan_start=echo.start_m,
+        scan_length=echo.length_m,
+        gain_setting=echo.gain,
+        profile=echo.strength,
+    )
+    message.header.stamp, message.header.frame_id = convert.stamp_to_msg(one.stamp), frame
+    return message
 
 
-def _magnetic(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.magnetic_to_msg(one, frame, SIGMA_FIELD_T)
+def _altitude(one: Stamped[BottomTrack | Echo], frame: str) -> Range | None:
+    """A DVL-75 reports the altitude with its attitude, a Tracker 650 as an echo of its own."""
+    altitude_m = one.reading.range_m if isinstance(one.reading, Echo) else one.reading.altitude_m
+    if altitude_m is None:
+        return None
+    return convert.echo_to_msg(Stamped(one.stamp, Echo(altitude_m, 1.0)), frame, DVL_LIMITS_m, DVL_VIEW_rad)
 
 
-def _pressure(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.pressure_to_msg(one, frame, SIGMA_PRESSURE_Pa)
+def _temperature(of: str) -> Make:
+    """Message of the temperature that a field of the reading holds."""
+    return lambda one, frame: convert.temperature_to_msg(one.stamp, getattr(one.reading, of), frame)
 
 
-def _temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.temperature_C, frame)
+def _in_frame(make: Make, frame: str) -> Write:
+    return lambda stamped: make(stamped, frame)
 
 
-def _humidity(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.humidity_to_msg(one, frame, SIGMA_HUMIDITY)
-
-
-def _battery(_frame: str, _vehicle: Vehicle) -> Write:
-    return convert.battery_to_msg
-
-
-def _leak(_frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: Bool(data=one.reading.wet)
-
-
-def _echo(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.echo_to_msg(one, frame, PING_LIMITS_m, PING_VIEW_rad)
-
-
-def _profile(frame: str, _vehicle: Vehicle) -> Write:
-    def write(stamped: Stamped[EchoProfile]) -> PingProfile:
-        echo = stamped.reading
-        message = PingProfile(
-            distance=echo.range_m,
-            confidence=echo.confidence,
-            ping_number=echo.ping_number,
-            scan_start=echo.start_m,
-            scan_length=echo.length_m,
-            gain_setting=echo.gain,
-            profile=echo.strength,
-        )
-        message.header.stamp, message.header.frame_id = convert.stamp_to_msg(stamped.stamp), frame
-        return message
-
-    return write
-
-
-def _die_temperature(frame: str, _vehicle: Vehicle) -> Write:
+def _first_of_second(write: Write) -> Write:
     """Write one message a second, with its first sample: whoever began earlier or later writes the same."""
     second: int | None = None
 
-    def write(stamped: Stamped[Inertial]) -> Temperature | None:
+    def sometimes(stamped: Stamped[Any]) -> Any:
         nonlocal second
         before, second = second, stamped.stamp // NS_PER_S
-        return None if before in (None, second) else _temperature(frame, _vehicle)(stamped)
+        return None if before in (None, second) else write(stamped)
 
-    return write
-
-
-def _supply(_frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.battery_to_msg(Stamped(one.stamp, Battery(one.reading.supply_V)))
-
-
-def _processor_temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.processor_C, frame)
-
-
-def _board_temperature(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.temperature_to_msg(one.stamp, one.reading.board_C, frame)
-
-
-def _velocity(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.velocity_to_msg(one, frame)
-
-
-def _attitude(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.attitude_to_msg(one, frame, SIGMA_ATTITUDE_rad)
-
-
-def _altitude(frame: str, _vehicle: Vehicle) -> Write:
-    """A DVL-75 reports the altitude with its attitude, a Tracker 650 as an echo of its own."""
-
-    def altitude(stamped: Stamped[BottomTrack | Echo]) -> Range | None:
-        found = stamped.reading
-        altitude_m = found.range_m if isinstance(found, Echo) else found.altitude_m
-        if altitude_m is None:
-            return None
-        return convert.echo_to_msg(Stamped(stamped.stamp, Echo(altitude_m, 1.0)), frame, DVL_LIMITS_m, DVL_VIEW_rad)
-
-    return altitude
-
-
-def _position(frame: str, _vehicle: Vehicle) -> Write:
-    return lambda one: convert.position_to_msg(one, frame)
-
-
-def _detail(frame: str, vehicle: Vehicle) -> Write:
-    sound_mps = vehicle.water.speed_of_sound_mps
-    return _with_track(in_place(lambda one, track: convert.dvl_to_msg(one, track, frame, sound_mps), *DETAIL))
-
-
-def _copy(frame: str, vehicle: Vehicle) -> Write:
-    """The detail as marine_acoustic_msgs/Dvl."""
-    sound_mps, kind = vehicle.water.speed_of_sound_mps, marine_acoustic.dvl_class()
-    return _with_track(
-        lambda velocity, track: marine_acoustic.fill(kind(), convert.dvl_to_msg(velocity, track, frame, sound_mps))
-    )
+    return sometimes
 
 
 def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], Any]) -> Write:
@@ -220,23 +167,29 @@ def _with_track(write: Callable[[Stamped[BottomVelocity], BottomTrack | None], A
     return detail
 
 
-_MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
-    "data_raw": ((Inertial,), _inertial),
-    "mag": ((Magnetic,), _magnetic),
-    "pressure": ((Pressure, Air), _pressure),
-    "temperature": ((Pressure, Air), _temperature),
-    "humidity": ((Air,), _humidity),
-    "battery": ((Battery,), _battery),
-    "leak": ((Leak,), _leak),
-    "range": ((Echo,), _echo),
+MAKERS: dict[str, tuple[tuple[type, ...], Make]] = {
+    "data_raw": (
+        (Inertial,),
+        lambda one, frame: convert.inertial_to_msg(one, frame, SIGMA_FORCE_mps2, SIGMA_RATE_radps),
+    ),
+    "mag": ((Magnetic,), lambda one, frame: convert.magnetic_to_msg(one, frame, SIGMA_FIELD_T)),
+    "pressure": ((Pressure, Air), lambda one, frame: convert.pressure_to_msg(one, frame, SIGMA_PRESSURE_Pa)),
+    "temperature": ((Pressure, Air), _temperature("temperature_C")),
+    "humidity": ((Air,), lambda one, frame: convert.humidity_to_msg(one, frame, SIGMA_HUMIDITY)),
+    "battery": ((Battery,), lambda one, _: convert.battery_to_msg(one)),
+    "leak": ((Leak,), lambda one, _: Bool(data=one.reading.wet)),
+    "range": ((Echo,), lambda one, frame: convert.echo_to_msg(one, frame, PING_LIMITS_m, PING_VIEW_rad)),
     "profile": ((EchoProfile,), _profile),
-    "die_temperature": ((Inertial,), _die_temperature),
-    "supply": ((SonarHealth,), _supply),
-    "processor_temperature": ((SonarHealth,), _processor_temperature),
-    "board_temperature": ((SonarHealth,), _board_temperature),
-    "velocity": ((BottomVelocity,), _velocity),
-    "attitude": ((BottomTrack,), _attitude),
+    "die_temperature": ((Inertial,), _temperature("temperature_C")),
+    "supply": (
+        (SonarHealth,),
+        lambda one, _: convert.battery_to_msg(Stamped(one.stamp, Battery(one.reading.supply_V))),
+    ),
+    "processor_temperature": ((SonarHealth,), _temperature("processor_C")),
+    "board_temperature": ((SonarHealth,), _temperature("board_C")),
+    "velocity": ((BottomVelocity,), convert.velocity_to_msg),
+    "attitude": ((BottomTrack,), lambda one, frame: convert.attitude_to_msg(one, frame, SIGMA_ATTITUDE_rad)),
     "altitude": ((BottomTrack, Echo), _altitude),
-    "position": ((Position,), _position),
-    "detail": ((BottomVelocity, BottomTrack), _detail),
+    "position": ((Position,), convert.position_to_msg),
 }
+"""Kinds of readings behind each quantity, and its message; the DVL's detail is added by itself."""
