@@ -14,7 +14,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import Pca9685
-from hindrax_drivers.output.enable_line import NoLine
+from hindrax_drivers.output.enable_line import EnableLine
 from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import RegisterOutput
@@ -83,7 +83,7 @@ class Bench:
     def open(self) -> RegisterOutput:
         if not self.there:
             raise DeviceError(NO_BUS)
-        return RegisterOutput(self.bus, self.driver, NoLine(), lambda _stamp, sent, _data: self.frames.append(sent))
+        return RegisterOutput(self.bus, self.driver, EnableLine(), lambda _stamp, sent, _data: self.frames.append(sent))
 
     def beat(self) -> None:
         self.beats += 1

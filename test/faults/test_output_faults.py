@@ -12,6 +12,7 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.pca9685 import LED0, Pca9685
+from hindrax_drivers.output.enable_line import EnableLine
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
@@ -35,7 +36,7 @@ LASTS_S = 6.0
 FAULTS_OF_THE_BUS = [name for name, kind in FAULTS.items() if "thrusters" in kind.devices]
 
 
-class Line:
+class Line(EnableLine):
     def __init__(self) -> None:
         self.enabled, self.writes, self.closed = False, 0, False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Program
@@ -15,6 +16,7 @@ from hindrax_core.events import Rejected, Stamped, after
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
+from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 
 ResultT = TypeVar("ResultT")
@@ -72,7 +74,7 @@ def run_once(port: str, program: Program[ResultT]) -> ResultT:
     """Run one program to its end."""
     with closing(_open(port)) as bus:
         try:
-            return run_program(program, bus.transfer, lambda seconds: bus.sleep_until(after(bus.now(), seconds)))
+            return run_program(program, bus.transfer, partial(pause, bus))
         except DeviceError as error:
             raise HindraxError(str(error)) from error
 

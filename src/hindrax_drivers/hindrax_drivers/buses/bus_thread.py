@@ -17,23 +17,14 @@ Deliver: TypeAlias = Callable[[str, Sequence[BusOutput]], None]
 """Called on the bus thread with the name of a device and its outputs."""
 
 
-class BusThread:
-    """Host of a schedule. The bus belongs to it: `stop` closes it. See ServingThread for `failure`."""
+class BusThread(ServingThread):
+    """Host of a schedule. The bus belongs to it: `stop` closes it."""
 
     def __init__(self, bus: RegisterBus, schedule: BusSchedule, deliver: Deliver) -> None:
+        super().__init__("bus")
         self._bus, self._schedule, self._deliver = bus, schedule, deliver
         self._pending: list[Result] = []
         self._inbox: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
-        self._thread = ServingThread("bus", self._run_once)
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Error in our own code that ended the thread."""
-        return self._thread.failure
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
 
     def request(self, name: str, program: Program[ResultT]) -> Future[ResultT]:
         """Run a program once, as soon as the bus is free. From any thread; see `BusSchedule.request`."""
@@ -44,15 +35,18 @@ class BusThread:
     def call(self, action: Callable[[], object]) -> None:
         """Run an action on the bus thread between two programs. From any thread."""
         self._inbox.put(action)
-        self._bus.wake()
+        self._wake()
 
     def stop(self, timeout_s: float = 2.0) -> None:
         """Stop the thread, cancel open requests and close the bus; a running program is finished."""
-        self._thread.stop(self._bus.wake, timeout_s)
+        super().stop(timeout_s)
         self._schedule.close()
         self._bus.close()
 
-    def _run_once(self) -> None:
+    def _wake(self) -> None:
+        self._bus.wake()
+
+    def _serve(self) -> None:
         while not self._inbox.empty():
             self._inbox.get()()
         self._pending += self._schedule.run_next(self._bus.now(), self._bus.transfer)

@@ -11,7 +11,7 @@ import select
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
-from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.events import NS_PER_S, Stamp, after
 from hindrax_ros.stack_time import StackTime
 
 MOCK_PREFIX = "mock:"
@@ -43,6 +43,13 @@ class Clock(Protocol):
 
     def close(self) -> None:
         """Close the descriptors. Afterwards only `now` may be used."""
+
+
+def pause(clock: Clock, seconds: float) -> None:
+    """Sleep for so long, however often the clock is woken."""
+    end = after(clock.now(), seconds)
+    while clock.now() < end:
+        clock.sleep_until(end)
 
 
 class Alarm:

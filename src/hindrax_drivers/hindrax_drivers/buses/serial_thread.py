@@ -21,42 +21,36 @@ Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
 """Called for every frame of the port: time, whether it was sent, bytes."""
 
 
-class SerialThread:
-    """Host of one serial device. The clock belongs to it: `stop` closes it. See ServingThread for `failure`."""
+class SerialThread(ServingThread):
+    """Host of one serial device. The clock belongs to it: `stop` closes it."""
 
     def __init__(self, path: str, device: SerialDevice, clock: Clock, deliver: Deliver, tap: Tap) -> None:
+        super().__init__(path)
         self._path, self._device, self._clock = path, device, clock
         self._deliver, self._tap = deliver, tap
         self._port: Line | None = None
         self._pending: list[Output] = []
         self._calls: queue.SimpleQueue[Callable[[], Iterable[Output]]] = queue.SimpleQueue()
-        self._thread = ServingThread(path, self._serve)
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Error in our own code that ended the thread."""
-        return self._thread.failure
 
     @property
     def ready(self) -> bool:
         """Whether the port is open and the device has identified itself."""
         return self._port is not None and self._device.ready
 
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
     def call(self, action: Callable[[], Iterable[Output]]) -> None:
         """Run an action on the thread of the port, such as a request for a profile. From any thread."""
         self._calls.put(action)
-        self._clock.wake()
+        self._wake()
 
     def stop(self, timeout_s: float = 2.0) -> None:
         """Stop the thread, close port and clock."""
-        self._thread.stop(self._clock.wake, timeout_s)
+        super().stop(timeout_s)
         if self._port is not None:
             self._port.close()
         self._clock.close()
+
+    def _wake(self) -> None:
+        self._clock.wake()
 
     def _serve(self) -> None:
         """Open the port and serve it until it is lost; then wait before the next attempt."""
@@ -64,7 +58,7 @@ class SerialThread:
             self._port = open_line(self._path, self._device.baud, self._clock)
             self._tap(self._clock.now(), True, b"")  # an empty frame marks a restart of the device
             self._handle(self._device.start(self._clock.now()))
-            while not self._thread.stopping:
+            while not self.stopping:
                 self._run_once(self._port)
         except DeviceError as error:
             self._port = None

@@ -19,11 +19,13 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from types import FrameType
 
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_drivers.buses.clock import pause
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.buses.register_bus import RegisterBus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
@@ -63,7 +65,7 @@ class NeutralWriter:
         try:
             if self._bus is None:
                 self._bus = open_bus(self._port, "thrusters dead man")
-            run(self._chip.hold(), self._bus.transfer, self._pause)
+            run(self._chip.hold(), self._bus.transfer, partial(pause, self._bus))
             self.trouble = ""
         except DeviceError as error:
             if str(error) != self.trouble:
@@ -86,12 +88,6 @@ class NeutralWriter:
         """Close the bus."""
         if self._bus is not None:
             self._bus.close()
-
-    def _pause(self, seconds: float) -> None:
-        assert self._bus is not None
-        end = after(self._bus.now(), seconds)
-        while self._bus.now() < end:
-            self._bus.sleep_until(end)
 
 
 @dataclass(slots=True)

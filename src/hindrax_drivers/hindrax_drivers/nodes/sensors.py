@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -24,6 +24,7 @@ from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.bus_thread import BusThread
 from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.buses.serial_thread import SerialThread
+from hindrax_drivers.buses.serving_thread import ServingThread
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_ros.batched_node import BatchedNode
@@ -34,14 +35,7 @@ from hindrax_ros.process import spin
 RETRY_S = 1.0
 
 
-class WireThread(Protocol):
-    """The thread of a wire."""
-
-    def stop(self) -> None:
-        """Stop the thread."""
-
-
-ThreadT = TypeVar("ThreadT", bound=WireThread)
+ThreadT = TypeVar("ThreadT", bound=ServingThread)
 
 
 class WireHosts:

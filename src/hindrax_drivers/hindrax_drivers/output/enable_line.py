@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Iterator
-from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.vehicle import Output, chip_and_line
@@ -20,8 +19,8 @@ from hindrax_drivers.buses.gpio import library, request_line
 TRIGGER_S = 0.1
 
 
-class EnableLine(Protocol):
-    """Enables the outputs as a whole."""
+class EnableLine:
+    """Enables the outputs as a whole. This one does nothing: its outputs are always enabled by their wiring."""
 
     def set(self, *, enabled: bool) -> None:
         """Enable or disable the outputs."""
@@ -33,20 +32,7 @@ class EnableLine(Protocol):
         """Give the line back."""
 
 
-class NoLine:
-    """An output that is always enabled by its wiring."""
-
-    def set(self, *, enabled: bool) -> None:
-        """Do nothing."""
-
-    def written(self) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class GpioLine:
+class GpioLine(EnableLine):
     """One line of a chip, found by the label or name of the chip."""
 
     def __init__(self, chip: str, line: int) -> None:
@@ -62,9 +48,6 @@ class GpioLine:
     def set(self, *, enabled: bool) -> None:
         """Low enables."""
         self._request.set_value(self._line, self._value.ACTIVE if enabled else self._value.INACTIVE)
-
-    def written(self) -> None:
-        """Do nothing: the level stays."""
 
     def close(self) -> None:
         """Give the line back."""
@@ -112,7 +95,7 @@ def outputs_enabled(output: Output, port: str) -> Iterator[None]:
 def open_enable_line(output: Output, port: str) -> EnableLine:
     """Open the line of an output; it has none in mock. DeviceError says what is wrong and the remedy."""
     if not output.enable_line or port.startswith(MOCK_PREFIX):
-        return NoLine()
+        return EnableLine()
     try:
         chip, line = chip_and_line(output.enable_line, "output.enable_line")
         return (TimedLine if output.enable_timer else GpioLine)(chip, line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Protocol, TypeAlias, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Program, Transaction, run
@@ -11,7 +12,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import AppliedPulses
 from hindrax_core.vehicle import Vehicle
 from hindrax_core.wire_frames import pack_transaction
-from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
+from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing, pause
 from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.buses.register_bus import RegisterBus, checked_answer
 from hindrax_drivers.buses.serial_port import SerialPort
@@ -32,8 +33,6 @@ BOARD_NEUTRAL_us = 1500.0
 
 class ThrusterOutput(Protocol):
     """Thruster output with its clock. One thread owns it; only `wake` may be called by others."""
-
-    kind: str
 
     def now(self) -> Stamp:
         """Time of the output's clock: that of all decisions about safety."""
@@ -71,8 +70,6 @@ class ThrusterOutput(Protocol):
 
 class RegisterOutput:
     """A PCA9685, and the line that enables it."""
-
-    kind = "pca9685"
 
     def __init__(self, bus: RegisterBus, chip: Pca9685, line: EnableLine, tap: Tap) -> None:
         self._bus, self._chip, self._line, self._tap = bus, chip, line, tap
@@ -121,7 +118,7 @@ class RegisterOutput:
         self._bus.close()
 
     def _run(self, program: Program[ResultT]) -> ResultT:
-        return run(program, self._transfer, self._pause)
+        return run(program, self._transfer, partial(pause, self._bus))
 
     def _transfer(self, transaction: Transaction) -> bytes:
         answer = checked_answer(transaction, self._bus.transfer(transaction))
@@ -130,16 +127,9 @@ class RegisterOutput:
         self._tap(stamp, False, answer)
         return answer
 
-    def _pause(self, seconds: float) -> None:
-        end = after(self._bus.now(), seconds)
-        while self._bus.now() < end:
-            self._bus.sleep_until(end)
-
 
 class SerialOutput:
     """An STM32 on a serial port."""
-
-    kind = "stm32"
 
     def __init__(self, path: str, device: Stm32, clock: Clock, tap: Tap) -> None:
         self._path, self._device, self._clock, self._tap = path, device, clock, tap

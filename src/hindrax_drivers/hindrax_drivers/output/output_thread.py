@@ -19,44 +19,31 @@ REOPEN_S = 0.5
 BEAT_S = 0.1
 
 
-class OutputThread:
+class OutputThread(ServingThread):
     """Serves one output, opened by `make`, behind one guard. The listener is called on this thread.
 
     `beat` is called at least ten times a second of the output's clock while the loop lives and has the output in hand.
-    See ServingThread for `failure`; neutral goes first.
+    Where our own code fails, neutral goes before the interrupt.
     """
 
     def __init__(
         self, make: Callable[[], ThrusterOutput], guard: OutputGuard, listener: OutputListener, beat: Callable[[], None]
     ) -> None:
+        super().__init__("output")
         self._make, self._guard, self._listener, self._beat = make, guard, listener, beat
         self._inbox: queue.SimpleQueue[Callable[[OutputHost | None], None]] = queue.SimpleQueue()
-        self._thread = ServingThread("output", self._serve)
         self._output: ThrusterOutput | None = None
-        self._ready = False
+        self.ready = False
+        """Whether the output is set up and follows commands."""
         self._closed_because = "the output is not open yet"
         self._inhibited_because = ""
         self._beaten_at = Stamp(0)
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Error in our own code that ended the thread."""
-        return self._thread.failure
-
-    @property
-    def ready(self) -> bool:
-        """Whether the output is set up and follows commands."""
-        return self._ready
 
     @property
     def now(self) -> Stamp:
         """Time of the output; zero while it is not open."""
         output = self._output
         return Stamp(0) if output is None else output.now()
-
-    def start(self) -> None:
-        """Start the thread, which writes neutral first."""
-        self._thread.start()
 
     def command(self, command: Command) -> None:
         """Check and apply a command at once. From any thread."""
@@ -85,14 +72,17 @@ class OutputThread:
 
     def stop(self, timeout_s: float = 3.0) -> None:
         """Write neutral and stop the thread. From any other thread."""
-        self._thread.stop(lambda: self._put(lambda _host: None), timeout_s)
+        super().stop(timeout_s)
 
-    def _put(self, action: Callable[[OutputHost | None], None]) -> None:
-        self._inbox.put(action)
+    def _wake(self) -> None:
         output = self._output
         if output is not None:
             with contextlib.suppress(OSError):  # it has just been closed
                 output.wake()
+
+    def _put(self, action: Callable[[OutputHost | None], None]) -> None:
+        self._inbox.put(action)
+        self._wake()
 
     def _ask(self, question: Callable[[OutputHost], Answer]) -> Future[Answer]:
         future: Future[Answer] = Future()
@@ -116,17 +106,17 @@ class OutputThread:
         except DeviceError as error:
             self._closed_because = str(error)
             self._listener.troubled(str(error))
-            self._thread.pause(REOPEN_S)
+            self.pause(REOPEN_S)
             self._drain(None)
             return
         host = OutputHost(output, self._guard, self._listener)
         host.inhibit(self._inhibited_because)
         self._output = output
         try:
-            while not self._thread.stopping:
+            while not self.stopping:
                 self._turn(output, host)
         finally:
-            self._output, self._ready = None, False
+            self._output, self.ready = None, False
             host.end()
             self._drain(None)
 
@@ -137,7 +127,7 @@ class OutputThread:
             self._beat()
         self._drain(host)
         due = host.turn()
-        self._ready = host.ready
+        self.ready = host.ready
         try:
             output.wait(due, self._listener.on_idle)
         except DeviceError as error:
