@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.curves.cubic import inverse, stationary_points
+from hindrax_core.curves.cubic import inverse, slope, stationary_points
 from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected
 from hindrax_core.errors import UsageError
 
@@ -98,7 +98,6 @@ def test_not_a_number_stands_still() -> None:
 
 def test_dead_band_gives_nothing() -> None:
     assert [MAIN.force(pulse) for pulse in (1476.0, 1500.0, 1524.0)] == [0.0, 0.0, 0.0]
-    assert MAIN.slope(1500.0) == 0.0
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -120,13 +119,12 @@ def test_mirrored_thruster_turns_the_other_way() -> None:
     assert turned.force(1600.0) == pytest.approx(MAIN.force(1400.0))
     assert turned.pulse(5.0) == pytest.approx(3000.0 - MAIN.pulse(5.0))
     assert turned.pulse(-0.45 * 1.2017, previous_us=1540.0) == 1525.0
-    assert turned.slope(1600.0) == pytest.approx((turned.force(1600.5) - turned.force(1599.5)), rel=1e-4)
 
 
 @given(st.floats(1110.0, 1470.0))
 def test_slope_is_the_difference_quotient(pulse: float) -> None:
     quotient = (MAIN.force(pulse + 0.5) - MAIN.force(pulse - 0.5)) / 1.0
-    assert MAIN.slope(pulse) == pytest.approx(quotient, abs=1e-6)
+    assert slope(NEGATIVE.c, pulse) == pytest.approx(quotient, abs=1e-6)
 
 
 def test_thrust_falls_with_the_supply() -> None:
@@ -170,10 +168,6 @@ def test_between_dead_band_and_the_first_point_of_the_curve_thrust_grows_in_prop
         for share in (0.1, 0.5, 0.9):
             wanted_N = share * curve.force(begin_us)
             assert curve.force(edge_us + share * (begin_us - edge_us)) == pytest.approx(wanted_N)
-
-
-def test_uncertainty_of_a_force_is_that_of_the_gain() -> None:
-    assert MAIN.sigma_N(-10.0) == pytest.approx(0.2)
 
 
 def test_reflected_twice_is_the_branch() -> None:

@@ -7,7 +7,6 @@ band of the speed controller; the cubics do not pass through zero at its edges, 
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 from hindrax_core.curves import cubic
 from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
@@ -18,18 +17,6 @@ HYSTERESIS = 0.1
 """Half width of the hysteresis at the dead band, as a fraction of the smallest running force."""
 
 
-class PulseLaw(Protocol):
-    """From force to pulse, and the pulse that was sent before."""
-
-    def __call__(self, force_N: float, previous_us: float = 0.0) -> float:
-        """Pulse [us] that gives a force [N], clipped to the range; the stop pulse for a force that is not a number.
-
-        A force between zero and the smallest running force cannot be had: the nearer of both is taken. With the pulse
-        sent before (0: unknown), a thruster that runs keeps running a little longer, and one that stands starts a
-        little later, so that a force at the middle does not make it chatter.
-        """
-
-
 class ThrustCurve:
     """One thruster's static curve at one supply voltage.
 
@@ -37,8 +24,7 @@ class ThrustCurve:
     thrust axis, microseconds. `mirrored` is for a thruster that turns the other way round: its force at a pulse is
     that of the curve at the pulse reflected about the stop.
 
-    `pulse` is the inverse of `force`: see `PulseLaw`. `range_N` holds the largest force in each direction, `gap_N` the
-    smallest running one.
+    `range_N` holds the largest force in each direction, `gap_N` the smallest running one.
     """
 
     __slots__ = (
@@ -49,9 +35,7 @@ class ThrustCurve:
         "_low_N",
         "_lower",
         "_upper",
-        "gain_sigma",
         "gap_N",
-        "pulse",
         "range_N",
         "stop_us",
         "supply_V",
@@ -65,7 +49,7 @@ class ThrustCurve:
         self.supply_V = curve.supply_V if supply_V is None else supply_V
         if not (math.isfinite(self.supply_V) and self.supply_V > 0.0):
             raise UsageError(f"{label}: found a supply of {self.supply_V:g} V, wanted more than zero")
-        self.stop_us, self.gain_sigma = curve.stop_us, curve.gain_sigma
+        self.stop_us = curve.stop_us
         self._dead_us = (curve.stop_us - curve.dead_band_us, curve.stop_us + curve.dead_band_us)
         gain = float((self.supply_V / curve.supply_V) ** curve.supply_exponent)
         self._set_branches(*(scaled(branch, gain) for branch in running_branches(curve)), mirrored=mirrored)
@@ -80,7 +64,6 @@ class ThrustCurve:
         weak_forth, strong_forth = sorted((forth.force_N(forth.from_us), forth.force_N(forth.to_us)))
         self.range_N, self.gap_N = (strong_back, strong_forth), (weak_back, weak_forth)
         self._low_N, self._high_N = self.gap_N
-        self.pulse: PulseLaw = _law(back, forth, self.gap_N, self._near_stop)
 
     def force(self, pulse_us: float) -> float:
         """Steady thrust [N] of a pulse [us]: zero within the dead band, that of the end beyond an end."""
@@ -96,7 +79,18 @@ class ThrustCurve:
         edge_us, begin_us = (above_us, branch.from_us) if above else (below_us, branch.to_us)
         return branch.force_N(begin_us) * (pulse_us - edge_us) / (begin_us - edge_us)
 
-    def _near_stop(self, force_N: float, previous_us: float = 0.0) -> float:
+    def pulse(self, force_N: float, previous_us: float = 0.0) -> float:
+        """Pulse [us] that gives a force [N], clipped to the range; the stop pulse for a force that is not a number.
+
+        A force between zero and the smallest running force cannot be had: the nearer of both is taken. With the pulse
+        sent before (0: unknown), a thruster that runs keeps running a little longer, and one that stands starts a
+        little later, so that a force at the middle does not make it chatter.
+        """
+        if force_N >= self._high_N:
+            return self._forth(force_N)
+        return self._back(force_N) if force_N <= self._low_N else self._near_stop(force_N, previous_us)
+
+    def _near_stop(self, force_N: float, previous_us: float) -> float:
         forth = force_N >= 0.0
         weakest_N = self._high_N if forth else self._low_N
         threshold = 0.5
@@ -107,49 +101,6 @@ class ThrustCurve:
         if abs(force_N) > threshold * abs(weakest_N):
             return self._forth(weakest_N) if forth else self._back(weakest_N)
         return self.stop_us
-
-    def slope(self, pulse_us: float) -> float:
-        """dF/dP [N/us], by which an uncertain pulse makes an uncertain force; zero in the dead band and beyond."""
-        branch = self._upper if pulse_us >= self.stop_us else self._lower
-        return cubic.slope(branch.c, pulse_us) if branch.from_us <= pulse_us <= branch.to_us else 0.0
-
-    def sigma_N(self, force_N: float) -> float:
-        """Uncertainty [N, one standard deviation] of a force from the curve: its gain is known to `gain_sigma`."""
-        return self.gain_sigma * abs(force_N)
-
-
-def _law(back: Branch, forth: Branch, gap_N: tuple[float, float], near_stop: PulseLaw) -> PulseLaw:
-    """Put both inverses and the gap together; for the usual cubics in one function, a call being half of the cost."""
-    low_N, high_N = gap_N
-    one, other = (cubic.middle(branch.c, branch.from_us, branch.to_us) for branch in (back, forth))
-    if one is None or other is None:
-        inverse_back, inverse_forth = (cubic.inverse(it.c, it.from_us, it.to_us) for it in (back, forth))
-
-        def general(force_N: float, previous_us: float = 0.0) -> float:
-            if force_N >= high_N:
-                return inverse_forth(force_N)
-            return inverse_back(force_N) if force_N <= low_N else near_stop(force_N, previous_us)
-
-        return general
-
-    shift, m, offset, scale, least, at_least, most, at_most = other
-    shift_b, m_b, offset_b, scale_b, least_b, at_least_b, most_b, at_most_b = one
-    asin, sin, third = math.asin, math.sin, 1.0 / 3.0
-
-    def law(force_N: float, previous_us: float = 0.0) -> float:
-        if force_N >= high_N:
-            sine = offset + scale * force_N
-            if least < sine < most:
-                return shift + m * sin(asin(sine) * third)
-            return at_least if sine <= least else at_most
-        if force_N <= low_N:
-            sine = offset_b + scale_b * force_N
-            if least_b < sine < most_b:
-                return shift_b + m_b * sin(asin(sine) * third)
-            return at_least_b if sine <= least_b else at_most_b
-        return near_stop(force_N, previous_us)
-
-    return law
 
 
 def thrust_curves(vehicle: Vehicle, supply_V: float | None = None) -> tuple[ThrustCurve, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 Coefficients: TypeAlias = tuple[float, float, float, float]
 """c1, c2, c3, c4 of c4 x^3 + c3 x^2 + c2 x + c1, the order of COB-2023-1394 Table 2."""
@@ -45,15 +45,14 @@ def inverse(c: Coefficients, low: float, high: float) -> Inverse:
 
     A value beyond that of an end gives that end, exactly.
     """
-    piece = middle(c, low, high)
-    if piece is not None:
-        return _between(piece)
     c1, c2, c3, c4 = c
     if c4 == 0.0:
         return _clipped(_linear(c1, c2) if c3 == 0.0 else _quadratic(c1, c2, c3, 0.5 * (low + high)), c, low, high)
     shift = -c3 / (3.0 * c4)
     # x = shift + t turns the cubic into t^3 + p t + q; only q depends on the value.
     p = c2 / c4 - 3.0 * shift * shift
+    if p < 0.0 and abs(0.5 * (low + high) - shift) < math.sqrt(-p / 3.0):
+        return _between(c, low, high, shift, p)
     q0 = value(c, shift) / c4
     if p == 0.0:
         return _clipped(lambda y: shift - math.cbrt(q0 - y / c4), c, low, high)
@@ -92,40 +91,16 @@ def _rising(shift: float, p: float, q0: float, c4: float) -> Inverse:
     return lambda y: shift + m * math.sinh(math.asinh(offset + scale * y) / 3.0)
 
 
-class Middle(NamedTuple):
-    """A piece between two stationary points: x = shift + m sin(asin(offset + scale y) / 3).
+def _between(c: Coefficients, low: float, high: float, shift: float, p: float) -> Inverse:
+    """Between two stationary points, the usual case of a thrust curve: x = shift + m sin(asin(offset + scale y) / 3).
 
-    It follows from sin 3a = 3 sin a - 4 sin^3 a. Sines outside (least, most) belong to values beyond the ends, whose
-    x is `at_least` or `at_most`.
+    It follows from sin 3a = 3 sin a - 4 sin^3 a. Sines that are not between (least, most) belong to values beyond the
+    ends, whose x is `at_least` or `at_most`.
     """
-
-    shift: float
-    m: float
-    offset: float
-    scale: float
-    least: float
-    at_least: float
-    most: float
-    at_most: float
-
-
-def middle(c: Coefficients, low: float, high: float) -> Middle | None:
-    """Return the constants of a piece between two stationary points, the usual case of a thrust curve; else None."""
-    c4 = c[3]
-    if c4 == 0.0:
-        return None
-    shift = -c[2] / (3.0 * c4)
-    p = c[1] / c4 - 3.0 * shift * shift
-    if p >= 0.0 or abs(0.5 * (low + high) - shift) >= math.sqrt(-p / 3.0):
-        return None
     m = 2.0 * math.sqrt(-p / 3.0)
-    offset, scale = 4.0 * value(c, shift) / (c4 * m**3), -4.0 / (m**3 * c4)
+    offset, scale = 4.0 * value(c, shift) / (c[3] * m**3), -4.0 / (m**3 * c[3])
     ends = ((offset + scale * value(c, low), low), (offset + scale * value(c, high), high))
-    return Middle(shift, m, offset, scale, *min(ends), *max(ends))
-
-
-def _between(piece: Middle) -> Inverse:
-    shift, m, offset, scale, least, at_least, most, at_most = piece
+    (least, at_least), (most, at_most) = min(ends), max(ends)
     asin, sin, third = math.asin, math.sin, 1.0 / 3.0
 
     def solve(y: float) -> float:
