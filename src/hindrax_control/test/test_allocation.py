@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.allocator import LARGEST, AllocationKnobs, Allocator, finite_axes
+from hindrax_control.allocation.allocator import LARGEST, AllocationKnobs, Allocator, bounded_axes
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
@@ -154,7 +154,7 @@ def test_axis_that_is_not_finite_is_refused_and_the_others_are_served() -> None:
 
 @given(st.tuples(*[st.floats()] * 6))
 def test_no_axis_whatever_it_holds_makes_another_one_wrong(wrench: Vec6) -> None:
-    accepted, refused = finite_axes(wrench)
+    accepted, refused = bounded_axes(wrench)
     assert len(refused) == sum(not math.isfinite(value) for value in wrench)
     assert all(abs(value) <= LARGEST for value in accepted)
     assert all(map(math.isfinite, ALLOCATOR.allocate(wrench).achieved))

@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
+from hindrax_control.allocation.allocator import AllocationKnobs, Allocator, difference
 from hindrax_control.allocation.applied_wrench import AppliedWrench
 from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
@@ -90,7 +90,7 @@ class AllocationCycle:
         return replace(
             plan,
             achieved=achieved,
-            shortfall=_difference(plan.wanted, achieved),
+            shortfall=difference(plan.wanted, achieved),
             forces_N=forces_N,
             saturated=plan.saturated or (False,) * len(forces_N),
             disabled=tuple(sorted(self.disabled)),
@@ -125,8 +125,3 @@ class AllocationCycle:
         if supply_V != self.supply_V:
             self.supply_V = supply_V
             self._applied = AppliedWrench(self._vehicle, supply_V)
-
-
-def _difference(wanted: Vec6, achieved: Vec6) -> Vec6:
-    X, Y, Z, K, M, N = (one - other for one, other in zip(wanted, achieved, strict=True))
-    return (X, Y, Z, K, M, N)

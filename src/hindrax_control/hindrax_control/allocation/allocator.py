@@ -18,11 +18,12 @@ from hindrax_control.allocation.deadband_bias import ROUNDING_N, DeadbandBias, I
 from hindrax_control.allocation.effectiveness import checked_effectiveness
 from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_control.allocation.thruster_layout import ThrusterLayout, thruster_layout
+from hindrax_control.allocation.wrench_guard import finite_axes
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 
 LARGEST = 1e12
 """No vehicle reaches this wrench [N, Nm]; beyond it squares would overflow."""
@@ -93,7 +94,7 @@ class Allocator:
         stops every thruster. `previous_us` (the pulses sent before, in the order of the vehicle file) steadies
         thrusters near their dead band; `supply_V` is the measured voltage, None for the nominal one.
         """
-        accepted, refused = finite_axes(wrench)
+        accepted, refused = bounded_axes(wrench)
         setup = self._setup(disabled, self.vehicle.supply_V if supply_V is None else supply_V)
         forces, exact = self._forces(setup, accepted, previous_us)
         pulses = tuple(
@@ -108,7 +109,7 @@ class Allocator:
         return Allocation(
             wanted=accepted,
             achieved=achieved,
-            shortfall=_difference(accepted, achieved),
+            shortfall=difference(accepted, achieved),
             forces_N=applied,
             pulses_us=pulses,
             saturated=tuple(
@@ -243,17 +244,12 @@ def _size_before(setup: _Setup, spread: DeadbandBias, previous_us: Sequence[floa
     return spread.pattern.size_in([setup.true[i].force(previous_us[i]) for i in setup.layout.used])
 
 
-def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
-    """Return the wrench with zero where it is not finite, and "axis: reason" for each axis that was refused."""
+def bounded_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+    """As `finite_axes`, with the rest within `LARGEST`."""
     if math.isfinite(sum(wrench)) and max(wrench) < LARGEST and min(wrench) > -LARGEST:
         return wrench, ()
-    refused = tuple(
-        f"{symbol}: found {value}, wanted a finite number"
-        for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
-        if not math.isfinite(value)
-    )
-    kept = tuple(max(-LARGEST, min(LARGEST, value)) if math.isfinite(value) else 0.0 for value in wrench)
-    return _wrench(kept), refused
+    finite, refused = finite_axes(wrench)
+    return _wrench(max(-LARGEST, min(LARGEST, value)) for value in finite), refused
 
 
 def _wrench(values: Iterable[float]) -> Vec6:
@@ -261,7 +257,8 @@ def _wrench(values: Iterable[float]) -> Vec6:
     return (X, Y, Z, K, M, N)
 
 
-def _difference(wanted: Vec6, achieved: Vec6) -> Vec6:
+def difference(wanted: Vec6, achieved: Vec6) -> Vec6:
+    """First wrench less the second."""
     a, b, c, d, e, f = wanted
     A, B, C, D, E, F = achieved
     return (a - A, b - B, c - C, d - D, e - E, f - F)

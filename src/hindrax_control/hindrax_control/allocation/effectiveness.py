@@ -1,16 +1,16 @@
-"""What thrusters can do: the effectiveness matrix, its rank and condition, and the axes that are lost without some."""
+"""What thrusters can do: the effectiveness matrix, its condition, and the axes that they serve."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_core.vehicle import Vehicle
 
 Matrix: TypeAlias = npt.NDArray[np.float64]
 
@@ -22,15 +22,6 @@ WORST_CONDITION = 1e4
 
 NEED = (2, 5, 0, 1, 3, 4)
 """Axes as a statically stable vehicle needs them: of two that depend on each other, the later is lost."""
-
-
-@dataclass(frozen=True, slots=True)
-class Quality:
-    """How good a thruster layout is: its rank, the condition of the scaled matrix, the axes it cannot serve."""
-
-    rank: int
-    condition: float
-    lost_axes: tuple[str, ...]
 
 
 def effectiveness(vehicle: Vehicle) -> Matrix:
@@ -65,16 +56,18 @@ def served_axes(B: Matrix, order: Sequence[int] = NEED) -> tuple[int, ...]:
     return tuple(sorted(kept))
 
 
-def quality(B: Matrix) -> Quality:
-    """Judge a layout (6, n); moments are divided by the largest lever arm, to compare them with forces."""
+def condition(B: Matrix) -> float:
+    """Condition of a layout (6, n) on the axes that it serves, infinite if there are none.
+
+    Moments are divided by the largest lever arm, to compare them with forces.
+    """
     served = served_axes(B)
-    lost = tuple(name for index, name in enumerate(AXES) if index not in served)
     if not served:
-        return Quality(0, float("inf"), lost)
+        return math.inf
     arm_m = float(np.max(np.abs(B[3:]), initial=0.0)) or 1.0
     scaled = B / np.array([1.0, 1.0, 1.0, arm_m, arm_m, arm_m])[:, None]
     singular = np.linalg.svd(scaled[list(served)], compute_uv=False)
-    return Quality(len(served), float(singular[0] / singular[-1]), lost)
+    return float(singular[0] / singular[-1])
 
 
 def checked_effectiveness(vehicle: Vehicle) -> Matrix:
@@ -82,16 +75,10 @@ def checked_effectiveness(vehicle: Vehicle) -> Matrix:
     B = effectiveness(vehicle)
     if not vehicle.thrusters:
         raise UsageError(f"{vehicle.name}: thrusters: found none, wanted at least one")
-    found = quality(B)
-    if found.condition > WORST_CONDITION:
+    found = condition(B)
+    if found > WORST_CONDITION:
         raise UsageError(
-            f"{vehicle.name}: thrusters: condition of the effectiveness matrix is {found.condition:.3g},"
+            f"{vehicle.name}: thrusters: condition of the effectiveness matrix is {found:.3g},"
             f" wanted at most {WORST_CONDITION:g}; check positions and angles"
         )
     return B
-
-
-def signs(B: Matrix, axis: str, columns: Sequence[int]) -> str:
-    """Signs with which the given thrusters act on an axis: a string of +, - and 0."""
-    row = B[AXES.index(axis), list(columns)]
-    return "".join("0" if value == 0.0 else "+" if value > 0.0 else "-" for value in row)

@@ -16,12 +16,11 @@ from hindrax_core.vehicle import AXES
 class ThrusterLayout:
     """The thrusters in use (m of n) and what they can do.
 
-    `used`: their indices; `B` (6, m), rows of lost axes zero; `pseudo_inverse` (m, 6): least forces for a wrench;
+    `used`: their indices; `pseudo_inverse` (m, 6): least forces for a wrench, zero for lost axes;
     `groups`: axes of equal priority, highest first, without lost ones; `patterns`: sparse, all that has no wrench.
     """
 
     used: tuple[int, ...]
-    B: Matrix
     pseudo_inverse: Matrix
     groups: tuple[tuple[int, ...], ...]
     patterns: tuple[NullPattern, ...]
@@ -39,7 +38,6 @@ def thruster_layout(B: Matrix, used: Sequence[int], priority: Sequence[int]) -> 
     )
     return ThrusterLayout(
         used=tuple(used),
-        B=mine,
         pseudo_inverse=np.ascontiguousarray(np.linalg.pinv(mine)),
         groups=groups,
         patterns=patterns(mine),

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
+from hindrax_core.rotation import FLU, FSD
 from hindrax_core.stamp_window import StampWindow
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
-
-FSD = "base_link_fsd"
-FLU = "base_link"
 
 LIMITED_TOGETHER = ((0, 1), (2,), (3,), (4,), (5,))
 """Surge and sway shrink together, so that the direction of travel stays."""
@@ -53,7 +51,7 @@ class WrenchGuard:
         if reason:
             return Accepted(None, (reason,))
         self._last = stamp
-        finite, refused = _finite(half_turn(wrench) if frame == FLU else wrench)
+        finite, refused = finite_axes(half_turn(wrench) if frame == FLU else wrench)
         limited, clipped = _limited(finite, self._limits)
         return Accepted(limited, refused + clipped)
 
@@ -78,7 +76,8 @@ def _foreign(frame: str) -> str:
     return "" if frame in (FSD, FLU) else f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
 
 
-def _finite(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
+    """Return the wrench with zero where it is not finite, and "axis: reason" for each axis that was refused."""
     refused = tuple(
         f"{symbol}: found {value}, wanted a finite number"
         for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
