@@ -19,10 +19,10 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_core.events import Stamp, after
+from hindrax_core.rotation import FSD
 from hindrax_core.topics import ALLOCATION, BATTERY, DIAGNOSTICS, NAMESPACE, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import AllocationStatus, ThrusterCommand, ThrusterState
-from hindrax_ros.convert import FSD
 from hindrax_ros.graph import publisher, subscription
 
 pytestmark = pytest.mark.ros

@@ -20,12 +20,12 @@ from hindrax_control.hold.holds import (
     Setpoint,
     down_rate,
     silence_s,
-    wrapped,
 )
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.prior_dynamics import PriorDynamics, guessed, prior_dynamics
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec6
+from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6, Navigation
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 

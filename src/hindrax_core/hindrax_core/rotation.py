@@ -1,4 +1,4 @@
-"""Rotations in plain scalars: angles are roll, pitch, yaw, applied z-y-x (yaw first)."""
+"""Body frames, and rotations in plain scalars: angles are roll, pitch, yaw, applied z-y-x (yaw first)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import math
 from typing import TypeAlias
 
 from hindrax_core.readings import Vec3
+
+FSD, FLU = "base_link_fsd", "base_link"
+"""Frames of the body: x forward, y starboard, z down (SNAME); x forward, y left, z up (REP-103)."""
 
 Matrix3: TypeAlias = tuple[Vec3, Vec3, Vec3]
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

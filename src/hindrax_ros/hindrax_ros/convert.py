@@ -46,14 +46,13 @@ from hindrax_core.readings import (
     Vec3,
     Vec6,
 )
+from hindrax_core.rotation import FLU, FSD, wrapped
 from hindrax_core.signals import Consistency, Estimate, Navigation
 from hindrax_msgs.msg import Dvl, DvlBeam, ModelEstimate, NavigationStatus
 
 UNKNOWN_COVARIANCE = -1.0
 UNIT = 0.01
 """Largest error of the length of an orientation."""
-FSD = "base_link_fsd"
-FLU = "base_link"
 
 
 def stamp_to_msg(stamp: int) -> Time:
@@ -96,23 +95,12 @@ def inertial_to_msg(stamped: Stamped[Inertial], frame: str, sigma_force: float, 
     return message
 
 
-def inertial_from_msg(message: Imu) -> Stamped[Inertial]:
-    """Undo `inertial_to_msg`; the temperature of the chip does not travel."""
-    reading = Inertial(_plain(message.linear_acceleration), _plain(message.angular_velocity), math.nan)
-    return Stamped(stamp_from_msg(message.header.stamp), reading)
-
-
 def magnetic_to_msg(stamped: Stamped[Magnetic], frame: str, sigma_T: float) -> MagneticField:
     """Magnetic field in the axes of the inertial sensor."""
     message = MagneticField(magnetic_field=_vector(stamped.reading.field_T))
     message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
     message.magnetic_field_covariance = _diagonal(sigma_T * sigma_T)
     return message
-
-
-def magnetic_from_msg(message: MagneticField) -> Stamped[Magnetic]:
-    """Undo `magnetic_to_msg`."""
-    return Stamped(stamp_from_msg(message.header.stamp), Magnetic(_plain(message.magnetic_field)))
 
 
 def pressure_to_msg(stamped: Stamped[Pressure | Air], frame: str, sigma_Pa: float) -> FluidPressure:
@@ -175,11 +163,6 @@ def echo_to_msg(stamped: Stamped[Echo], frame: str, limits_m: tuple[float, float
     return message
 
 
-def echo_from_msg(message: Range) -> Stamped[Echo]:
-    """Undo `echo_to_msg`; only confident echoes travel."""
-    return Stamped(stamp_from_msg(message.header.stamp), Echo(float(message.range), 1.0))
-
-
 def velocity_to_msg(stamped: Stamped[BottomVelocity], frame: str) -> TwistWithCovarianceStamped | None:
     """Velocity over ground in the DVL frame, REP-103; None while there is none. Angular rates are unknown."""
     velocity = stamped.reading.velocity_mps
@@ -232,11 +215,6 @@ def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
     return (roll, -pitch, wrapped(math.pi / 2.0 - yaw))
 
 
-def wrapped(angle: float) -> float:
-    """Angle within plus or minus pi."""
-    return math.atan2(math.sin(angle), math.cos(angle))
-
-
 def attitude_to_msg(stamped: Stamped[BottomTrack], frame: str, sigma_rad: float) -> Imu:
     """Attitude of the DVL's own IMU; rates and accelerations are unknown."""
     track = stamped.reading
@@ -246,18 +224,6 @@ def attitude_to_msg(stamped: Stamped[BottomTrack], frame: str, sigma_rad: float)
     message.angular_velocity_covariance[0] = UNKNOWN_COVARIANCE
     message.linear_acceleration_covariance[0] = UNKNOWN_COVARIANCE
     return message
-
-
-def attitude_from_msg(message: Imu, *, locked: bool = True) -> Stamped[BottomTrack]:
-    """Undo `attitude_to_msg`; beams and altitude travel on their own topics."""
-    return attitude_track(
-        stamp_from_msg(message.header.stamp), sname_from_quaternion(message.orientation), locked=locked
-    )
-
-
-def attitude_track(stamp: Stamp, attitude_rad: Vec3, *, locked: bool = True) -> Stamped[BottomTrack]:
-    """A bottom track of which only the attitude is known."""
-    return Stamped(stamp, BottomTrack(locked, *attitude_rad, None, (math.nan, math.nan), (), "", 0))
 
 
 def dvl_to_msg(stamped: Stamped[BottomVelocity], track: BottomTrack | None, frame: str, sound_mps: float) -> Dvl:

@@ -1,8 +1,8 @@
 """The readings of the sensors and the topics of every control cycle as CDR bytes, without message objects.
 
 Writing the numbers into the bytes of the previous message (see `cdr_layout`) takes 3 us. Filling and serializing a
-message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer and
-reader is tested against the function of `convert` that it replaces.
+message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer is
+tested against the function of `convert` that it replaces, each reader against it or against what was written.
 """
 
 from __future__ import annotations
@@ -192,27 +192,28 @@ _thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces").read
 
 
 def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
-    """Read what `convert.inertial_from_msg` reads."""
+    """Undo `convert.inertial_to_msg`; the temperature of the chip does not travel."""
     s, ns, p, q, r, x, y, z = _inertial(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Inertial((x, y, z), (p, q, r), math.nan))
 
 
 def magnetic_from_bytes(data: bytes) -> Stamped[Magnetic]:
-    """Read what `convert.magnetic_from_msg` reads."""
+    """Undo `convert.magnetic_to_msg`."""
     s, ns, x, y, z = _magnetic(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Magnetic((x, y, z)))
 
 
 def echo_from_bytes(data: bytes) -> Stamped[Echo]:
-    """Read what `convert.echo_from_msg` reads."""
+    """Undo `convert.echo_to_msg`; only confident echoes travel."""
     s, ns, range_m = _echo(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Echo(range_m, 1.0))
 
 
 def attitude_from_bytes(data: bytes) -> Stamped[BottomTrack]:
-    """Read what `convert.attitude_from_msg` reads."""
-    s, ns, x, y, z, w = _attitude(data)
-    return convert.attitude_track(Stamp(s * NS_PER_S + ns), convert.sname_from_xyzw(x, y, z, w))
+    """Undo `convert.attitude_to_msg`: a bottom track of which only the attitude is known."""
+    s, ns, *orientation = _attitude(data)
+    track = BottomTrack(True, *convert.sname_from_xyzw(*orientation), None, (math.nan, math.nan), (), "", 0)
+    return Stamped(Stamp(s * NS_PER_S + ns), track)
 
 
 def dvl_from_bytes(data: bytes) -> Stamped[BottomVelocity]:

@@ -13,11 +13,10 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from hindrax_core.readings import Vec3
-from hindrax_core.rotation import matrix, rotate
+from hindrax_core.rotation import FLU, FSD, matrix, rotate
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.vehicle import Mount, Thruster, Vehicle
 
-BASE, FSD = "base_link", "base_link_fsd"
 LEFT_UP = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 CHIP = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 BEAM = ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0))
@@ -75,7 +74,7 @@ def _angles(x: Vec3, y: Vec3, z: Vec3) -> Vec3:
 def urdf_of(vehicle: Vehicle) -> str:
     """Description of a vehicle: `base_link` with its mass and a box of its envelope, and a link for every frame."""
     robot = ET.Element("robot", name=vehicle.name)
-    base = ET.SubElement(robot, "link", name=BASE)
+    base = ET.SubElement(robot, "link", name=FLU)
     inertial = ET.SubElement(base, "inertial")
     ET.SubElement(inertial, "origin", xyz=_text(_up(vehicle.center_of_mass_m)), rpy="0 0 0")
     ET.SubElement(inertial, "mass", value=_text((vehicle.mass_kg,)))
@@ -98,7 +97,7 @@ def _link(robot: ET.Element, frame: Frame, *, is_thruster: bool) -> None:
         length, radius = (_text((size,)) for size in THRUSTER_SIZE_m)
         ET.SubElement(ET.SubElement(visual, "geometry"), "cylinder", length=length, radius=radius)
     joint = ET.SubElement(robot, "joint", name=f"{frame.name}_joint", type="fixed")
-    ET.SubElement(joint, "parent", link=BASE)
+    ET.SubElement(joint, "parent", link=FLU)
     ET.SubElement(joint, "child", link=frame.name)
     ET.SubElement(joint, "origin", xyz=_text(frame.position_m), rpy=_text(frame.rpy_rad))
 

@@ -8,11 +8,12 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from hindrax_core.events import Stamped
+from hindrax_core.rotation import FLU
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import ROBOT_DESCRIPTION, TF, TF_STATIC
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import FLU, odometry_to_msg, xyzw
+from hindrax_ros.convert import odometry_to_msg, xyzw
 from hindrax_ros.frames import Frame, frames_of, urdf_of
 from hindrax_ros.graph import publisher
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from hindrax_control.allocation.allocation_cycle import AllocationCycle
-from hindrax_control.allocation.wrench_guard import FSD
 from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import BottomVelocity, Pressure, Reading, Vec6
+from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.output.output_guard import Command, OutputGuard, Refusal, Request

@@ -17,6 +17,7 @@ from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.rotation import wrapped
 from hindrax_core.signals import NAN, ZERO6, Navigation
 from hindrax_core.vehicle import Vehicle
 
@@ -274,11 +275,6 @@ class Holds:
             return HoldState(axis, engaged=False)
         value = navigation.depth_m if axis == "depth" else navigation.altitude_m
         return HoldState(axis, True, loop.setpoint, loop.setpoint - value, loop.note)
-
-
-def wrapped(angle_rad: float) -> float:
-    """The same angle within [-pi, pi]."""
-    return math.remainder(angle_rad, math.tau)
 
 
 def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:

@@ -6,10 +6,10 @@ from std_msgs.msg import Header
 
 from hindrax_control.allocation.allocation_cycle import PulseCommand
 from hindrax_core.events import Stamp
+from hindrax_core.rotation import FSD
 from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import AllocationStatus
-from hindrax_ros.convert import FSD
 from hindrax_ros.fast_serialization import AllocationWriter, ThrusterStateFields, command_writer
 
 

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import NAN, UNKNOWN6, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
 from hindrax_ros.convert import (
-    FLU,
-    FSD,
     dvl_from_msg,
     half_turn,
     navigation_from_msg,
@@ -57,8 +56,8 @@ LISTENERS: dict[Topic, Listen] = {
 
 ANY = Quality(reliable=False, depth=5000)
 """Takes reliable publishers too; keeps what comes while `ident/assess` computes."""
-ANY_ODOMETRY = Topic("odometry", "nav_msgs/msg/Odometry", ANY, 0, False, "velocities and attitude of any vehicle")
-ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, False, "wrench that its thrusters achieve")
+ANY_ODOMETRY = Topic("odometry", "nav_msgs/msg/Odometry", ANY, 0, "velocities and attitude of any vehicle")
+ANY_WRENCH = Topic("wrench", "geometry_msgs/msg/WrenchStamped", ANY, 0, "wrench that its thrusters achieve")
 LARGEST_LEAD_s = 60.0
 """A stamp farther ahead of the clock would make all that follow it late."""
 LARGEST_VARIANCE = 1e3

@@ -15,12 +15,13 @@ from std_msgs.msg import Float32MultiArray
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, after
 from hindrax_core.readings import Vec6
+from hindrax_core.rotation import wrapped
 from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrapped, wrench_to_msg
+from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
 SEEN_S = 5.0
 WRENCH_PERIOD_S = 0.1
