@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -87,7 +87,20 @@ class DiagnosticsPublisher:
     """Publishes statuses of one node on /diagnostics."""
 
     def __init__(self, node: Node) -> None:
+        self._name = f"hindrax: {node.get_name()}"
         self._publisher = publisher(node, DIAGNOSTICS)
+
+    def report(
+        self,
+        now: Stamp,
+        wrong: Sequence[str],
+        well: str,
+        values: Mapping[str, str],
+        level: bytes = DiagnosticStatus.WARN,
+    ) -> None:
+        """Publish the status of the node itself: of this level with what is wrong, or `well` in a word."""
+        text = "; ".join(wrong)
+        self.publish(now, status(self._name, level if wrong else DiagnosticStatus.OK, text or well, values))
 
     def publish(self, now: Stamp, *statuses: DiagnosticStatus) -> None:
         """Publish them with this stamp."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
-
 from hindrax_control.allocation.allocation_cycle import AllocationCycle
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.applied_wrench import unfit_pulses
@@ -31,7 +29,7 @@ from hindrax_core.topics import (
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
-from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.fast_serialization import applied_from_bytes
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import SAFETY, knobs
@@ -134,12 +132,10 @@ class AllocatorNode(BatchedNode):
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
         wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now), *self._refusals.new_refusals()])
-        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
         values["commander"] = self.pilot or self._commander.name or "none yet"
         values |= self._refusals.values()
-        text = "; ".join(wrong) or "allocating"
-        self._reporter.publish(now, status("hindrax: allocator", level, text, values))
+        self._reporter.report(now, wrong, "allocating", values)
 
     def _uninvited(self) -> str:
         """Who publishes wrenches that the pilot of this process leaves no room for."""

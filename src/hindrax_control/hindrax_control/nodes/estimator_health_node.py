@@ -15,7 +15,7 @@ from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_to_msg
-from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.fast_serialization import ThrusterStateFields
 from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.serialization import deserialized
@@ -84,6 +84,5 @@ class EstimatorHealthNode(BatchedNode):
             "sunk off [m]": f"{found.sunk_off_m:.3f}",
             "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }
-        level = DiagnosticStatus.ERROR if self._failed else DiagnosticStatus.OK
-        text = "; ".join(self._failed) or "the state is believed"
-        self._reporter.publish(stamped.stamp, status("hindrax: estimator_health", level, text, values))
+        said = self._failed, "the state is believed"
+        self._reporter.report(stamped.stamp, *said, values, DiagnosticStatus.ERROR)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus
-
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Allocation, Navigation
@@ -24,7 +22,7 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.fast_serialization import (
     attitude_from_bytes,
     dvl_from_bytes,
@@ -127,6 +125,4 @@ class NavigatorNode(BatchedNode):
         wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
         wrong += self._navigator.refusals.new_refusals()
         values |= self._navigator.refusals.values()
-        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
-        text = "; ".join(wrong) or "navigating"
-        self._reporter.publish(found.stamp, status("hindrax: navigator", level, text, values))
+        self._reporter.report(found.stamp, wrong, "navigating", values)

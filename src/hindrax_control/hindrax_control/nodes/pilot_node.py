@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.subscription import Subscription
 
@@ -32,6 +31,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.readings import Vec6
 from hindrax_core.refusal_counts import Refusals
+from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
 from hindrax_core.single_publisher import SinglePublisher
 from hindrax_core.stamp_window import EXPIRED, order_window
@@ -58,14 +58,13 @@ from hindrax_msgs.msg import ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Recentre
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import (
-    FSD,
     estimate_from_msg,
     odometry_from_msg,
     stamp_from_msg,
     stamp_to_msg,
     wrench_from_msg,
 )
-from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import SAFETY, knobs
@@ -443,8 +442,6 @@ class PilotNode(BatchedNode):
         others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
         unheard = [f"not heard: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
         wrong = (*output.guards, *notes, *refused, *unheard, *self._refusals.new_refusals())
-        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
-        text = "; ".join(wrong) or ("armed" if self._armed else "disarmed")
         held = ", ".join(state.axis for state in output.holds if state.engaged)
         values = {"holds": held, "state from": self.navigator or self._source.name} | self._refusals.values()
-        self._reporter.publish(stamp, status("hindrax: pilot", level, text, values))
+        self._reporter.report(stamp, wrong, "armed" if self._armed else "disarmed", values)

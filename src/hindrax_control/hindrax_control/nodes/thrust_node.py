@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
-
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 
 from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp
@@ -17,14 +13,14 @@ from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.convert import stamp_from_msg, wrench_to_msg
-from hindrax_ros.diagnostics import DiagnosticsPublisher, status
+from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import optional_class, publisher, subscription
 from hindrax_ros.parameters import text
 from hindrax_ros.process import spin
 
 LOOK_S = 0.5
-PULSES = Topic("pulses", "", Quality(reliable=False, depth=50), 0, False, "pulse of every output channel [us]")
-ACHIEVED = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, False, "wrench that the pulses achieve")
+PULSES = Topic("pulses", "", Quality(reliable=False, depth=50), 0, "pulse of every output channel [us]")
+ACHIEVED = Topic("wrench", "geometry_msgs/msg/WrenchStamped", Quality(), 0, "wrench that the pulses achieve")
 
 
 class ThrustNode(BatchedNode):
@@ -51,9 +47,8 @@ class ThrustNode(BatchedNode):
             self._type = kind
             self.lead = subscription(self, replace(PULSES, type=kind), self._on_pulses)
         news = self._refusals.new_refusals()
-        level = DiagnosticStatus.WARN if news else DiagnosticStatus.OK
-        said = "; ".join(news) or (f"listening to {self._type}" if self._type else "waiting for pulses")
-        self._reporter.publish(self.now(), status("hindrax: thrust", level, said, self._refusals.values()))
+        well = f"listening to {self._type}" if self._type else "waiting for pulses"
+        self._reporter.report(self.now(), news, well, self._refusals.values())
 
     def _on_pulses(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp) if hasattr(message, "header") else Stamp(0)
@@ -66,14 +61,9 @@ class ThrustNode(BatchedNode):
         self._out.publish(wrench_to_msg(stamp or self.now(), wrench))
 
 
-def make_nodes() -> Sequence[Node]:
-    """The thrust node alone."""
-    return [ThrustNode()]
-
-
 def main() -> int:
     """Run it until a signal."""
-    return spin(make_nodes)
+    return spin(lambda: [ThrustNode()])
 
 
 if __name__ == "__main__":
