@@ -21,7 +21,8 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.metadata import Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.topics import Quality
 from hindrax_ros.convert import stamp_to_msg
 

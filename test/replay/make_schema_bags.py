@@ -15,9 +15,10 @@ from typing import Any
 from mcap_ros2._dynamic import serialize_dynamic
 
 from hindrax_bag.definitions import definition, share_lookup
+from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
 from hindrax_bag.read.schema_migrations import STEPS, VERSION
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import TOPICS, resolved

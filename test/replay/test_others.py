@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.metadata import Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import THRUSTER_COMMAND, resolved

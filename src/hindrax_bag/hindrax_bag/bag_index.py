@@ -7,17 +7,16 @@ import os
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from mcap.reader import make_reader
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from mcap.writer import MCAP0_MAGIC
 
-from hindrax_bag.metadata import NAME, OFFERED, Channel, Contents, metadata_text, qualities_of
+from hindrax_bag.metadata import NAME, OFFERED, TYPE_HASH, Channel, Contents, metadata_text, qualities_of
 from hindrax_core.topics import TOPICS, Quality, resolved
 
-HASH = "topic_type_hash"
 DESCRIPTION = "hindrax"
 """Name of the metadata record in which the recorder describes the run."""
 QUALITIES = {resolved(topic): topic.quality for topic in TOPICS}
@@ -41,7 +40,7 @@ def is_whole(file: Path) -> bool:
         return stream.read() == MCAP0_MAGIC
 
 
-def try_lock(stream: IO[bytes] | int) -> bool:
+def try_lock(stream: IO[Any] | int) -> bool:
     """Lock an open file or folder until it is closed; False if another process holds the lock."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -53,7 +52,7 @@ def try_lock(stream: IO[bytes] | int) -> bool:
 def channel_of(record: ChannelRecord, schema: Schema | None) -> Channel:
     """Topic as declared in a file; without a declared quality, that of our table."""
     offered = qualities_of(record.metadata.get(OFFERED, "")) or (QUALITIES.get(record.topic, Quality()),)
-    return Channel(record.topic, schema.name if schema else "", offered, record.metadata.get(HASH, ""))
+    return Channel(record.topic, schema.name if schema else "", offered, record.metadata.get(TYPE_HASH, ""))
 
 
 def contents_of(file: Path) -> Contents:

@@ -16,7 +16,6 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.yaml_text import read_yaml
 
-"""Ten times as fast where libyaml is there."""
 TOLERANCES = Path(__file__).parent / "tolerances.yaml"
 MOST_PADDING = 64
 """More bytes than these that differ are not padding."""

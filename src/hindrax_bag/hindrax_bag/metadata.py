@@ -19,7 +19,7 @@ FOREVER = {"sec": 9223372036, "nsec": 854775807}
 SHORTEST_FOREVER_S = 2_000_000_000
 """A duration this long is no limit: middlewares and versions of rosbag2 have several."""
 NAME = "metadata.yaml"
-OFFERED = "offered_qos_profiles"
+OFFERED, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ def channel_metadata(channel: Channel) -> dict[str, str]:
     """Metadata that rosbag2 writes to a channel inside an MCAP file."""
     return {
         OFFERED: yaml.dump([qos_map(one) for one in channel.offered], Dumper=_NoAliases, sort_keys=False),
-        "topic_type_hash": channel.type_hash,
+        TYPE_HASH: channel.type_hash,
     }
 
 

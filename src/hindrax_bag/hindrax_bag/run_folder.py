@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import shutil
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,41 +19,17 @@ RUNS = Path("runs")
 """Where runs lie that are named by their time."""
 
 
-@dataclass(frozen=True, slots=True)
 class RunFolder:
-    """Paths of one run."""
+    """Paths of one run: folders of the bag and of the output of each process, and what else belongs to it."""
 
-    path: Path
-
-    @property
-    def bag(self) -> Path:
-        """Folder of the MCAP bag."""
-        return self.path / "bag"
-
-    @property
-    def logs(self) -> Path:
-        """Folder of the output of each process."""
-        return self.path / "logs"
-
-    @property
-    def vehicle(self) -> Path:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.bag, self.logs = path / "bag", path / "logs"
+        self.vehicle = path / "vehicle.yaml"
         """Copy of the vehicle file in force."""
-        return self.path / "vehicle.yaml"
-
-    @property
-    def parameters(self) -> Path:
+        self.parameters = path / "parameters.yaml"
         """ROS parameters of every node."""
-        return self.path / "parameters.yaml"
-
-    @property
-    def coefficients(self) -> Path:
-        """The result."""
-        return self.path / "coefficients.yaml"
-
-    @property
-    def report(self) -> Path:
-        """The result as a report."""
-        return self.path / "report.html"
+        self.coefficients, self.report = path / "coefficients.yaml", path / "report.html"
 
 
 def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = FREE_BYTES_WANTED) -> RunFolder:

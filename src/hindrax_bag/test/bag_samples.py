@@ -11,7 +11,8 @@ from mcap.records import Statistics
 from mcap.summary import Summary
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.metadata import Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LATCHED, SENSOR

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import select
@@ -14,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
+from hindrax_bag.bag_index import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup import security
 from hindrax_bringup.graph_presence import occupied_domains, require_no_stack
@@ -203,15 +203,10 @@ def own_domain(*, mock: bool, namespace: str = NAMESPACE) -> Iterator[int | None
     folder.mkdir(mode=0o700, exist_ok=True)
     for number in DOMAINS:
         with (folder / str(number)).open("w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                continue
             # Processes of a killed tool live on without its lock, and other users have locks of their own.
-            if number in occupied_domains():
-                continue
-            yield number
-            return
+            if try_lock(lock) and number not in occupied_domains():
+                yield number
+                return
     raise HindraxError(
         f"ROS domains {DOMAINS[0]} to {DOMAINS[-1]}: found all in use, wanted a free one; wait for a mock run to end"
     )

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from hindrax_bag.bag_index import is_whole
+from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import LATE_S, NODES, LivenessFile, heard_armed
 from hindrax_bringup.stack_runner import SETTLED_S, ClockStep, complete_earlier

@@ -14,9 +14,10 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write import limits
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_cli import command_line
 from hindrax_cli.commands.data import bag as command

@@ -20,8 +20,9 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from hindrax_bag.definitions import definition
+from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.processes import RECORDER, Process
 from hindrax_bringup.stack import environment, first_line, own_domain
@@ -107,10 +108,7 @@ def _span_us(writer: tuple[Write, Flush], datas: list[bytes]) -> float:
 
 def _recorder(folder: Path, peer: str, theirs: tuple[Write, Flush]) -> dict[str, Any]:
     """CPU time per message of the real recorder process, from the graph to the disk, and what it lost."""
-    bag, load = (
-        folder / "bag",
-        Process("load", "hindrax_bringup", "hindrax_tools.benchmarks.peers.load", "load", (), "load"),
-    )
+    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers.load", (), "load")
     logs = folder / "logs"
     with own_domain(mock=True) as domain, Supervisor(logs, environment(mock=True, domain=domain)) as children:
         recorder = children.start(RECORDER, ["--ros-args", "-p", f"bag:={bag}", "-p", "keep_free_MB:=0.0"])

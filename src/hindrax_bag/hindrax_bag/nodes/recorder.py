@@ -21,11 +21,11 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from hindrax_bag.bag_index import DESCRIPTION
-from hindrax_bag.metadata import SHORTEST_FOREVER_S
+from hindrax_bag.metadata import SHORTEST_FOREVER_S, Channel
 from hindrax_bag.read.completion import begin_completion
 from hindrax_bag.read.header_stamp import valid_stamp
 from hindrax_bag.software_version import software_version
-from hindrax_bag.write.bag_writer import BagWriter, Channel
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_bag.write.publication_gaps import PublicationGaps
 from hindrax_core.events import NS_PER_S, Stamp
@@ -67,8 +67,7 @@ class Recorder(BatchedNode):
         self._received = Stamp(0)
         self._flushes = 0
         for topic in TOPICS:
-            if topic.recorded:
-                self._subscribe(topic)
+            self._subscribe(topic)
         # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
 

@@ -21,13 +21,12 @@ from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Header, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError
+from mcap.writer import MCAP0_MAGIC as MAGIC
 from zstandard import ZstdDecompressor, ZstdError
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 
-MAGIC = b"\x89MCAP0\r\n"
-CHUNK = 6
 MOST_B = 128 * 2**20
 """Largest record and largest content of a chunk that are opened; writers make chunks of some megabytes."""
 _RECORD_HEAD = struct.Struct("<BQ")
@@ -137,7 +136,7 @@ def _note_cut(file: Path, stream: BinaryIO, whole: int, damage: Damage) -> None:
     """Report the content of the cut record that begins at `whole`, as far as its head gives it."""
     stream.seek(whole)
     head = stream.read(_RECORD_HEAD.size + _CHUNK_TIMES.size)
-    if len(head) == _RECORD_HEAD.size + _CHUNK_TIMES.size and head[0] == CHUNK:
+    if len(head) == _RECORD_HEAD.size + _CHUNK_TIMES.size and head[0] == Opcode.CHUNK:
         start, end = _CHUNK_TIMES.unpack_from(head, _RECORD_HEAD.size)
         damage.add_loss(f"{file.name}: the file ends in the middle of a chunk, at byte {whole}", start, end)
     elif head:

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mcap.writer import MCAP0_MAGIC
+
+from hindrax_bag.bag_index import is_whole
 from hindrax_bag.metadata import NAME
 from hindrax_bag.read.bag_reader import PATTERNS, attachments, bag_files, messages
-from hindrax_bag.read.mcap_records import MAGIC, Damage
+from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.yaml_text import read_yaml
@@ -136,10 +139,8 @@ def _looks(file: Path) -> tuple[bool, str]:
     """Whether a file is complete, by its first and last bytes, and a remark about it."""
     with file.open("rb") as stream:
         head = stream.read(len(SQLITE))
-        stream.seek(max(0, file.stat().st_size - len(MAGIC)))
-        tail = stream.read()
-    if head == SQLITE or (head.startswith(MAGIC) and tail == MAGIC):
+    if head == SQLITE or (head.startswith(MCAP0_MAGIC) and is_whole(file)):
         return True, f"no {NAME}: bag info reads it"
-    if MAGIC.startswith(head[: len(MAGIC)]):
+    if MCAP0_MAGIC.startswith(head[: len(MCAP0_MAGIC)]):
         return False, "unfinished: bag recover"
     return False, f"{file.name} is no bag"

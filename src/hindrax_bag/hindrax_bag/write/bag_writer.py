@@ -24,8 +24,6 @@ from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
 
-__all__ = ["BagWriter", "Channel"]
-
 ROOM_AGAIN = 1.5
 """Recording goes on when so many times the space that stays free is free again."""
 
