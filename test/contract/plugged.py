@@ -109,7 +109,7 @@ class Plugged:
     def readings(self, since_s: float = 0.0, until_s: float = 1e9) -> list[Stamped[Any]]:
         """Readings with something in them: a velocity that is not there is none."""
         found = self._said(Stamped, since_s, until_s)
-        return [one for one in found if not isinstance(one.reading, BottomVelocity) or one.reading.valid]
+        return [one for one in found if not isinstance(one.reading, BottomVelocity) or one.reading.velocity_mps]
 
     def complaints(self, since_s: float = 0.0, until_s: float = 1e9) -> list[str]:
         found = self._said((Rejected, Trouble), since_s, until_s)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp
 from hindrax_core.readings import BottomTrack, BottomVelocity, Vec3
-from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
-from hindrax_drivers.devices.dvl75_settings import commands, wanted_settings
+from hindrax_drivers.devices.dvl75 import Dvl75
+from hindrax_drivers.devices.dvl75_settings import Dvl75Knobs, commands, wanted_settings
 from hindrax_sim.devices.dvl75 import Dvl75 as Emulator
 from hindrax_sim.devices.dvl75 import DvlSettings, DvlTruth
 

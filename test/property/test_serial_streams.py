@@ -19,8 +19,10 @@ from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, EchoProfile
 from hindrax_core.testing import chunks
-from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
-from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+from hindrax_drivers.devices.dvl75 import Dvl75
+from hindrax_drivers.devices.dvl75_settings import Dvl75Knobs
+from hindrax_drivers.devices.ping1d import Ping1d
+from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import encode
 

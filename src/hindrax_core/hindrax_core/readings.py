@@ -87,7 +87,7 @@ class SonarHealth:
 class BottomVelocity:
     """Velocity over ground of the DVL in its own frame (x forward, y starboard, z down), mean over the interval.
 
-    `valid` is False while the instrument is unlocked: velocity is then None, never zero.
+    While the instrument is unlocked the velocity is None, never zero.
     """
 
     velocity_mps: Vec3 | None
@@ -95,11 +95,6 @@ class BottomVelocity:
     confidence: float
     interval_s: float
     device_us: int
-
-    @property
-    def valid(self) -> bool:
-        """Whether the reading has a velocity."""
-        return self.velocity_mps is not None
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from typing import Literal, TypeAlias
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.knobs import knob
 
-BreakKind: TypeAlias = Literal["reset", "wrap", "jump", "host step"]
+BreakKind: TypeAlias = Literal["reset", "jump", "host step"]
 Point: TypeAlias = tuple[float, float]
 """Device time and delay against the nominal clock, both in ns from the last (re)start."""
 
@@ -43,7 +43,7 @@ class Break:
     """The device's clock (or the host's) did not simply go on.
 
     `reset`: it went back; `jump`: it jumped, `shift_s` ahead of the expected time; `host step`: arrivals went back in
-    time. After these three the map restarts. `wrap`: the counter passed its modulus and the map continues.
+    time. Then the map restarts.
     """
 
     kind: BreakKind
@@ -59,8 +59,8 @@ def _ignore(_: Break) -> None:
 class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
-    `tick_s` is the nominal length of a tick. `modulus`, where given, is the count at which the device starts again
-    at zero. `on_break` is called with each Break, from inside `map`, before it returns.
+    `tick_s` is the nominal length of a tick. `on_break` is called with each Break, from inside `map`, before it
+    returns.
     """
 
     def __init__(
@@ -68,11 +68,9 @@ class Timebase:
         tick_s: float,
         knobs: TimebaseKnobs = DEFAULT_KNOBS,
         *,
-        modulus: int | None = None,
         on_break: Callable[[Break], None] = _ignore,
     ) -> None:
         self._tick_ns = tick_s * NS_PER_S
-        self._modulus = modulus
         self._on_break = on_break
         self._steepest = knobs.drift_ppm * 1e-6
         self.latency_ns = round(knobs.latency_s * NS_PER_S)
@@ -83,7 +81,7 @@ class Timebase:
         self._lowest: deque[Point] = deque(maxlen=knobs.slope_blocks)
         self._slope = 0.0
         self._running = False
-        self._wrapped = self._ticks = self._ticks_0 = 0
+        self._ticks = self._ticks_0 = 0
         self._last = self._arrival = self._arrival_0 = Stamp(0)
         self._height = self._least = self._block_length = self._block_end = 0.0
         self._least_point: Point = (0.0, 0.0)
@@ -103,9 +101,8 @@ class Timebase:
 
         Never later than `arrival` and, between breaks, never earlier than the stamp before.
         """
-        ticks += self._wrapped
         if not self._running or ticks < self._ticks or arrival < self._arrival:
-            ticks = self._order(ticks, arrival)
+            self._start_over(ticks, arrival)
         self._ticks = ticks
         self._arrival = arrival
         x = (ticks - self._ticks_0) * self._tick_ns
@@ -117,7 +114,7 @@ class Timebase:
             if late < 0.0:
                 if late < -self._jump_ns and self._lowest:
                     self._break("jump", -late / NS_PER_S, ticks, arrival)
-                    return self.map(ticks - self._wrapped, arrival)
+                    return self.map(ticks, arrival)
                 self._height += late
                 self._least = late = 0.0
         if x >= self._block_end or late > self._jump_ns:
@@ -125,21 +122,14 @@ class Timebase:
         self._last = Stamp(max(self._last, arrival - int(late) - self.latency_ns))
         return self._last
 
-    def _order(self, ticks: int, arrival: Stamp) -> int:
-        """Count that goes on from the last one, after a start, a wrap or a step back of either clock."""
+    def _start_over(self, ticks: int, arrival: Stamp) -> None:
+        """Begin with this count, at the start and after a step back of either clock."""
         if not self._running:
             self._begin(ticks, arrival)
         elif arrival < self._arrival:
             self._break("host step", (self._arrival - arrival) / NS_PER_S, ticks, arrival)
-        elif self._modulus is not None and 2 * (ticks + self._modulus - self._ticks) < self._modulus:
-            self._wrapped += self._modulus
-            ticks += self._modulus
-            self._on_break(Break("wrap", 0.0, ticks, arrival))
         else:
-            ticks -= self._wrapped
-            self._wrapped = 0
             self._break("reset", (ticks - self._ticks) * self._tick_ns / NS_PER_S, ticks, arrival)
-        return ticks
 
     def _begin(self, ticks: int, arrival: Stamp) -> None:
         self._running = True

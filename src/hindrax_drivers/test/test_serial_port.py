@@ -71,7 +71,8 @@ def test_bytes_arrive_with_the_time_of_arrival(pty: Pty, clock: SystemClock) -> 
 def test_the_line_has_the_wanted_speed(pty: Pty, clock: SystemClock) -> None:
     port = SerialPort(str(pty.path), 921600, clock)
     assert termios.tcgetattr(pty.master)[4] == termios.B921600
-    port.reopen(115200)
+    port.close()
+    port = SerialPort(str(pty.path), 115200, clock)
     assert termios.tcgetattr(pty.master)[4] == termios.B115200
     port.close()
 
@@ -103,11 +104,13 @@ def test_a_lost_port_is_a_device_error_and_can_be_opened_again(pty: Pty, clock: 
     pty.unplug()
     with pytest.raises(DeviceError, match=r"dvl: lost .*check cable and power"):
         port.read()
-    for attempt in (port.read, port.reopen, lambda: port.send(Send(b"x")), lambda: port.wait(clock.now())):
+    for attempt in (port.read, lambda: port.send(Send(b"x")), lambda: port.wait(clock.now())):
         with pytest.raises(DeviceError):
             attempt()
+    with pytest.raises(DeviceError):
+        SerialPort(str(pty.path), 115200, clock)
     pty.plug()
-    port.reopen()
+    port = SerialPort(str(pty.path), 115200, clock)
     os.write(pty.master, b"back")
     port.wait(after(clock.now(), 10.0))
     assert port.read()[0] == b"back"

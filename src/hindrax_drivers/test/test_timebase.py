@@ -88,10 +88,10 @@ def test_the_rate_is_never_believed_beyond_its_bound() -> None:
     assert base.drift_ppm == pytest.approx(50.0)
 
 
-def run_then(ticks: int, arrival: int, modulus: int | None = None) -> tuple[list[Break], Stamp]:
+def run_then(ticks: int, arrival: int) -> tuple[list[Break], Stamp]:
     """Let 200 samples at 10 Hz from tick 10^6 pass (the last at 20.9e6 ticks, START + 19.9 s), then one more."""
     told: list[Break] = []
-    base = Timebase(1e-6, on_break=told.append, modulus=modulus)
+    base = Timebase(1e-6, on_break=told.append)
     for index in range(200):
         base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
     return told, base.map(ticks, Stamp(arrival))
@@ -151,34 +151,6 @@ def test_backlogs_are_not_taken_for_lost_time() -> None:
                 arrival = START + (begin + 30) * 100 * MS
         assert base.map(index * 100_000, Stamp(arrival)) == due
     assert told == []
-
-
-def test_a_wrap_goes_on_as_if_nothing_were() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
-    for index in range(2000):
-        assert base.map(index * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
-    assert {one.kind for one in told} == {"wrap"}
-    assert len(told) == 199_900 // (1 << 16)
-
-
-def test_a_reset_after_a_wrap_is_one_reset_told_in_the_counts_of_the_device() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
-    for index in range(1600):
-        since = index if index < 800 else index - 800
-        assert base.map(since * 100 % (1 << 16), Stamp(START + index * 100 * MS)) == START + index * 100 * MS
-    assert [(one.kind, one.ticks) for one in told] == [("wrap", 65_600), ("reset", 0), ("wrap", 65_600)]
-
-
-def test_a_leap_after_a_wrap_is_one_leap() -> None:
-    told: list[Break] = []
-    base = Timebase(1e-3, modulus=1 << 16, on_break=told.append)
-    for index in range(1000):
-        leap = 20_000 if index >= 800 else 0
-        stamp = base.map((index * 100 + leap) % (1 << 16), Stamp(START + index * 100 * MS))
-        assert stamp == START + index * 100 * MS
-    assert [one.kind for one in told] == ["wrap", "jump"]
 
 
 def test_lateness_before_a_reset_does_not_count_after_it() -> None:

@@ -14,14 +14,12 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from hindrax_core.topics import NAMESPACE, Quality, Topic
+from hindrax_core.topics import Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.deferred_publisher import DeferredPublisher
 
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""
-
-__all__ = ["NAMESPACE", "end_goal", "message_class", "profile", "publisher", "publishers_of", "subscription"]
 
 
 @cache

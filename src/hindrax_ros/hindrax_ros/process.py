@@ -1,7 +1,7 @@
 """The loop of every process: one events executor, nodes, a clean end on SIGINT and SIGTERM.
 
 The multi-threaded executor of rclpy starves timers (rclpy issue 1452) and `EventsExecutor.spin` does not return on
-signals, so the loop takes turns itself (see `polled`).
+signals, so the loop takes turns itself (see `batched_node`).
 """
 
 from __future__ import annotations

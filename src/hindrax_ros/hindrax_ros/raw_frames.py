@@ -9,7 +9,7 @@ from rclpy.node import Node
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.topics import RAW_FRAMES
 from hindrax_msgs.msg import RawFrames
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
@@ -25,8 +25,7 @@ class FrameTap:
     """
 
     def __init__(self, node: Node, source: str, period_s: float = 0.1) -> None:
-        topic = next(one for one in RAW_FRAMES if one.name == f"raw/{source}")
-        self._publisher = publisher(node, topic)
+        self._publisher = publisher(node, RAW_FRAMES[source])
         self._source, self._period_s = source, period_s
         self._begin: Stamp | None = None
         self._heard = False
@@ -35,12 +34,12 @@ class FrameTap:
         self._lengths: list[int] = []
         self._data = bytearray()
 
-    def add(self, stamp: Stamp, direction: int, data: bytes) -> None:
-        """Add one frame; publish the batch when it is old enough."""
+    def add(self, stamp: Stamp, sent: bool, data: bytes) -> None:
+        """Add one frame, sent or received; publish the batch when it is old enough."""
         if self._begin is None:
             self._begin = stamp
         self._stamps.append(stamp)
-        self._directions.append(direction)
+        self._directions.append(SENT if sent else RECEIVED)
         self._lengths.append(len(data))
         self._data += data
         age_s = seconds_between(self._begin, stamp)
@@ -72,6 +71,3 @@ def unpack(message: RawFrames) -> Iterator[tuple[Stamp, int, bytes]]:
     for stamp, direction, length in zip(message.stamps, message.directions, message.lengths, strict=True):
         yield Stamp(int(stamp)), int(direction), data[start : start + length]
         start += length
-
-
-__all__ = ["RECEIVED", "SENT", "FrameTap", "stamp_from_msg", "unpack"]

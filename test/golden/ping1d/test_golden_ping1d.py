@@ -12,7 +12,8 @@ import yaml
 from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Echo, EchoProfile
-from hindrax_drivers.devices.ping1d import Ping1d, Ping1dKnobs
+from hindrax_drivers.devices.ping1d import Ping1d
+from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs
 from hindrax_drivers.protocols import ping_protocol as protocol
 
 CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))

@@ -29,10 +29,10 @@ _REMEDY = {
 
 
 class SerialPort:
-    """An open port, exclusive where the system supports that. DeviceError when it is lost: then `reopen`."""
+    """An open port, exclusive where the system supports that. DeviceError when it is lost: then open it anew."""
 
     def __init__(self, path: str, baud: int, clock: Clock) -> None:
-        self._path, self._baud, self._clock = path, baud, clock
+        self._path, self._clock = path, clock
         self._port = _open(path, baud)
 
     def read(self) -> tuple[bytes, Stamp]:
@@ -59,12 +59,6 @@ class SerialPort:
             self._port.write(order.data)
         except (serial.SerialException, OSError) as error:
             raise self._lost(error) from error
-
-    def reopen(self, baud: int | None = None) -> None:
-        """Open the same port again, at another speed if given. DeviceError while it is missing."""
-        self.close()
-        self._baud = baud or self._baud
-        self._port = _open(self._path, self._baud)
 
     def close(self) -> None:
         """Close the port; closing twice is no error."""

@@ -46,12 +46,7 @@ class Ads1115:
     """The converter at an address (0 for 0x48)."""
 
     def __init__(self, knobs: Ads1115Knobs, address: int = 0) -> None:
-        self._knobs, self._address = knobs, address or ADDRESS
-
-    @property
-    def period_s(self) -> float:
-        """Time between the starts of two cycles."""
-        return self._knobs.period_s
+        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Look at the thresholds, the only registers that tell the part from others."""

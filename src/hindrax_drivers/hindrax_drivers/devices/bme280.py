@@ -99,16 +99,11 @@ class Bme280:
     """The sensor at an address (0 for 0x77); it sleeps between two measurements."""
 
     def __init__(self, knobs: Bme280Knobs, address: int = 0) -> None:
-        self._knobs, self._address = knobs, address or ADDRESS
+        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
         self._calibration: Calibration | None = None
         self._last: Air | None = None
         self._last_raw = b""
         self._repeats = 0
-
-    @property
-    def period_s(self) -> float:
-        """Time between the starts of two cycles."""
-        return self._knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Identify, reset, read the calibration twice."""

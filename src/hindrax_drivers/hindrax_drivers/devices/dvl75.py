@@ -27,8 +27,6 @@ from hindrax_drivers.protocols.nmea import MAX_LINE, LineSplitter, SentenceError
 from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
 
-__all__ = ["Dvl75", "Dvl75Knobs"]
-
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
 ENABLE_DELTAS = b"SEND-DVPDL ON\n"
 RETWEET, RETWEET_TAG = b"GPS:", b"GPS"
@@ -45,7 +43,7 @@ class Dvl75:
     """
 
     def __init__(self, knobs: Dvl75Knobs = DEFAULT_KNOBS) -> None:
-        self._knobs = knobs
+        self._knobs, self.baud = knobs, knobs.baud
         self._min_confidence = knobs.min_confidence
         self._max_speed_mps = knobs.max_speed_mps
         self._axis_sign = knobs.axis_sign
@@ -67,7 +65,8 @@ class Dvl75:
             b"GPRMC": self._on_minimum,
         }
         self._counts: Counter[bytes] = Counter()
-        self._configuration: dict[str, str] = {}
+        self.configuration: Mapping[str, str] = {}
+        """Last reported settings of the device; empty before the first report."""
         self._reset(Stamp(0))
 
     def _reset(self, stamp: Stamp) -> None:
@@ -85,11 +84,6 @@ class Dvl75:
         self._troubles: list[Trouble] = []
 
     @property
-    def baud(self) -> int:
-        """Line speed."""
-        return self._knobs.baud
-
-    @property
     def ready(self) -> bool:
         """Whether a Cerulean DVL has been recognized and its deltas keep coming."""
         return bool(self._identity) and self._last_us >= 0 and self._silence.condition == "well" and self._requests == 0
@@ -98,11 +92,6 @@ class Dvl75:
     def counts(self) -> Mapping[str, int]:
         """Verified sentences by tag, whether or not a reading came of them."""
         return {tag.decode("ascii"): count for tag, count in self._counts.items()}
-
-    @property
-    def configuration(self) -> Mapping[str, str]:
-        """Last reported settings of the device; empty before the first report."""
-        return self._configuration
 
     def start(self, stamp: Stamp) -> list[Output]:
         """Request the identity. Settings are not changed."""
@@ -211,13 +200,13 @@ class Dvl75:
 
     def _on_configuration(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         self._counts[b"DVNVM"] += 1
-        self._configuration = protocol.configuration(fields)
-        self._identity = self._configuration.get("Model", "DVL-75")
-        firmware = self._configuration.get("Firmware", "unknown")
+        self.configuration = protocol.configuration(fields)
+        self._identity = self.configuration.get("Model", "DVL-75")
+        firmware = self.configuration.get("Firmware", "unknown")
         outputs: list[Output] = [Identity(f"Cerulean {self._identity}, firmware {firmware}")]
         wanted = wanted_settings(self._knobs)
         for key in ("Speed of sound", "Velocity adjustment"):
-            found = self._configuration.get(key)
+            found = self.configuration.get(key)
             if found is not None and commands({key: found}, {key: wanted[key]}):
                 sentence = f"DVL {key.lower()}: found {found}, wanted {wanted[key]}; run hindrax dvl setup"
                 outputs.append(Trouble(stamp, sentence))
@@ -270,7 +259,7 @@ class Dvl75:
     def _on_clock_break(self, one: Break) -> None:
         self._last_stamp = Stamp(0) if one.kind == "host step" else self._last_stamp
         what = {"reset": "has restarted", "jump": "leapt", "host step": "goes on, but the host's was set back"}
-        sentence = f"DVL clock {what.get(one.kind, 'wrapped')} at {one.ticks} us (by {one.shift_s:.3f} s)"
+        sentence = f"DVL clock {what[one.kind]} at {one.ticks} us (by {one.shift_s:.3f} s)"
         self._troubles.append(Trouble(one.arrival, f"{sentence}; stamps start anew"))
 
     def tick(self, stamp: Stamp) -> list[Output]:

@@ -95,6 +95,7 @@ class Icm20948:
         calibration: Mapping[str, tuple[float, ...]] | None = None,
     ) -> None:
         self._knobs, self._address = knobs, address or r.ADDRESS
+        self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = Samples(
             gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
             accel_scale=r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g)),
@@ -111,11 +112,6 @@ class Icm20948:
         self._fetched = self._timed = Stamp(0)
         timed = knobs.data_ready if knobs.mode == "fifo" else ""
         self._chip, self._line = chip_and_line(timed, "data_ready") if timed else ("", 0)
-
-    @property
-    def period_s(self) -> float:
-        """Time between the starts of two cycles."""
-        return self._knobs.period_s if self._knobs.mode == "fifo" else 1.0 / self._knobs.rate_Hz
 
     def configure(self) -> Program[Identity]:
         """Identify, reset, wake, set ranges, filters and rates, find the magnetometer, start the FIFO."""

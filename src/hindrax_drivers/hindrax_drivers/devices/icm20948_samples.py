@@ -29,18 +29,14 @@ class EdgeClock:
     """Times of samples by the edges of their data-ready line, and by the measured period where an edge is missed."""
 
     def __init__(self, period_ns: float) -> None:
-        self._nominal_ns = self._period_ns = period_ns
+        self._nominal_ns = self.period_ns = period_ns
+        """Time between two samples: nominal, and as measured."""
         self.restart()
 
     def restart(self) -> None:
         """Forget which edge belongs to which sample."""
         self._ahead: int | None = None
         self._anchor: tuple[int, int] | None = None
-
-    @property
-    def period_ns(self) -> float:
-        """Time between two samples as measured."""
-        return self._period_ns
 
     def map(self, ticks: int, edge: tuple[int, int] | None) -> int | None:
         """Time of a sample [ns], None where no edge tells it. `edge`: number and time of the newest one, if its own.
@@ -53,14 +49,14 @@ class EdgeClock:
                 self._take(ticks, edge[1])
         if self._anchor is None:
             return None
-        passed_ns = (ticks - self._anchor[0]) * self._period_ns
+        passed_ns = (ticks - self._anchor[0]) * self.period_ns
         return self._anchor[1] + round(passed_ns) if passed_ns < LONGEST_GAP_ns else None
 
     def _take(self, ticks: int, time_ns: int) -> None:
         if self._anchor is not None and ticks > self._anchor[0]:
             period_ns = (time_ns - self._anchor[1]) / (ticks - self._anchor[0])
             if abs(period_ns - self._nominal_ns) < LARGEST_DRIFT * self._nominal_ns:  # else the host's clock was set
-                self._period_ns = period_ns
+                self.period_ns = period_ns
         self._anchor = (ticks, time_ns)
 
 

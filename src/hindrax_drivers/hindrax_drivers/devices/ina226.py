@@ -49,13 +49,8 @@ class Ina226:
     """The sensor at an address (0 for 0x41)."""
 
     def __init__(self, knobs: Ina226Knobs, address: int = 0) -> None:
-        self._knobs, self._address = knobs, address or ADDRESS
+        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
         self._shunt_ohm = -knobs.shunt_ohm if knobs.reversed else knobs.shunt_ohm
-
-    @property
-    def period_s(self) -> float:
-        """Time between the starts of two cycles."""
-        return self._knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Identify and reset."""

@@ -140,7 +140,7 @@ class Ms5837:
     """The sensor at an address (0 for 0x76). During its conversions the bus is free for others."""
 
     def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int = 0) -> None:
-        self._knobs, self._address = knobs, address or ADDRESS
+        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
         osr = OSRS.index(knobs.oversampling)
         self._command_d1, self._command_d2 = CONVERT_D1 + 2 * osr, CONVERT_D2 + 2 * osr
         self._wait_s = CONVERSION_S[osr]
@@ -148,11 +148,6 @@ class Ms5837:
         self._d2 = self._turn = 0
         self._last: Stamped[Pressure] | None = None
         self._last_d1 = self._repeats = self._doubted = 0
-
-    @property
-    def period_s(self) -> float:
-        """Time between the starts of two cycles."""
-        return self._knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Reset, read and check the calibration, return the model."""

@@ -47,7 +47,8 @@ class Pca9685:
         self._channels, self.rest_us = tuple(channels), tuple(rest_us)
         self._prescale = _prescale(rate_Hz, clock_Hz)
         self._clock_Hz = clock_Hz
-        self._step_us = (self._prescale + 1) * 1e6 / clock_Hz
+        self.step_us = (self._prescale + 1) * 1e6 / clock_Hz
+        """Length of one count."""
         self._awake = AUTO_INCREMENT | (EXTCLK if external_clock else 0)
         self._first = min(channels)
         self._slots = max(channels) - self._first + 1
@@ -56,11 +57,6 @@ class Pca9685:
     def rate_Hz(self) -> float:
         """Pulses per second that the nearest prescaler really makes."""
         return self._clock_Hz / (STEPS * (self._prescale + 1))
-
-    @property
-    def step_us(self) -> float:
-        """Length of one count."""
-        return self._step_us
 
     def applied(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
         """Pulses as the counts make them, with the clock as measured [us]."""
@@ -150,7 +146,7 @@ class Pca9685:
         return struct.pack(f"<{len(counts)}H", *counts)
 
     def _count(self, pulse_us: float) -> int:
-        count = math.floor(pulse_us / self._step_us + 0.5)
+        count = math.floor(pulse_us / self.step_us + 0.5)
         if not 0 < count < STEPS:
             raise ValueError(f"pulse of {pulse_us:g} us: wanted more than 0 and less than {STEPS * self.step_us:g} us")
         return count

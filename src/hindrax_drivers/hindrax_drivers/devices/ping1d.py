@@ -27,8 +27,6 @@ from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
 from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
-__all__ = ["HELLO", "DeviceSetting", "Ping1d", "Ping1dKnobs", "device_settings"]
-
 HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
 HALF_COUNT = 1 << 31
 FARTHEST_mm = 140_000
@@ -42,7 +40,7 @@ class Ping1d:
     """Serial device: frames in; Echo, SonarHealth (and EchoProfile where asked) out."""
 
     def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> None:
-        self._knobs = knobs
+        self._knobs, self.baud = knobs, knobs.baud
         self._frames = FrameSplitter()
         wanted = f"Ping frames at {knobs.baud} baud"
         self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
@@ -57,9 +55,9 @@ class Ping1d:
             protocol.PROFILE: self._on_echo,
             **dict.fromkeys(HEALTH, self._on_health),
         }
-        self._lost = 0
         self._profile_wanted = knobs.profile
-        self._round_trip_s: float | None = None
+        self.round_trip_s: float | None = None
+        """Time from the last question to its answer; None before the first."""
         self._told_stranger = False
         self._told_supply = False
         self._last_stamp = Stamp(0)
@@ -80,24 +78,9 @@ class Ping1d:
         self._gap_reported = Stamp(-1 << 62)
 
     @property
-    def baud(self) -> int:
-        """Line speed."""
-        return self._knobs.baud
-
-    @property
     def ready(self) -> bool:
         """Whether a Ping sonar has answered and has received all settings."""
         return self._running and self._silence.condition == "well"
-
-    @property
-    def lost_pings(self) -> int:
-        """Pings whose number was skipped in a continuous stream."""
-        return self._lost
-
-    @property
-    def round_trip_s(self) -> float | None:
-        """Time from the last question to its answer; None before the first."""
-        return self._round_trip_s
 
     def request_profile(self) -> list[Output]:
         """Return the request for a profile with the next echo, for the port to send."""
@@ -121,7 +104,7 @@ class Ping1d:
 
     def _answered(self, stamp: Stamp) -> None:
         if self._waiting:
-            self._round_trip_s = seconds_between(self._asked, stamp)
+            self.round_trip_s = seconds_between(self._asked, stamp)
             self._waiting = False
 
     def feed(self, data: bytes, stamp: Stamp) -> list[Output]:
@@ -303,7 +286,6 @@ class Ping1d:
             return [Trouble(stamp, sentence), *self._wake(stamp)]
         if ahead == 1 or not self._streaming:
             return []
-        self._lost += ahead - 1
         if seconds_between(self._gap_reported, stamp) < 10.0:
             return []
         self._gap_reported = stamp

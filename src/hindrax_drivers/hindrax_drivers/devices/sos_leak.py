@@ -36,13 +36,8 @@ class SosLeak:
     """The probe at a line of a chip (0 for 27); see `GpioBus` for what is written and read."""
 
     def __init__(self, knobs: SosLeakKnobs, line: int = 0) -> None:
-        self._knobs, self._line = knobs, line or LINE
+        self._knobs, self._line, self.period_s = knobs, line or LINE, knobs.period_s
         self._level = self._same = self._restless = 0
-
-    @property
-    def period_s(self) -> float:
-        """Time between two looks."""
-        return self._knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Make the line an input with its bias."""

@@ -64,7 +64,11 @@ class _PendingCommand:
 
 
 class Stm32:
-    """The serial line to one controller. `channels` in the order of the pulses, thrusters then lights."""
+    """The serial line to one controller. `channels` in the order of the pulses, thrusters then lights.
+
+    `identity` of the controller is empty before an answer, `refusal` (why it refused the last command) when it accepted
+    it or has not answered yet; `armed` is what the controller says.
+    """
 
     def __init__(self, channels: Sequence[int], knobs: Stm32Knobs | None = None) -> None:
         """ValueError for channels that collide or that an override does not have."""
@@ -72,6 +76,7 @@ class Stm32:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to {CHANNELS - 1}")
         self._channels = tuple(channels)
         self._knobs = Stm32Knobs() if knobs is None else knobs
+        self.baud = self._knobs.baud
         wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {self._knobs.baud} Bd"
         self._silence = SilenceMonitor("stm32", wanted, self._knobs.lost_s)
         self._sequence = 0
@@ -80,34 +85,14 @@ class Stm32:
         self._reset()
 
     @property
-    def baud(self) -> int:
-        """Line speed."""
-        return self._knobs.baud
-
-    @property
     def ready(self) -> bool:
         """Whether the controller's heartbeat is there."""
-        return self._identity != "" and self._silence.condition == "well"
-
-    @property
-    def identity(self) -> str:
-        """Identity of the controller; empty before an answer."""
-        return self._identity
+        return self.identity != "" and self._silence.condition == "well"
 
     @property
     def asking(self) -> bool:
         """Whether a command waits for its answer."""
         return self._pending is not None
-
-    @property
-    def armed(self) -> bool:
-        """Whether the controller says that it is armed."""
-        return self._armed
-
-    @property
-    def refusal(self) -> str:
-        """Why the controller refused the last command; empty when it accepted it or has not answered yet."""
-        return self._refusal
 
     def start(self, stamp: Stamp) -> Iterable[Output]:
         """Start with a heartbeat, with all state reset."""
@@ -159,7 +144,7 @@ class Stm32:
 
     def _reset(self) -> None:
         self._decoder = Decoder()
-        self._identity, self._refusal, self._complaint, self._armed = "", "", "", False
+        self.identity, self.refusal, self._complaint, self.armed = "", "", "", False
         self._pending, self._wanted = None, ()
         self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
 
@@ -182,12 +167,12 @@ class Stm32:
     def _on_heartbeat(self, frame: Frame, beat: Heartbeat, stamp: Stamp) -> list[Output]:
         outputs: list[Output] = []
         identity = f"MAVLink system {frame.system} component {frame.component}, type {beat.type}"
-        if identity != self._identity:
-            self._identity = identity
+        if identity != self.identity:
+            self.identity = identity
             outputs.append(Identity(identity))
-        if self._armed and not beat.armed and self._pending is None:
+        if self.armed and not beat.armed and self._pending is None:
             outputs.append(Trouble(stamp, "stm32: has disarmed itself; see what it said before, then arm again"))
-        self._armed = beat.armed
+        self.armed = beat.armed
         return outputs
 
     def _on_text(self, message: StatusText, stamp: Stamp) -> Output:
@@ -205,11 +190,11 @@ class Stm32:
             return []
         pending, self._pending = self._pending, None
         if answer.result == ACCEPTED:
-            self._armed, self._refusal = pending.arm, ""
+            self.armed, self.refusal = pending.arm, ""
             return []
-        self._refusal = self._complaint or f"answered with result {answer.result}"
+        self.refusal = self._complaint or f"answered with result {answer.result}"
         wish = "arm" if pending.arm else "disarm"
-        return [Trouble(stamp, f"stm32: does not {wish}: {self._refusal}")]
+        return [Trouble(stamp, f"stm32: does not {wish}: {self.refusal}")]
 
     def _retry(self, stamp: Stamp) -> list[Output]:
         """Repeat an unanswered command, and give up after the last attempt."""
@@ -219,11 +204,11 @@ class Stm32:
         if pending.attempt < self._knobs.attempts:
             return [self._ask(_PendingCommand(pending.arm, stamp, pending.attempt + 1))]
         self._pending = None
-        self._refusal = f"no answer to {pending.attempt} requests"
-        return [Trouble(stamp, f"stm32: {self._refusal}; check line and firmware")]
+        self.refusal = f"no answer to {pending.attempt} requests"
+        return [Trouble(stamp, f"stm32: {self.refusal}; check line and firmware")]
 
     def _ask(self, pending: _PendingCommand) -> Send:
-        self._pending, self._refusal, self._complaint = pending, "", ""
+        self._pending, self.refusal, self._complaint = pending, "", ""
         return self._send(CommandLong(ARM_DISARM, 1.0 if pending.arm else 0.0, pending.attempt - 1))
 
     def _heartbeat(self) -> Send:

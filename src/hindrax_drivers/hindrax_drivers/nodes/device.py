@@ -12,19 +12,17 @@ from functools import partial
 
 from rclpy.node import Node
 
-from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.vehicle import Mount
 from hindrax_drivers.driver_registry import DEVICES, PORTS
 from hindrax_drivers.nodes.sensors import WireHosts
+from hindrax_drivers.nodes.thruster_settings import NO_VEHICLE
 from hindrax_ros.process import spin
-
-NOWHERE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
-"""A driver asks it only for the water, and that is a knob of the driver as well."""
 
 
 def make_nodes(kind: str) -> Sequence[Node]:
     """Make the node of one device."""
     wires = WireHosts()
-    wires.add(kind, Mount(kind, PORTS[DEVICES[kind].wire]), NOWHERE)
+    wires.add(kind, Mount(kind, PORTS[DEVICES[kind].wire]), NO_VEHICLE)
     wires.open_buses()
     return wires.nodes
 

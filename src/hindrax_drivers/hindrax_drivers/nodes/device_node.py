@@ -27,7 +27,7 @@ from hindrax_ros.deferred_publisher import PublishQueue
 from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
 from hindrax_ros.graph import publisher
 from hindrax_ros.parameters import text
-from hindrax_ros.raw_frames import RECEIVED, SENT, FrameTap
+from hindrax_ros.raw_frames import FrameTap
 
 LIFECYCLE_PERIOD_S = 0.2
 REPORT_EVERY = 5
@@ -88,7 +88,7 @@ class DeviceNode(BatchedNode, LifecycleNode):
             elif isinstance(output, Rejected):
                 self.health.reject(output)
             elif isinstance(output, Trouble):
-                self._trouble(output.text)
+                self.troubled(output.text)
             elif isinstance(output, Identity):
                 self.health.identity = output.text
                 self.get_logger().info(f"{self.get_name()}: found {output.text}")
@@ -115,19 +115,16 @@ class DeviceNode(BatchedNode, LifecycleNode):
         if wet or self.health.alarm:
             self.health.alarm = WET if wet else WAS_WET
 
-    def _trouble(self, text: str) -> None:
+    def troubled(self, text: str) -> None:
+        """Report a trouble of the device or its wire."""
         if text != self.health.trouble:
             self.get_logger().warning(text)
         self.health.troubled(text)
 
-    def troubled(self, text: str) -> None:
-        """Report a trouble of the wire."""
-        self._trouble(text)
-
     def frame(self, stamp: Stamp, sent: bool, data: bytes) -> None:
         """Record one frame of the wire, on its thread."""
         if not self.finalized:
-            self.tap.add(stamp, SENT if sent else RECEIVED, data)
+            self.tap.add(stamp, sent, data)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Succeed once the device has identified itself."""

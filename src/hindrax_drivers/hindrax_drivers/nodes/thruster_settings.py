@@ -7,7 +7,7 @@ later wins.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -21,6 +21,8 @@ from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
 from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 NODE = "thrusters"
+NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1, 0.1, 0.1))
+"""For a device that stands alone: nothing is known of what it is on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +62,8 @@ def _vehicle_of(found: Mapping[str, Any]) -> Vehicle:
     output = {name.removeprefix("output."): value for name, value in found.items() if name.startswith("output.")}
     alone = build(OutputAlone, {"channels": found["channels"], "output": output}, "thrusters")
     named = enumerate(alone.channels, 1)
-    return Vehicle(
-        "no vehicle",
-        mass_kg=1.0,
-        volume_m3=1e-3,
-        envelope_m=(0.1, 0.1, 0.1),
+    return replace(
+        NO_VEHICLE,
         thrusters=tuple(Thruster(f"T{number}", (0.0, 0.0, 0.0), channel=channel) for number, channel in named),
         curves={"main": Curve(Branch((-150.0, 0.1, 0.0, 0.0), 1100.0, 1475.0))},
         output=alone.output,

@@ -40,7 +40,6 @@ from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, 
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.parameters import SAFETY, knobs, text
 from hindrax_ros.process import spin
-from hindrax_ros.raw_frames import RECEIVED, SENT
 
 NAME = "thrusters"
 ANSWER_S = 2.0
@@ -184,10 +183,7 @@ class ThrustersNode(DeviceNode):
 
     def _open(self) -> ThrusterOutput:
         settings = self._settings
-        return open_output(settings.vehicle, settings.port, settings.clock, self._tap, NAME)
-
-    def _tap(self, stamp: Stamp, sent: bool, data: bytes) -> None:
-        self.tap.add(stamp, SENT if sent else RECEIVED, data)
+        return open_output(settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
 
     def _beat(self) -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it

@@ -89,7 +89,6 @@ class EchoMessage:
 
     distance_mm: int
     confidence: int
-    transmit_us: int
     ping_number: int
     start_mm: int
     length_mm: int
@@ -118,8 +117,8 @@ def echo(frame: Frame) -> EchoMessage | None:
     strength = frame.payload[26:]
     if frame.id == PROFILE and int.from_bytes(frame.payload[24:26], "little") != len(strength):
         return None
-    distance, confidence, transmit, number, start, length, gain = _ECHO.unpack_from(frame.payload)
-    return EchoMessage(distance, confidence, transmit, number, start, length, gain, strength)
+    distance, confidence, _, number, start, length, gain = _ECHO.unpack_from(frame.payload)
+    return EchoMessage(distance, confidence, number, start, length, gain, strength)
 
 
 def simple(frame: Frame) -> tuple[int, int]:

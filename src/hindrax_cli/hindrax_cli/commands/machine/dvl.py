@@ -18,13 +18,14 @@ from hindrax_core.events import after
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line
-from hindrax_drivers.devices.dvl75 import Dvl75, Dvl75Knobs
+from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_drivers.devices.dvl75_settings import (
     BAUD_RATE,
     HEADING_OFFSET,
     IMU_CALIBRATION,
     POOL_MODE,
     REBOOT,
+    Dvl75Knobs,
     commands,
     wanted_settings,
 )
