@@ -7,9 +7,10 @@ import random
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
-from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
+from hindrax_control.navigation.heading_filter import FIRST, HeadingFilter, HeadingKnobs
 from hindrax_core.readings import Vec3
 
 KNOBS = HeadingKnobs(compass_sigma_deg=1.0)
@@ -67,7 +68,8 @@ def test_it_learns_the_field_of_every_thruster() -> None:
     flight.fly(60.0, lambda _: 0.0, steps)
     # The strength of the first field includes what is fixed in the vehicle.
     unit = math.degrees(1.0) / math.hypot(1.0 + FIXED[0], FIXED[1])
-    for found, truth in zip(flight.filter.motor_deg, MOTORS, strict=True):
+    along_x, along_y = np.degrees(flight.filter._fields[FIRST:]).reshape(2, -1)
+    for *found, truth in zip(along_x, along_y, MOTORS, strict=True):
         assert found == pytest.approx((truth[0] * unit, truth[1] * unit), abs=0.05)
 
 

@@ -105,7 +105,7 @@ def test_it_agrees_with_an_extended_kalman_filter_over_a_turn_with_thrusters() -
     assert ours.sigma_rad == pytest.approx(math.sqrt(theirs.P[0, 0]), rel=1e-6)
     assert ours.bias_sigma_radps == pytest.approx(math.sqrt(theirs.P[1, 1]), rel=1e-6)
     motors = np.degrees(theirs.x[5:])
-    assert np.array(ours.motor_deg) == pytest.approx(np.array([motors[:2], motors[2:]]).T, abs=1e-9)
+    assert np.degrees(ours._fields[5:]) == pytest.approx(motors, abs=1e-9)
 
 
 @pytest.mark.parametrize("forces", [(0.0, 0.0), (5.0, -4.0)])
@@ -161,7 +161,7 @@ def test_a_heading_told_outright_is_fused_as_one_number() -> None:
     theirs.P -= np.outer(gain, theirs.P[0])
     assert ours.sigma_rad == pytest.approx(math.sqrt(theirs.P[0, 0]), rel=1e-9)
     motors = np.degrees(theirs.x[5:] + 0.05 * gain[5:])
-    assert np.array(ours.motor_deg) == pytest.approx(np.array([motors[:2], motors[2:]]).T, abs=1e-9)
+    assert np.degrees(ours._fields[5:]) == pytest.approx(motors, abs=1e-9)
 
 
 def test_after_a_heading_told_outright_it_is_as_sure_as_that() -> None:

@@ -69,7 +69,7 @@ def test_every_vehicle_follows_its_reference_untuned(
     seen: list[tuple[float, float, float]] = []
     while ideal.time_s < 20.0:
         place = keep(station, ideal, box, ideal.step_s)
-        seen.append((ideal.time_s, place.x_m - 6.5, station.reference_m[0] - place.x_m))
+        seen.append((ideal.time_s, place.x_m - 6.5, station._x.value - place.x_m))
     assert max(abs(behind_m) for _, _, behind_m in seen) < 0.05
     assert max(time_s for time_s, off_m, _ in seen if abs(off_m) > 0.05) < 10.0
     assert max(off_m for _, off_m, _ in seen) < 0.03
@@ -83,7 +83,7 @@ def test_an_identified_vehicle_is_followed_closer_than_a_guessed_one(
         ideal, box, station = ideal_vehicle(hindrax), PoolBounds(hindrax, 0.0), StationKeeping(believed)
         station.start(box.place(ideal.navigation()))
         station.goal_m = (6.5, 3.0)
-        places = [(keep(station, ideal, box, 0.1), station.reference_m) for _ in range(80)]
-        behind_m.append(max(abs(reference_m[0] - place.x_m) for place, reference_m in places))
+        places = [(keep(station, ideal, box, 0.1), station._x.value) for _ in range(80)]
+        behind_m.append(max(abs(reference_m - place.x_m) for place, reference_m in places))
     known_m, guessed_m = behind_m
     assert 2.0 * known_m < guessed_m

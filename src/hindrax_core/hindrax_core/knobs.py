@@ -62,10 +62,6 @@ def knob_of(declared: Field[Any]) -> Knob:
     return found
 
 
-def _hints(cls: Any) -> dict[str, Any]:
-    return typing.get_type_hints(cls)
-
-
 def build(cls: type[T], data: object, path: str) -> T:
     """Make a checked instance of a dataclass from nested mappings; UsageError names the key path of what is wrong.
 
@@ -77,10 +73,10 @@ def build(cls: type[T], data: object, path: str) -> T:
     unknown = [str(key) for key in data if key not in declared]
     if unknown:
         raise UsageError(f"{_inside(path, unknown[0])}: unknown key, wanted one of {', '.join(declared)}")
-    values = {}
+    values, hints = {}, typing.get_type_hints(cls)
     for name, one in declared.items():
         if name in data:
-            values[name] = _value(_hints(cls)[name], one, data[name], _inside(path, name))
+            values[name] = _value(hints[name], one, data[name], _inside(path, name))
         elif one.default is MISSING and one.default_factory is MISSING:
             raise UsageError(f"{_inside(path, name)}: missing, wanted {knob_of(one).meaning or 'a value'}")
     try:

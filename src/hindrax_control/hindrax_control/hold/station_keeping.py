@@ -41,11 +41,6 @@ class StationKeeping:
         self._push = [0.0, 0.0]
         self.goal_m: tuple[float, float] | None = None
 
-    @property
-    def reference_m(self) -> tuple[float, float]:
-        """Place in the pool where the vehicle should be now, on its way to the goal."""
-        return self._x.value, self._y.value
-
     def start(self, place: PoolPosition) -> None:
         """Take the present place as goal, moving as the vehicle moves; what holds against a current is kept."""
         self._x.start(place.x_m, place.vx_mps)

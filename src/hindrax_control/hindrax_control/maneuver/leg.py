@@ -25,7 +25,7 @@ class LegController:
     """One leg from wherever the vehicle is. Time is the caller's, in seconds."""
 
     def __init__(self, leg: Leg) -> None:
-        self.leg, self.ends = leg, (leg.start, leg.end)
+        self.leg, self.seconds, self.ends = leg, leg.seconds, (leg.start, leg.end)
         # Drag brakes as well, but fades with the speed: it is left out.
         self._braking = leg.boost / leg.inertia
         character = CHARACTERS[leg.axis]
@@ -33,11 +33,6 @@ class LegController:
         self._boost_s = character.boost_s
         self._stretch, self._way = "boost", 1.0
         self._since_s = math.nan
-
-    @property
-    def seconds(self) -> float:
-        """Planned duration [s]."""
-        return self.leg.seconds
 
     def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:
         """Drive on, given where the vehicle is along the motion and how fast; `trusted`: the rate is measured."""

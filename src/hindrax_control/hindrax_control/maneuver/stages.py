@@ -17,7 +17,7 @@ from hindrax_control.maneuver.plan import ALONG, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.readings import Vec6
-from hindrax_core.signals import NAN, Navigation
+from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import AXES
 
 HOLD_OF = {"heave": ("depth", "altitude"), "roll": ("roll",), "pitch": ("pitch",), "yaw": ("heading",)}
@@ -290,5 +290,3 @@ class BrakeAndHold:
 
 RELEASED = tuple(Setpoint(name, engaged=False) for name in ("heading", "roll", "pitch", "depth", "altitude"))
 """What ends neutral."""
-
-NOWHERE = PoolPosition(NAN, NAN, NAN, NAN, NAN)

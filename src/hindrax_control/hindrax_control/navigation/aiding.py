@@ -78,18 +78,18 @@ class Aiding:
         self._said: Vec3 | None = None
         self._said_s = 0.0
 
-    def bottom_velocity(self, reading: BottomVelocity, seat: SensorMount, valid_s: float) -> bool:
+    def bottom_velocity(self, reading: BottomVelocity, mount: SensorMount, valid_s: float) -> bool:
         """Fuse a velocity over ground, the mean over an interval around `valid_s` of filter time."""
         if reading.velocity_mps is None:
             return False
         half_s = 0.5 * max(reading.interval_s, SHORTEST_SPAN_S)
         way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
-        u, v, w = seat.body(reading.velocity_mps)
+        u, v, w = mount.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
         repeated_s = self._repeated_s(reading.velocity_mps, valid_s)
         if repeated_s > self._knobs.repeated_s or way is None or not (abs(u) <= fastest and abs(v) <= fastest):
             return False
-        by_rotation = cross(way.rate_radps, seat.lever_m)
+        by_rotation = cross(way.rate_radps, mount.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
         return self._horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
@@ -110,31 +110,31 @@ class Aiding:
             self.sunk_off_m += span_s * (off_mps - self.sunk_off_m / REMEMBERED_S)
         self._sunk_s = valid_s
 
-    def pressure(self, reading: Pressure, seat: SensorMount, delay_s: float) -> bool:
+    def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the depth that a pressure means."""
         depth_m = (reading.pressure_Pa - self._surface_Pa) / self._pascal_per_m
         if not abs(depth_m) <= self._deepest_m:
             return False
-        return self._vertical.depth(depth_m - self._below(seat.lever_m), self._knobs.pressure_sigma_m, delay_s)
+        return self._vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)
 
-    def echo(self, reading: Echo, seat: SensorMount, delay_s: float) -> bool:
+    def echo(self, reading: Echo, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the range of the sonar: the nearest point of the floor within its beam answers."""
         knobs = self._knobs
         if not reading.confidence >= knobs.sonar_confidence:
             return False
         sigma_m = math.hypot(knobs.sonar_sigma_m, knobs.sonar_sigma * reading.range_m)
-        return self._range(reading.range_m, sigma_m, 0.5 * math.radians(knobs.sonar_beam_deg), seat, delay_s)
+        return self._range(reading.range_m, sigma_m, 0.5 * math.radians(knobs.sonar_beam_deg), mount, delay_s)
 
-    def _range(self, range_m: float, sigma_m: float, half_beam_rad: float, seat: SensorMount, delay_s: float) -> bool:
+    def _range(self, range_m: float, sigma_m: float, half_beam_rad: float, mount: SensorMount, delay_s: float) -> bool:
         dx, dy, dz = self._attitude.rotation[2]
-        ax, ay, az = seat.axis
+        ax, ay, az = mount.axis
         tilt = math.acos(min(1.0, max(-1.0, dx * ax + dy * ay + dz * az)))
         if not (tilt <= math.radians(self._knobs.sonar_tilt_deg) and 0.0 < range_m < math.inf):
             return False
         height_m = range_m * math.cos(max(0.0, tilt - half_beam_rad))
-        return self._vertical.altitude(height_m + self._below(seat.lever_m), sigma_m, delay_s)
+        return self._vertical.altitude(height_m + self._below(mount.lever_m), sigma_m, delay_s)
 
-    def magnetic(self, reading: Magnetic, seat: SensorMount, delay_s: float) -> bool:
+    def magnetic(self, reading: Magnetic, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the heading that a magnetic field means."""
         knobs, attitude = self._knobs, self._attitude
         if knobs.heading_from not in ("magnetometer", "both"):
@@ -142,7 +142,7 @@ class Aiding:
         down = attitude.rotation[2]
         if self._heading.known and down[2] < math.cos(math.radians(knobs.compass_tilt_deg)):
             return False
-        north, east, _ = rotate(attitude.rotation, seat.body(reading.field_T))
+        north, east, _ = rotate(attitude.rotation, mount.body(reading.field_T))
         heading_rad = attitude.heading_rad
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         # Leveled axes that look where the body looked when the field was measured.
@@ -156,7 +156,7 @@ class Aiding:
         attitude.steer(*correction)
         return True
 
-    def bottom_track(self, reading: BottomTrack, seat: SensorMount, delay_s: float, sonar_age_s: float) -> bool:
+    def bottom_track(self, reading: BottomTrack, mount: SensorMount, delay_s: float, sonar_age_s: float) -> bool:
         """Fuse the DVL's own heading, where asked for, and its altitude while the sonar is silent."""
         knobs = self._knobs
         digits = reading.imu_calibration
@@ -167,7 +167,7 @@ class Aiding:
             sigma_deg = knobs.dvl_heading_sigma_deg
             self._attitude.steer(*self._heading.heading(math.remainder(off_rad, math.tau), sigma_deg))
         if reading.locked and reading.altitude_m is not None and sonar_age_s > knobs.dvl_altitude_after_s:
-            return self._range(reading.altitude_m, knobs.dvl_altitude_sigma_m, 0.0, seat, delay_s)
+            return self._range(reading.altitude_m, knobs.dvl_altitude_sigma_m, 0.0, mount, delay_s)
         return steered
 
     def _below(self, lever_m: Vec3) -> float:

@@ -167,10 +167,3 @@ class HeadingFilter:
     def bias_sigma_radps(self) -> float:
         """Standard deviation of the gyroscope's offset about the vertical."""
         return math.sqrt(max(0.0, float(self._P[BIAS, BIAS])))
-
-    @property
-    def motor_deg(self) -> tuple[tuple[float, float], ...]:
-        """What has been learned: effect of each thruster on the compass, along body x and y [deg/N^1.5]."""
-        n = self._thrusters
-        fields = np.degrees(self._fields[FIRST:])
-        return tuple((float(fields[i]), float(fields[n + i])) for i in range(n))

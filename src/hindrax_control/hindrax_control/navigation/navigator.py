@@ -65,7 +65,7 @@ class Navigator:
         self._vehicle = vehicle
         self._knobs = knobs
         self._period_ns = round(NS_PER_S / knobs.rate_Hz)
-        self._seats = {name: sensor_mount(mount) for name, mount in vehicle.sensors.items()}
+        self._mounts = {name: sensor_mount(mount) for name, mount in vehicle.sensors.items()}
         self._forces_N: tuple[float, ...] = ()
         self.refused = 0
         self._position, self._heading_rad = (0.0, 0.0), 0.0
@@ -160,7 +160,7 @@ class Navigator:
         self._pushed_z += half * (ez + fz)
         if stamp < self._due:
             return None
-        at = self._seats.get(source, NOWHERE)
+        at = self._mounts.get(source, NOWHERE)
         if not self._complete(stamp, at):
             return None
         return Stamped(stamp, self._navigation(stamp, at.body(reading.rate_radps)))
@@ -269,7 +269,7 @@ class Navigator:
 
     def _fuse(self, valid: Stamp, reading: Reading, source: str) -> bool:
         """Let the filters learn from one measurement; False when it was of no use."""
-        at, aiding = self._seats.get(source, NOWHERE), self._aiding
+        at, aiding = self._mounts.get(source, NOWHERE), self._aiding
         delay_s = (self._imu - valid) / NS_PER_S
         match reading:
             case BottomVelocity(velocity_mps=None):
