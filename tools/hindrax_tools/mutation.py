@@ -4,7 +4,7 @@
 
 No file is changed: a process of its own imports the mutant in the place of the module. So only tests that call the
 module in their own process can kill a mutant. One that survives may also change nothing: read it before you write a
-test.
+test. `hindrax_tools.mutation_table` does this for a list of modules.
 """
 
 from __future__ import annotations
@@ -12,22 +12,27 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
-import importlib
+import gc
 import importlib.abc
 import importlib.machinery
 import importlib.util
+import inspect
+import math
 import os
 import random
 import signal
 import sys
+import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import CodeType
+from types import CodeType, FunctionType
 
 import hypothesis
+import pytest
 
 SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -39,24 +44,26 @@ DECLARES = "knob"
 """Declares a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
 PROFILE = "mutation"
 """Settings of hypothesis."""
-LONGEST_S = 60
-"""A mutant that keeps its tests busy for longer is killed, and counts as killed."""
+PATIENCE = 5.0
+LEAST_PATIENCE_S = 10.0
+"""Tests that take so many times longer with a mutant than without it are ended, and the mutant counts as killed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A change of one node: where, and what it is there now and in the mutant."""
+    """A change of one node: where, what it is there now and in the mutant, and how the line reads in the mutant."""
 
     line: int
     before: str
     after: str
+    reads: str
 
 
 class _Mutate(ast.NodeTransformer):
     """Changes the node of one number, counted in the order of the source; -1: none. Lists what it passes."""
 
-    def __init__(self, wanted: int = -1) -> None:
-        self._wanted, self.found = wanted, list[Mutant]()
+    def __init__(self, source: str, wanted: int = -1) -> None:
+        self._lines, self._wanted, self.found = source.splitlines(), wanted, list[Mutant]()
 
     def visit(self, node: ast.AST) -> ast.AST:
         """Change this node if it is the one; then what is below it."""
@@ -73,10 +80,18 @@ class _Mutate(ast.NodeTransformer):
                 node.value = self.visit(node.value)  # type: ignore[assignment]  # an expression stays one
             return node
         for other in _others(node):
-            self.found.append(Mutant(getattr(node, "lineno", 0), ast.unparse(node), ast.unparse(other)))
+            self.found.append(self._mutant(node, other))
             if len(self.found) - 1 == self._wanted:
                 return other
         return self.generic_visit(node)
+
+    def _mutant(self, node: ast.AST, other: ast.AST) -> Mutant:
+        # Columns are those of UTF-8. A node of the grammar that is mutated has a place.
+        first, last = self._lines[node.lineno - 1].encode(), self._lines[node.end_lineno - 1].encode()  # type: ignore[attr-defined]
+        left, right = first[: node.col_offset].decode(), last[node.end_col_offset :].decode()  # type: ignore[attr-defined]
+        before, after = ast.unparse(node), ast.unparse(other)
+        reads = f"{left}{after}{right}".strip()
+        return Mutant(node.lineno, before, after, f"pass  # {before}" if isinstance(other, ast.Pass) else reads)  # type: ignore[attr-defined]
 
     def _all(self, body: list[ast.stmt]) -> list[ast.stmt]:
         return [self.visit(one) for one in body]  # type: ignore[misc]  # a statement stays one
@@ -106,14 +121,14 @@ def _others(node: ast.AST) -> Iterator[ast.AST]:
 
 def mutants(source: str) -> list[Mutant]:
     """Every mutant of a source, in its order."""
-    mutate = _Mutate()
+    mutate = _Mutate(source)
     mutate.visit(ast.parse(source))
     return mutate.found
 
 
 def mutated(source: str, number: int) -> ast.Module:
     """The tree of the mutant of this number; the source's own for -1."""
-    tree = _Mutate(number).visit(ast.parse(source))
+    tree = _Mutate(source, number).visit(ast.parse(source))
     assert isinstance(tree, ast.Module)
     return ast.fix_missing_locations(tree)
 
@@ -141,21 +156,155 @@ class _Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_loader(fullname, self._loader) if fullname == self._module else None
 
 
-def survives(module: str, path: str, number: int, tests: Sequence[str]) -> bool:
-    """Whether all tests pass with a mutant, in a process of its own."""
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What became of those mutants of a module that were tried."""
+
+    module: str
+    chosen: int
+    tried: int
+    left: tuple[Mutant, ...]
+
+
+class Trial:
+    """The tests of one module, run in a process of its own each time."""
+
+    def __init__(self, module: str, tests: Sequence[str]) -> None:
+        place = importlib.util.find_spec(module)
+        if place is None or place.origin is None:
+            raise LookupError(f"{module}: no such module")
+        self.module, self.path, self._tests = module, place.origin, tests
+        self.source = Path(self.path).read_text(encoding="utf-8")
+        self._patience_s = 0.0  # for ever
+
+    def survives(self, number: int) -> bool:
+        """Whether all tests pass with the mutant of this number in the place of the module."""
+        return in_a_child(lambda: self._pytest(number), self._patience_s)
+
+    def sift(self, numbers: Sequence[int], seconds: float) -> dict[int, bool]:
+        """Whether the tests fail with the changed functions of a mutant, tests and all loaded once for all mutants.
+
+        Quick, and sure only for those that are killed: what is made while a module is loaded is not changed.
+        AssertionError when the tests fail without a mutant.
+        """
+        with tempfile.TemporaryFile("w+", encoding="utf-8") as told:
+
+            def tell(*words: float) -> None:
+                print(*words, file=told, flush=True)
+
+            in_a_child(lambda: self._pytest(-1, _Sieve(self, numbers, seconds, tell)), 0.0)
+            told.seek(0)
+            lines = [line.split() for line in told]
+        if not lines:
+            raise AssertionError(f"{self.module}: the tests fail already without a mutant")
+        self._patience_s = float(lines[0][0])
+        return {int(number): killed == "1" for number, killed in lines[1:]}
+
+    def _pytest(self, number: int, *plugins: object) -> bool:
+        silence = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silence, 1)
+        os.dup2(silence, 2)
+        sys.meta_path.insert(0, _Finder(self.module, self.path, number))
+        words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *self._tests]
+        return pytest.main(words, plugins) == pytest.ExitCode.OK
+
+
+def in_a_child(work: Callable[[], bool], patience_s: float) -> bool:
+    """Do it in a process of its own; False when it fails or takes too long (0: for ever)."""
     child = os.fork()
     if child == 0:
-        code = 1
+        good = False
         with contextlib.suppress(BaseException):
-            signal.alarm(LONGEST_S)
-            silence = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(silence, 1)
-            os.dup2(silence, 2)
-            sys.meta_path.insert(0, _Finder(module, path, number))
-            words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *tests]
-            code = int(importlib.import_module("pytest").main(words))
-        os._exit(code)
+            signal.setitimer(signal.ITIMER_REAL, patience_s)
+            good = work()
+        os._exit(int(not good))
     return os.waitpid(child, 0)[1] == 0
+
+
+class _Sieve:
+    """A plugin of pytest: instead of its loop, what was collected runs against each mutant, in a child each time."""
+
+    def __init__(self, trial: Trial, numbers: Sequence[int], seconds: float, tell: Callable[..., None]) -> None:
+        self._trial, self._numbers, self._seconds, self._tell = trial, numbers, seconds, tell
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the tests without a mutant, and tell how patient to be; then with one mutant after the other."""
+        start_s = time.monotonic()
+        if not in_a_child(partial(self._passes, session, -1), 0.0):
+            return True
+        patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
+        self._tell(patience_s)
+        end_s = time.monotonic() + self._seconds
+        for number in self._numbers:
+            if time.monotonic() > end_s:
+                break
+            self._tell(number, int(not in_a_child(partial(self._passes, session, number), patience_s)))
+        return True
+
+    def _passes(self, session: pytest.Session, number: int) -> bool:
+        if number >= 0 and not patched(self._trial.path, self._trial.source, number):
+            return True
+        for item, following in zip(session.items, [*session.items[1:], None], strict=True):
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if session.testsfailed:
+                return False
+        return True
+
+
+def patched(path: str, source: str, number: int) -> bool:
+    """Give the functions that are loaded the code of a mutant; False when it changes more than their bodies."""
+    with contextlib.suppress(ValueError):  # another structure, or another closure
+        pairs = _changed(*(compile(mutated(source, one), path, "exec") for one in (-1, number)))
+        live = [one for one in gc.get_objects() if isinstance(one, FunctionType) and one.__code__.co_filename == path]
+        done = [(function, new) for old, new in pairs for function in live if function.__code__ == old]
+        for function, new in done:
+            function.__code__ = new
+        return bool(done)
+    return False
+
+
+def _changed(old: CodeType, new: CodeType) -> list[tuple[CodeType, CodeType]]:
+    """Functions that differ; ValueError when what runs only once, a module or a class, differs itself."""
+    inside = [[one for one in code.co_consts if isinstance(one, CodeType)] for code in (old, new)]
+    found = [pair for both in zip(*inside, strict=True) for pair in _changed(*both)]
+    if old.co_flags & inspect.CO_OPTIMIZED:
+        return [*found, (old, new)] if old != new else []
+    if old.replace(co_consts=_plain(old)) != new.replace(co_consts=_plain(new)):
+        raise ValueError
+    return found
+
+
+def _plain(code: CodeType) -> tuple[object, ...]:
+    return tuple(None if isinstance(one, CodeType) else one for one in code.co_consts)
+
+
+def try_mutants(trial: Trial, chosen: Sequence[int], seconds: float = math.inf) -> Sample:
+    """Try mutants in this order for so long, and print those that survive."""
+    known, left, killed = mutants(trial.source), list[Mutant](), trial.sift(chosen, seconds)
+    for number in killed:
+        if not killed[number] and trial.survives(number):
+            one = known[number]
+            left.append(one)
+            print(f"{Path(trial.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
+    return Sample(trial.module, len(chosen), len(killed), tuple(left))
+
+
+def sampled(source: str, count: int | None, seed: int, grep: str = "") -> list[int]:
+    """Numbers of so many mutants, all for None, in random order; only of lines with this text."""
+    lines = source.splitlines()
+    chosen = [number for number, one in enumerate(mutants(source)) if grep in lines[one.line - 1]]
+    random.Random(seed).shuffle(chosen)  # noqa: S311  # no secret
+    return chosen[:count]
+
+
+def prepare() -> None:
+    """Load what is large once for all, and tell hypothesis that a property fails, not for which smallest example."""
+    for name in ("numpy", "scipy.linalg", "rclpy"):
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
+    hypothesis.settings.register_profile(PROFILE, deadline=None, derandomize=True, phases=phases)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -164,34 +313,20 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("module", help="as it is imported")
     parser.add_argument("tests", nargs="+", help="files or names of tests, as pytest takes them")
     parser.add_argument("--seconds", type=float, default=600.0, help="time after which no further mutant is tried")
+    parser.add_argument("--sample", type=int, metavar="N", help="try so many mutants; all without this option")
+    parser.add_argument("--seed", type=int, default=1, help="of the random order")
     parser.add_argument("--grep", default="", help="only mutants of source lines with this text")
     options = parser.parse_args(words)
-    place = importlib.util.find_spec(options.module)
-    if place is None or place.origin is None:
-        parser.error(f"{options.module}: no such module")
-    source = Path(place.origin).read_text(encoding="utf-8")
-    lines, known = source.splitlines(), mutants(source)
-    chosen = [number for number, one in enumerate(known) if options.grep in lines[one.line - 1]]
-    for heavy in ("pytest", "numpy", "scipy.linalg"):  # once, not in every process
-        importlib.import_module(heavy)
-    # That it fails is enough: to find the smallest example takes many times as long.
-    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
-    hypothesis.settings.register_profile(PROFILE, deadline=None, derandomize=True, phases=phases)
-    if not survives(options.module, place.origin, -1, options.tests):
-        parser.error("the tests fail already without a mutant")
-    random.Random(1).shuffle(chosen)  # noqa: S311  # no secret
-    end_s, left = time.monotonic() + options.seconds, list[Mutant]()
-    tried = 0
-    for number in chosen:
-        if time.monotonic() > end_s:
-            break
-        tried += 1
-        if survives(options.module, place.origin, number, options.tests):
-            one = known[number]
-            left.append(one)
-            print(f"{place.origin}:{one.line}: {one.before}  ->  {one.after}", flush=True)
-    print(f"{options.module}: {tried - len(left)} of {tried} mutants killed; {len(chosen) - tried} not tried")
-    return int(bool(left))
+    prepare()
+    try:
+        trial = Trial(options.module, options.tests)
+        chosen = sampled(trial.source, options.sample, options.seed, options.grep)
+        result = try_mutants(trial, chosen, options.seconds)
+    except (LookupError, AssertionError) as error:
+        parser.error(str(error))
+    killed, untried = result.tried - len(result.left), result.chosen - result.tried
+    print(f"{options.module}: {killed} of {result.tried} mutants killed; {untried} not tried")
+    return int(bool(result.left))
 
 
 if __name__ == "__main__":

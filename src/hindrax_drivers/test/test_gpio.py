@@ -14,6 +14,7 @@ from hindrax_core.bus_operations import EDGES, DeviceError, Read, Write
 from hindrax_core.vehicle import Output, load_vehicle
 from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
+from hindrax_drivers.output import enable_line
 from hindrax_drivers.output.enable_line import TRIGGER_S, open_enable_line, outputs_enabled
 from hindrax_drivers.output.output_ports import open_output
 
@@ -218,6 +219,31 @@ def test_outputs_are_enabled_for_a_while_and_the_line_is_given_back(gpiod: FakeG
         assert low.wait(10.0), "a timer is triggered again and again"
     assert gpiod.said[-1] == 1, "a line that is given back may keep its level: the outputs are off before"
     assert levels == {}, "given back"
+
+
+def test_a_pulse_that_is_on_its_way_at_the_end_comes_before_the_outputs_are_off(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    entered, done, happened = threading.Event(), threading.Event(), list[str]()
+
+    class SlowLine:
+        def set(self, *, enabled: bool) -> None:
+            happened.append("on" if enabled else "off")
+
+        def written(self) -> None:
+            entered.set()
+            done.wait(10.0)
+            happened.append("pulse")
+
+        def close(self) -> None:
+            happened.append("closed")
+
+    monkeypatch.setattr(enable_line, "open_enable_line", lambda _output, _port: SlowLine())
+    with outputs_enabled(Output(), BUS):
+        assert entered.wait(10.0)
+        threading.Timer(0.1, done.set).start()
+    done.wait(10.0)
+    assert happened == ["on", "pulse", "off", "closed"]
 
 
 def test_a_line_is_given_back_when_the_bus_behind_it_cannot_be_opened(gpiod: FakeGpiod, tmp_path: Path) -> None:

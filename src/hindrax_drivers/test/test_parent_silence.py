@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hindrax_core.events import after, stamp_from_s
-from hindrax_drivers.output.parent_silence import ParentSilence
+from hindrax_drivers.output.parent_silence import SILENT_S, SILENT_WALL_S, TOLD_S, ParentSilence
 
 START = stamp_from_s(100.0)
 
@@ -33,3 +33,7 @@ def test_a_word_ends_the_silence() -> None:
     silence.on_beat(later, 55.0)
     assert not silence.silent(after(later, 0.9), 55.9)
     assert silence.silent(after(later, 1.0), 56.0)
+
+
+def test_two_words_in_a_row_may_be_late_or_lost() -> None:
+    assert min(SILENT_S, SILENT_WALL_S) >= 3 * TOLD_S

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from hindrax_core.errors import UsageError
-from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_core.topics import NAMESPACE
+from hindrax_drivers.nodes.thruster_settings import Settings, namespace_of, read_settings
 
 VEHICLE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
 
@@ -47,7 +48,8 @@ def test_a_word_on_the_command_line_wins(tmp_path: Path) -> None:
 
 
 def test_the_vehicle_file_may_be_all_there_is() -> None:
-    assert read_settings(["--ros-args", "-p", f"vehicle:={VEHICLE}"]).port == "/dev/i2c-1"
+    settings = read_settings(["--ros-args", "-p", f"vehicle:={VEHICLE}"])
+    assert (settings.port, settings.alone) == ("/dev/i2c-1", False)
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
@@ -65,3 +67,19 @@ def test_nested_blocks_of_an_output_without_a_vehicle_file_count_as_ros_reads_th
     text = "/**/thrusters: {ros__parameters: {channels: [3, 4], output: {address: 65, port: /dev/i2c-7}}}"
     settings = read(tmp_path, text)
     assert (settings.vehicle.output.address, settings.port) == (65, "/dev/i2c-7")
+    assert settings.alone
+    assert [(one.name, one.channel) for one in settings.vehicle.thrusters] == [("T1", 3), ("T2", 4)]
+
+
+@pytest.mark.parametrize(
+    ("words", "namespace"),
+    [
+        ([], NAMESPACE),
+        (["-r", "__node:=thrusters", "-p", "__ns:=/no_rule"], NAMESPACE),
+        (["-r", "__ns:=/rov1"], "/rov1"),
+        (["--remap", "__ns:=/rov1/"], "/rov1"),
+        (["-r", "__ns:=/rov1", "-r", "a:=b", "-r", "__ns:=/rov2", "-r", "__ns:=/rov3"], "/rov3"),
+    ],
+)
+def test_the_last_rule_for_the_namespace_counts(words: list[str], namespace: str) -> None:
+    assert namespace_of(["--ros-args", *words]) == namespace

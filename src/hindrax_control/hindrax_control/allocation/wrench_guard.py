@@ -91,10 +91,9 @@ def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[str, ...]]:
     values, notes = list(wrench), []
     for axes in LIMITED_TOGETHER:
         kept = min((limits[axis] / abs(wrench[axis]) for axis in axes if abs(wrench[axis]) > limits[axis]), default=1.0)
-        if kept < 1.0:
-            for axis in axes:
-                values[axis] = wrench[axis] * kept
-            over = [axis for axis in axes if abs(wrench[axis]) > limits[axis]]
-            notes += [f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}" for i in over]
+        for axis in axes:
+            values[axis] = wrench[axis] * kept
+        over = [axis for axis in axes if abs(wrench[axis]) > limits[axis]]
+        notes += [f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}" for i in over]
     X, Y, Z, K, M, N = values
     return (X, Y, Z, K, M, N), tuple(notes)

@@ -82,7 +82,7 @@ def outputs_enabled(output: Output, port: str) -> Iterator[None]:
                 line.written()
 
         line.set(enabled=True)
-        thread = threading.Thread(target=trigger, daemon=True)
+        thread = threading.Thread(target=trigger)
         thread.start()
         try:
             yield

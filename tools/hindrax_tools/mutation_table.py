@@ -1,0 +1,122 @@
+"""What share of the mutants that change something the tests kill, in every module that safety and truth hang on.
+
+    python -m hindrax_tools.mutation_table --only "dead man" --sample 30
+
+`mutation_tests.yaml` lists the modules by area, the tests of each, and mutants that were read and change nothing. Of
+each module a sample is tried; what survives is printed, with the line of code as it reads in the mutant. The exit code
+is 1 when less than 95 % are killed in an area.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hindrax_tools.mutation import Mutant, Trial, mutants, prepare, sampled, try_mutants
+
+LIST = Path(__file__).with_name("mutation_tests.yaml")
+WANTED = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A module of the list: its tests, and the reason why a mutant changes nothing, by how its line reads then."""
+
+    area: str
+    module: str
+    tests: tuple[str, ...]
+    same: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the table: counts of mutants; `known`: all there are; `changing`: those tried that change something."""
+
+    name: str
+    known: int
+    tried: int
+    changing: int
+    killed: int
+
+    @property
+    def share(self) -> float:
+        """Killed of those that change something."""
+        return self.killed / self.changing if self.changing else 1.0
+
+    def __str__(self) -> str:
+        counts = (self.name, self.known, self.tried, self.changing, self.killed, f"{100 * self.share:.0f} %")
+        return f"| {' | '.join(map(str, counts))} |"
+
+
+def listed() -> list[Entry]:
+    """The list, in its order."""
+    areas: Mapping[str, Mapping[str, Mapping[str, Any]]] = yaml.safe_load(LIST.read_text(encoding="utf-8"))
+    return [
+        Entry(area, module, tuple(entry["tests"]), entry.get("same", {}))
+        for area, modules in areas.items()
+        for module, entry in modules.items()
+    ]
+
+
+def unknown(entry: Entry, known: Iterable[Mutant]) -> list[str]:
+    """Lines of the list that no mutant has: the code has changed since they were read."""
+    return sorted(set(entry.same) - {one.reads for one in known})
+
+
+def measure(entry: Entry, count: int | None, seed: int, seconds: float) -> Row:
+    """Try a sample of the mutants of a module, as far as the time goes."""
+    trial = Trial(entry.module, entry.tests)
+    known = mutants(trial.source)
+    for line in unknown(entry, known):
+        print(f"{entry.module}: no mutant reads: {line}; take it out of {LIST.name}", file=sys.stderr)
+    result = try_mutants(trial, sampled(trial.source, count, seed), seconds)
+    same = [one for one in result.left if one.reads in entry.same]
+    return Row(entry.module, len(known), result.tried, result.tried - len(same), result.tried - len(result.left))
+
+
+def total(name: str, rows: Sequence[Row]) -> Row:
+    """The sum of rows."""
+    known, tried, changing, killed = (sum(getattr(row, field) for row in rows) for field in COUNTS)
+    return Row(name, known, tried, changing, killed)
+
+
+COUNTS = ("known", "tried", "changing", "killed")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Print the table; 1 when an area is below what is wanted."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME", help="area or module, more than once for more"
+    )
+    parser.add_argument("--sample", type=int, default=20, metavar="N", help="mutants of each module")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample")
+    parser.add_argument("--seconds", type=float, default=600.0, help="time for the mutants of each module")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows of the modules there as well")
+    options = parser.parse_args(words)
+    prepare()
+    entries = [one for one in listed() if not options.only or {one.area, one.module} & set(options.only)]
+    if not entries:
+        parser.error(f"--only: no such area or module; there are {', '.join(sorted({one.area for one in listed()}))}")
+    rows: dict[str, list[Row]] = {}
+    for entry in entries:
+        rows.setdefault(entry.area, []).append(measure(entry, options.sample, options.seed, options.seconds))
+        print(rows[entry.area][-1], flush=True)
+        if options.json:
+            options.json.write_text(json.dumps([asdict(row) for area in rows.values() for row in area], indent=1))
+    areas = [total(area, ones) for area, ones in rows.items()]
+    print("\n| area | mutants | tried | that change something | killed | share |\n|---|---|---|---|---|---|")
+    for row in [*areas, total("all", areas)]:
+        print(row)
+    return int(any(row.share < WANTED for row in areas))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
