@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from synthetic_runs import STEP_S, back_and_forth, fly
+from synthetic_runs import STEP_S, Plan, back_and_forth, fly
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
@@ -187,13 +187,39 @@ def test_the_joint_filter_takes_over_when_the_first_estimate_is_good() -> None:
     assert late[0] == pytest.approx(THETA, rel=0.1, abs=1.0)
 
 
+def mean_depths_m(depth_m: Array, rng: np.random.Generator) -> Array:
+    """Means over DEPTH_S, each with the noise of a pressure sensor: (n,)."""
+    per_mean = round(DEPTH_S / STEP_S)
+    means = depth_m[: len(depth_m) // per_mean * per_mean].reshape(-1, per_mean).mean(axis=1)
+    return array(means + 0.001 * rng.standard_normal(len(means)))
+
+
+HEAVE, HEAVE_THETA = Model(2, 15.22, split=True), np.array([93.52, 5.26, 56.57, 11.84, 0.7845, 37.7])
+HEAVE_PRIOR = Prior(np.array([80.0, 8.0, 80.0, 8.0, 0.0, 35.0]), np.array([80.0, 60.0, 80.0, 60.0, 5.0, 20.0]))
+
+
+def test_hovering_tells_the_net_buoyancy_although_the_drags_of_both_directions_differ() -> None:
+    legs = back_and_forth((12.0, 1.5, 5.4), 6.0, 36.0)
+    plan = Plan(np.append(0.0, legs.times_s + 8.0), np.append(0.0, legs.forces) + HEAVE_THETA[4], 44.0)
+    flight, errors = fly(HEAVE, HEAVE_THETA, plan, LAG_S), []
+    for seed in range(20):
+        rng, estimator = np.random.default_rng(seed), AxisEstimator(HEAVE, LAG_S, HEAVE_PRIOR, Tuning())
+        for at_s, force in zip(flight.times_s.tolist(), flight.commands.tolist(), strict=True):
+            estimator.thrust(at_s, force)
+        for index, v in enumerate((np.diff(mean_depths_m(flight.path.s, rng)) / DEPTH_S).tolist()):
+            estimator.velocity(DEPTH_S * (index + 1), v, derived=True)
+        errors.append(estimator.estimate()[0] - HEAVE_THETA)
+    bias = dict(zip(HEAVE.names, np.mean(errors, axis=0).tolist(), strict=True))
+    # A sign that is that of the noise, or that of a second ago, moves them by 0.01 to 0.025 N and 0.15 to 0.27 N s/m.
+    assert abs(bias["b"]) < 0.008
+    assert abs(bias["k_l_negative"]) < 0.12
+
+
 def test_velocities_derived_from_positions_are_weighed_as_differences() -> None:
     """A pressure sensor: velocities of mean depths, whose noise is that of the depths at both ends."""
     rng = np.random.default_rng(8)
     flight = fly(MODEL, THETA, back_and_forth((14.0, 5.4), 4.0, 120.0), LAG_S)
-    per_mean = round(DEPTH_S / STEP_S)
-    depths_m = flight.path.s[: len(flight.path.s) // per_mean * per_mean].reshape(-1, per_mean).mean(axis=1)
-    depths_m = depths_m + 0.001 * rng.standard_normal(len(depths_m))
+    depths_m = mean_depths_m(flight.path.s, rng)
     sigmas = []
     for derived in (True, False):
         estimator = AxisEstimator(MODEL, LAG_S, PRIOR, Tuning())

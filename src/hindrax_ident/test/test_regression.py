@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
-from hindrax_ident.arrays import Array
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
 from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical, scaled
 from hindrax_ident.online.rls import Rls
@@ -116,12 +116,25 @@ def test_scaling_and_back_changes_nothing() -> None:
     assert covariance == pytest.approx(C)
 
 
-def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed() -> None:
+def white(rng: np.random.Generator) -> Array:
+    """Noise of an instrument of velocity: (600,) [m/s]."""
+    return array(0.01 * rng.standard_normal(600))
+
+
+def derived(rng: np.random.Generator) -> Array:
+    """Noise of differences of positions, 0.1 s apart, of the same variance: (600,) [m/s]."""
+    return array(np.diff(0.001 / math.sqrt(2.0) * rng.standard_normal(601)) / 0.1)
+
+
+@pytest.mark.parametrize("noise", [white, derived])
+def test_at_rest_the_sign_of_the_noise_gives_neither_direction_a_speed(
+    noise: Callable[[np.random.Generator], Array],
+) -> None:
     model, rng = Model(2, 15.22, split=True), np.random.default_rng(6)
     regression = FilteredRegression(model, 0.15, 1.0)
     regression.noise_variance = 1e-4
     regression.thrust(0.0, HEAVE[4])
-    samples = [regression.velocity(0.1 * k, v) for k, v in enumerate(0.01 * rng.standard_normal(600))]
+    samples = [regression.velocity(0.1 * k, v) for k, v in enumerate(noise(rng).tolist())]
     late = [sample.x[:4] for sample in samples[100:] if sample is not None]
     assert len(late) == 500
     speeds = np.mean(late, axis=0)

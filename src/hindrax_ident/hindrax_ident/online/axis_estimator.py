@@ -19,7 +19,7 @@ from hindrax_ident.records.binning import DEPTH_S
 from hindrax_ident.tuning import Tuning
 
 NOISE = 0.01
-"""Noise of a velocity [m/s, rad/s] assumed to weight the prior against the first samples."""
+"""Noise of a velocity [m/s, rad/s] assumed of the first samples, and to weight the prior against them."""
 ROUGHLY_AFTER = 4
 """Samples per parameter after which the noise variance is known."""
 KNOWN_AFTER = 40
@@ -71,6 +71,8 @@ class AxisEstimator:
         """With `tuning.plateaus_only` the mass stays at its prior, and three coefficients are estimated."""
         self.model, self._tuning = model, tuning
         self.regression = FilteredRegression(model, lag_s, tuning.filter_rate)
+        # Without any, the noise of the first samples would choose the direction: heave begins at rest.
+        self.regression.noise_variance = NOISE**2
         self._fixed_mass = float(belief.values[-1]) if tuning.plateaus_only else 0.0
         values, covariance = scaled(belief.values.tolist(), np.diag(belief.sigmas**2))
         known = len(values) - bool(self._fixed_mass)

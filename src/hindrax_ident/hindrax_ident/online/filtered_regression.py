@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -26,6 +27,10 @@ SETTLED = 0.05
 """Largest share of the filters' initial transient when samples are used: three time constants."""
 CLEAR_SIGN = 8.0
 """Square of a velocity, in variances of its noise, above which its own sign is used."""
+DIRECTION_S = 0.3
+"""Time over which the velocities before have a sign: a vehicle at rest moves slower than the noise of one velocity, and
+one that turns back has both signs within a second."""
+_VelocityState: TypeAlias = tuple[float, float, tuple[float, ...], list[float], float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +53,14 @@ class FilteredRegression:
 
     __slots__ = (
         "_commanded_s",
+        "_direction",
         "_force",
         "_force_f",
         "_known",
         "_lag_s",
         "_lagged",
         "_position",
+        "_recent",
         "_split",
         "_start",
         "_sums",
@@ -82,11 +89,16 @@ class FilteredRegression:
         self._z, self._force_f, self._start = 0.0, 0.0, 1.0
         self._terms = (0.0,) * (len(self.model.names) - 1)
         self._sums = [0.0] * len(self._terms)
-        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+        self._recent = self._direction = 0.0
+        self._undo = self._velocity_state
 
     def undo_last(self) -> None:
         """Undo the last velocity: an outlier would stay in the filters for seconds."""
-        self._t_velocity, self._z, self._terms, self._sums, self._start = self._undo
+        self._t_velocity, self._z, self._terms, self._sums, self._start, self._recent, self._direction = self._undo
+
+    @property
+    def _velocity_state(self) -> _VelocityState:
+        return self._t_velocity, self._z, self._terms, self._sums, self._start, self._recent, self._direction
 
     @property
     def velocity_time_s(self) -> float:
@@ -121,7 +133,7 @@ class FilteredRegression:
         `spread_s2`: variance of the span of time over which it is a mean [s^2].
         """
         terms = self._terms_at(t_s, v)
-        self._undo = (self._t_velocity, self._z, self._terms, self._sums, self._start)
+        self._undo = self._velocity_state
         if math.isnan(self._t_velocity):
             self._t_velocity, self._z, self._terms = t_s, -v, terms
             self._advance_thrust(t_s)
@@ -139,7 +151,7 @@ class FilteredRegression:
         # Squaring adds the variance of the noise: subtract it.
         square = v * v - self.noise_variance
         # Near rest the sign is that of the noise; used as it is, each direction would take half of the noise for speed.
-        ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._z_input_filtered > 0.0
+        ahead = v > 0.0 if square > CLEAR_SIGN * self.noise_variance else self._direction > 0.0
         square = square if ahead else -square
         drag: tuple[float, ...] = (square, v)
         if self._split:
@@ -174,6 +186,10 @@ class FilteredRegression:
             keep * total + first * was + ramp * now
             for total, was, now in zip(self._sums, self._terms, terms, strict=True)
         ]
+        # A velocity derived from positions has the noise of one of them in common with the velocity before: the sign of
+        # the next is that of a mean without this one.
+        self._direction = self._recent
+        self._recent -= math.expm1(-step / DIRECTION_S) * (v - self._recent)
         self._start *= keep
         self._terms = terms
         return ramp
