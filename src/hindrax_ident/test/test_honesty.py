@@ -70,6 +70,17 @@ def test_a_parked_vehicle_is_not_identifiable(vehicle: Vehicle, seed: int) -> No
     result = identify(vehicle, flown(vehicle, Plan(np.zeros(1), np.zeros(1), 60.0), seed))
     assert not result.identifiable
     assert any("hardly moved" in reason or "known to" in reason for reason in result.reasons)
+    assert not any("it moved at" in reason for reason in result.reasons)
+
+
+def test_a_motion_that_no_thrust_explains_is_told_with_its_own_speed(vehicle: Vehicle) -> None:
+    towed = [
+        Stamped(event.stamp, Thrust((0.0,) * 6)) if isinstance(event.reading, Thrust) else event
+        for event in flown(vehicle, back_and_forth((4.0, 9.0), 10.0, 80.0))
+    ]
+    result = identify(vehicle, towed)
+    assert not result.identifiable
+    assert any("it moved at up to 0.36" in reason for reason in result.reasons)
 
 
 @pytest.mark.parametrize("force", [0.6, 3.0, 12.0])

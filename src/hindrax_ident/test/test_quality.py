@@ -14,6 +14,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.prediction import Prediction
 from hindrax_ident.assess.quality import (
+    OTHER_LAW,
     Evidence,
     Excitation,
     Validation,
@@ -42,6 +43,8 @@ WELL = Evidence(
     validation=None,
     drag_std=0.5,
     largest=Contribution("current", 0.4, "wait until the water is still"),
+    measured_speed=0.012,
+    measurement_noise=0.01,
 )
 
 
@@ -143,7 +146,11 @@ def test_a_drag_that_is_poorly_known_says_by_what_and_what_to_do() -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"high": 0.009}, "it hardly moved: speed at most 0.009, below the noise of one measurement"),
+        ({"high": 0.009}, "it hardly moved: speed at most 0.012, no more than the noise of one measurement"),
+        (
+            {"high": 0.009, "measured_speed": 0.27},
+            f"it moved at up to 0.27, and this force explains 0.009 of it: {OTHER_LAW}",
+        ),
         (
             {"k": array(-SURGE[:2])},
             "the drag at 0.45 is -14, wanted above 0: check the sign of the wrench",

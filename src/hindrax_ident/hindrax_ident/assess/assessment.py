@@ -18,6 +18,8 @@ from hindrax_ident.assess.quality import (
     Validation,
     Whiteness,
     excitation,
+    measured_speed,
+    measurement_noise,
     reasons_against,
     validation,
     whiteness,
@@ -202,6 +204,8 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         largest=drag.largest,
         current=assessment.budget.prior("current"),
         offset=_least_offset(theta, widened, reported) if model.axis in HORIZONTAL else 0.0,
+        measured_speed=measured_speed(assessment.record, motion.side),
+        measurement_noise=measurement_noise(assessment.record),
     )
     reasons = tuple(reasons_against(evidence))
     return MotionResult(

@@ -33,6 +33,9 @@ MOST_HELD_OUT = 0.51
 BETWEEN_RUNS_S = 300.0
 """A longer pause divides runs."""
 
+MOVED = 2.0
+"""Speed, in the noise of one measurement, above which a record holds a motion."""
+
 OTHER_LAW = "other forces than drag act, or the thrust obeys another law than the record tells"
 
 
@@ -63,6 +66,19 @@ def excitation(fit: OutputErrorFit, side: int) -> Excitation:
     return Excitation(
         low, high, moving_s, float(np.sqrt(np.mean(rise**2))), _share_at_one_speed(own[moving], steps[moving])
     )
+
+
+def measured_speed(record: Record, side: int) -> float:
+    """Highest speed in a record, 98th percentile: in one direction, or in both [m/s, rad/s]."""
+    v = record.mean_velocities()
+    own = np.abs(v) if side == 0 else np.maximum(0.0, side * v)
+    return float(np.percentile(own, 98.0)) if len(own) else 0.0
+
+
+def measurement_noise(record: Record) -> float:
+    """Noise of one velocity, from what it differs from the next; 0 where positions are measured [m/s, rad/s]."""
+    changes = np.diff(record.velocity.y)
+    return float(np.std(changes)) / math.sqrt(2.0) if len(changes) else 0.0
 
 
 def _share_at_one_speed(speeds: Array, steps_s: Array) -> float:
@@ -166,6 +182,10 @@ class Evidence:
     """Prior standard deviation of a current along the axis [m/s]."""
     offset: float = 0.0
     """Smallest constant force along a horizontal axis consistent with the record [N]."""
+    measured_speed: float = 0.0
+    """Highest speed in the record itself, whatever the fit makes of it [m/s, rad/s]."""
+    measurement_noise: float = 0.0
+    """Noise of one velocity in the record itself [m/s, rad/s]."""
 
 
 def reasons_against(evidence: Evidence) -> list[str]:
@@ -179,7 +199,7 @@ def reasons_against(evidence: Evidence) -> list[str]:
     if evidence.effective_samples < FEWEST_EFFECTIVE:
         out.append(f"{evidence.effective_samples:.1f} independent samples, wanted {FEWEST_EFFECTIVE:.0f}")
     if not high > evidence.noise:
-        return [*out, f"it hardly moved: speed at most {high:.2g}, below the noise of one measurement"]
+        return [*out, _too_slow(evidence)]
     if not force > 0.0:
         return [
             *out,
@@ -192,6 +212,15 @@ def reasons_against(evidence: Evidence) -> list[str]:
     out += _separation(evidence, force)
     out += _physics(evidence, force)
     return out
+
+
+def _too_slow(evidence: Evidence) -> str:
+    speed = evidence.measured_speed
+    if speed > MOVED * evidence.measurement_noise:
+        return (
+            f"it moved at up to {speed:.2g}, and this force explains {evidence.excitation.high:.2g} of it: {OTHER_LAW}"
+        )
+    return f"it hardly moved: speed at most {speed:.2g}, no more than the noise of one measurement"
 
 
 def _separation(evidence: Evidence, force: float) -> list[str]:

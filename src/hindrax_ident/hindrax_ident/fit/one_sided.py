@@ -13,34 +13,17 @@ from hindrax_ident.records.axis_record import Record
 
 SHARE = 0.25
 """Share of the highest speed that the other direction must reach."""
-SPAN_S = 0.5
 
 
 def side_of(record: Record) -> int:
     """0: both directions; 1 or -1: only that one."""
-    v = _velocities(record)
+    v = record.mean_velocities()
     if not len(v):
         return 1
     up, down = float(np.percentile(v, 98.0)), float(np.percentile(v, 2.0))
     if min(up, -down) > SHARE * max(up, -down):
         return 0
     return 1 if up >= -down else -1
-
-
-def _velocities(record: Record) -> Array:
-    """Velocities within the stretches, (n,) [m/s, rad/s]: measured, or slopes of the position over short spans."""
-    if len(record.velocity):
-        parts = [record.velocity.between(one.start_s, one.end_s).y for one in record.stretches]
-    else:
-        parts = [_slopes(record, one.start_s, one.end_s) for one in record.stretches]
-    return np.concatenate(parts) if parts else np.zeros(0)
-
-
-def _slopes(record: Record, start_s: float, end_s: float) -> Array:
-    """Slopes of the position over spans of SPAN_S: (n,) [m/s, rad/s]."""
-    placed = record.position.between(start_s, end_s)
-    times = np.arange(start_s, end_s, SPAN_S)
-    return np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S if len(placed) > 1 and len(times) > 1 else np.zeros(0)
 
 
 OnlineEstimates = Mapping[str, tuple[Array, Array]]

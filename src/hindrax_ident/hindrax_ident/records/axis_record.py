@@ -10,6 +10,8 @@ from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.thrust_lag import LaggedThrust
 
 EMPTY: Array = np.zeros(0)
+SPAN_S = 0.5
+"""Time over which a velocity is a mean, where its noise must not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,22 @@ class Record:
         known = self.effort if len(self.effort) else Series(self.thrust.t, self.thrust.y**2)
         return LaggedThrust(known.t, known.y, self.lag_s).impulse(at_s - self.latency_s)
 
+    def mean_velocities(self) -> Array:
+        """Mean velocities over spans of SPAN_S within the stretches, of what measures the motion: (n,) [m/s, rad/s]."""
+        t, v = self.velocity.t, self.velocity.y
+        way = Series(t, np.cumsum(np.diff(t, prepend=t[:1]) * 0.5 * (v + np.append(v[:1], v[:-1]))))
+        placed = way if len(way) else self.position
+        parts = [_slopes(placed.between(one.start_s, one.end_s)) for one in self.stretches]
+        return array(np.concatenate(parts)) if parts else EMPTY
+
     def with_stretches(self, stretches: tuple[Stretch, ...]) -> Record:
         """The same record with other stretches."""
         return replace(self, stretches=stretches)
+
+
+def _slopes(placed: Series) -> Array:
+    """Slopes of positions over spans of SPAN_S: (n,)."""
+    if len(placed) < 2:
+        return EMPTY
+    times = np.arange(placed.t[0], placed.t[-1], SPAN_S)
+    return array(np.diff(np.interp(times, placed.t, placed.y)) / SPAN_S)
