@@ -66,6 +66,7 @@ def budget(case: Case) -> Budget:
         mean=MEAN,
         covariance=COVARIANCE,
         evidence=array(np.zeros(3)),
+        told=budget_of(case, ()).told,
     )
 
 
@@ -188,13 +189,13 @@ def test_other_motions_tell_how_near_the_water_is_to_the_model(case: Case) -> No
     hidden = replace(LAW, sigma=lambda _case: 3.0, considered=True, near=0.2, loss=True)
     shares = []
     for near, usual in ((50.0, 0.0), (0.0, 50.0), (-ODDS[0], -ODDS[2])):
-        found = budget_of(case, (hidden,), array([near, -1e3, usual]))
+        found = budget_of(case, (hidden,)).in_water(array([near, -1e3, usual]))
         shares.append(found.band()[0, 0] / found.prior_band("law")[0, 0])
     # Near, usual, and as likely the one as the other.
     assert shares == pytest.approx([0.2**2, 1.0, 0.5 * (0.2**2 + 1.0)], rel=1e-3)
     shown = replace(hidden, considered=False)
     alone = budget_of(case, (shown,))
-    assert budget_of(case, (shown,), alone.evidence).found("law") == pytest.approx(alone.found("law"))
+    assert alone.in_water(alone.evidence).found("law") == pytest.approx(alone.found("law"))
 
 
 def test_a_record_that_shows_an_influence_tells_that_the_water_is_usual(case: Case) -> None:

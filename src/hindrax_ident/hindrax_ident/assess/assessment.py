@@ -115,18 +115,18 @@ def assess(
 
     All motions were flown in one water: what one record tells of it counts for all.
     """
-    cases = {axis: _case(vehicle, one, tuning) for axis, one in drafts.items()}
-    evidence: dict[int, Array] = {}
-    found: dict[int, Assessment] = {}
+    budgets: dict[int, Budget] = {}
     failed: dict[int, ValueError] = {}
-    for axis, case in cases.items():
+    for axis, one in drafts.items():
         try:
-            evidence[axis] = budget_of(case).evidence
+            budgets[axis] = budget_of(_case(vehicle, one, tuning))
         except ValueError as error:
             failed[axis] = error
-    for axis in evidence:
+    water = array(sum(one.evidence for one in budgets.values()))
+    found: dict[int, Assessment] = {}
+    for axis, budget in budgets.items():
         try:
-            found[axis] = _assess(drafts[axis], cases[axis], array(sum(evidence.values())))
+            found[axis] = _assess(drafts[axis], budget.in_water(water))
         except ValueError as error:
             failed[axis] = error
     return found, failed
@@ -139,9 +139,8 @@ def _case(vehicle: Vehicle, drafted: DraftFit, tuning: Tuning) -> Case:
     return Case(vehicle, drafted.record, fit, tuning, drafted.moved)
 
 
-def _assess(drafted: DraftFit, case: Case, water: Array) -> Assessment:
-    record, fit, belief, online = drafted.record, case.fit, drafted.belief, drafted.online
-    budget = budget_of(case, water=water)
+def _assess(drafted: DraftFit, budget: Budget) -> Assessment:
+    record, fit, belief, online = drafted.record, budget.case.fit, drafted.belief, drafted.online
     own = budget.band_of_run()
     return Assessment(
         record=record,

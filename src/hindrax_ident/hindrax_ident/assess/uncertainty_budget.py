@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +44,7 @@ class Budget:
 
     `shifts` (p, m): error of the parameters per unit; `mean` (m,) and `covariance` (m, m): what is known of them
     after the record. `evidence` (k,): logarithm of what this record tells of how near the water is to the model.
+    `told`: what the residuals say of all influences together, and what was believed of them.
     """
 
     case: Case
@@ -54,6 +55,12 @@ class Budget:
     mean: Array
     covariance: Array
     evidence: Array
+    told: _Told
+
+    def in_water(self, water: Array) -> Budget:
+        """The budget in the water of a run: (k,), the sum of the evidence of all its motions."""
+        mean, covariance, _ = _posterior(self.told, water)
+        return replace(self, mean=mean, covariance=covariance)
 
     def prior(self, name: str) -> float:
         """Prior standard deviation of an influence in its unit; 0 where it cannot act."""
@@ -171,11 +178,8 @@ class Budget:
         return array(chosen @ moment @ chosen.T)
 
 
-def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES, water: Array | None = None) -> Budget:
-    """Budget of a case: every row's effect, and what the residuals say about all rows together.
-
-    `water` (k,): sum of the evidence of all motions of the run; None: of this one alone.
-    """
+def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES) -> Budget:
+    """Budget of a case by itself: every row's effect, and what the residuals say about all rows together."""
     known = sorted(acting(case, influences), key=lambda pair: pair[0].of_readings)
     columns = [sigma * row.effect(case) for row, sigma in known]
     on_body = sum(not row.of_readings for row, _ in known)
@@ -184,12 +188,16 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES, water: A
     found = score(case.fit, impulses, readings)
     ends = np.cumsum([0, *(column.shape[1] for column in columns)]).tolist()
     rows = tuple(slice(a, b) for a, b in itertools.pairwise(ends))
-    told = np.ones(ends[-1])
+    judged = np.ones(ends[-1])
     for row, (influence, _) in zip(rows, known, strict=True):
-        told[row] = not influence.considered or influence.shown(case)
-    information, gradient = found.information * np.outer(told, told), found.gradient * told
+        judged[row] = not influence.considered or influence.shown(case)
     weighed = _weighed(case, found.shifts)
-    mean, covariance, evidence = _posterior(information + weighed[0], gradient + weighed[1], _prior(known, rows), water)
+    told = _Told(
+        array(found.information * np.outer(judged, judged) + weighed[0]),
+        array(found.gradient * judged + weighed[1]),
+        _prior(known, rows),
+    )
+    mean, covariance, evidence = _posterior(told)
     return Budget(
         case=case,
         influences=tuple(row for row, _ in known),
@@ -199,6 +207,7 @@ def budget_of(case: Case, influences: Sequence[Influence] = INFLUENCES, water: A
         mean=mean,
         covariance=covariance,
         evidence=evidence,
+        told=told,
     )
 
 
@@ -224,6 +233,14 @@ class _Prior(NamedTuple):
     tails: Flags
 
 
+class _Told(NamedTuple):
+    """Information (m, m) and gradient (m,) of a record about the influences, and their prior."""
+
+    information: Array
+    gradient: Array
+    prior: _Prior
+
+
 class _Explanations(NamedTuple):
     """Explanations of a record: logarithms of their evidence (e,), means (e, m), covariances (e, m, m)."""
 
@@ -240,13 +257,13 @@ class _Posterior(NamedTuple):
     evidence: Array
 
 
-def _posterior(information: Array, gradient: Array, prior: _Prior, water: Array | None) -> _Posterior:
+def _posterior(told: _Told, water: Array | None = None) -> _Posterior:
     """How near the water is to the model is unknown: a record that shows influences tells of those it cannot show.
 
     Explanations that it cannot tell apart all count, by their evidence (global and local scales: Carvalho, Polson,
-    Scott 2010). `water`: evidence of all motions of the run.
+    Scott 2010). `water`: evidence of all motions of the run; None: of this one alone.
     """
-    found = [_explained(information, gradient, *one) for one in zip(*prior, strict=True)]
+    found = [_explained(told.information, told.gradient, *one) for one in zip(*told.prior, strict=True)]
     own = array([np.logaddexp.reduce(one.evidence) for one in found])
     others = np.array(ODDS) + (0.0 if water is None else water - own)
     evidence = np.concatenate([one.evidence + other for one, other in zip(found, others, strict=True)])
