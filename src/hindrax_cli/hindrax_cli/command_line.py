@@ -156,7 +156,8 @@ def run_command(command: ModuleType, words: list[str]) -> int:
     try:
         return int(command.run(parser.parse_args(words)))
     except HindraxError as error:
-        print_fitted(f"hindrax {command.NAME}: {error}", sys.stderr)
+        why = str(error).removeprefix(f"{command.NAME}: ")
+        print_fitted(f"hindrax {command.NAME}: {why}", sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
         print(f"hindrax {command.NAME}: stopped by Ctrl-C", file=sys.stderr)
