@@ -76,7 +76,9 @@ class AllocationCycle:
         if accepted.wrench is None:
             return None
         plan = self._allocator.allocate(accepted.wrench, self.disabled, self._last.pulses_us, self.supply_V)
-        plan = replace(plan, refused=accepted.refused + plan.refused) if accepted.refused else plan
+        if accepted.refused:  # what the guard took is missing as well
+            missing = difference(accepted.asked, plan.achieved)
+            plan = replace(plan, wanted=accepted.asked, shortfall=missing, refused=accepted.refused + plan.refused)
         self.inexact += not plan.exact
         self._last = PulseCommand(self._last.sequence + 1, plan.pulses_us)
         self.remember(self._last.sequence, plan)

@@ -13,6 +13,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD
+from hindrax_core.signals import ZERO6
 from hindrax_core.stamp_window import StampWindow
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
 
@@ -34,6 +35,8 @@ class Accepted:
 
     wrench: Vec6 | None
     refused: tuple[str, ...] = ()
+    asked: Vec6 = ZERO6
+    """What was asked for in the same axes, its finite part, before the limits."""
 
 
 class WrenchGuard:
@@ -53,7 +56,7 @@ class WrenchGuard:
         self._last = stamp
         finite, refused = finite_axes(half_turn(wrench) if frame == FLU else wrench)
         limited, clipped = _limited(finite, self._limits)
-        return Accepted(limited, refused + clipped)
+        return Accepted(limited, refused + clipped, finite)
 
     def _untimely(self, stamp: Stamp, now: Stamp) -> str:
         untimely = self._window.judge(stamp, now)
