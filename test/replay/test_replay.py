@@ -38,7 +38,7 @@ from hindrax_drivers.nodes import reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
-from hindrax_replay.bag_replay import replay
+from hindrax_replay.bag_replay import Replayed, replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
 from hindrax_ros.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
 from hindrax_ros.graph import message_class
@@ -297,3 +297,15 @@ def test_padding_is_told_from_fields() -> None:
     assert ledger.differences() == []
     ledger.compare_bytes(message.topic, 1, message.data, bytes(changed), message.form.decode)
     assert len(ledger.differences()) == 1
+
+
+def test_a_reference_that_is_met_keeps_its_digits(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Another processor rounds otherwise: an update on purpose would touch every file."""
+    file = tmp_path / "bag.json"
+    file.write_text("as it was", encoding="utf-8")
+    replayed = Replayed(tmp_path, ComparisonReport(load_rules(section="reference")))
+    monkeypatch.setattr(command, "check_reference", lambda _replayed, _file: None)
+    command._update(replayed, file)
+    assert file.read_text(encoding="utf-8") == "as it was"
+    command._update(replayed, tmp_path / "new.json")
+    assert (tmp_path / "new.json").exists()

@@ -102,7 +102,7 @@ def _replayed(bag: Path, arguments: argparse.Namespace) -> Replayed:
 
 
 def _update(replayed: Replayed, file: Path) -> None:
-    """Rewrite a reference and print what changed, for the commit message."""
+    """Print what changed in a reference, for the commit message, and rewrite it; one that is met keeps its digits."""
     if file.exists():
         changes = Replayed(
             replayed.bag, ComparisonReport(replayed.ledger.rules), replayed.begin, samples=replayed.samples
@@ -112,6 +112,8 @@ def _update(replayed: Replayed, file: Path) -> None:
         print(f"{file.name}: {len(found)} fields changed", file=sys.stderr)
         for one in found:
             print(f"  {one.sentence(replayed.begin)}", file=sys.stderr)
+        if not found:
+            return
     write_reference(replayed, file)
 
 
