@@ -49,8 +49,8 @@ LEFT_OUT = {ODOMETRY, WRENCH, THRUSTER_COMMAND, DIAGNOSTICS}
 """Those of the allocation have a bag of their own; with the others nothing is compared, and they are large."""
 BY_HAND = "by_hand_at_limits"
 STEPS = (
-    "hold depth 2.5",
-    "wrench 0 0 80 0 0 0 --for 2",  # on top of the hold: more than the vehicle's limit
+    "hold depth 1.4",
+    "wrench 0 0 80 0 0 0 --for 0.5",  # on top of the hold: more than the vehicle's limit
     "wrench 60 60 0 0 0 12 --for 2",  # more than the thrusters give
     "thruster disable T3",
     "wrench 40 0 0 0 0 5 --for 1.5",

@@ -46,7 +46,7 @@ def test_a_guard_with_other_limits_is_found(monkeypatch: pytest.MonkeyPatch) -> 
     )
     found = differences()
     assert fields(found, COMMAND_NAME) == {"pulses"}
-    assert {"wanted", "refused"} <= fields(found, STATUS_NAME)
+    assert "refused" in fields(found, STATUS_NAME)
 
 
 def test_a_guard_that_refuses_everything_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
