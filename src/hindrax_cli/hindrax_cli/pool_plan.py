@@ -16,7 +16,7 @@ from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.rehearsal import Rehearsal, rehearse
 
-OF_THE_STACK = ("mock", "fault", "rate", "out", "params", "set")
+OF_THE_STACK = ("fault", "rate", "out", "params", "set")
 """Options of a stack, which a rehearsal does not start: to ignore one would show another plan than is flown."""
 
 

@@ -5,11 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.servable import servable_motions
+from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.vehicle import AXES, Vehicle
 
 NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
@@ -36,21 +32,6 @@ class Finding:
     def good(self) -> bool:
         """Whether nothing is to be done."""
         return not self.remedy
-
-
-def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
-    """Largest force [N] or moment [Nm] of each axis alone, the weaker direction; 0 where the axis is not served."""
-    if not vehicle.thrusters:
-        return dict.fromkeys(AXES, 0.0)
-    B = effectiveness(vehicle)
-    served = servable_motions(AXES, vehicle).flown
-    ranges = [min(-curve.range_N[0], curve.range_N[1]) for curve in thrust_curves(vehicle)]
-    alone = np.linalg.pinv(B)
-    found = {}
-    for axis, name in enumerate(AXES):
-        shares = np.abs(alone[:, axis]) / np.array(ranges)
-        found[name] = 1.0 / float(np.max(shares)) if name in served and np.max(shares) > 0.0 else 0.0
-    return found
 
 
 def findings(vehicle: Vehicle) -> list[Finding]:

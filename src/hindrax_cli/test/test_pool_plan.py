@@ -42,7 +42,7 @@ def test_the_rehearsal_tells_times_clearances_charge_and_bands(capsys: pytest.Ca
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --mock, --set, wanted no options of the stack"),
+        (["--mock", "--set", "pilot.plan.levels:=2"], "--plan: found --set, wanted no options of the stack"),
         (["--world", "sea"], "sea"),
     ],
 )
@@ -87,3 +87,23 @@ def test_an_experiment_is_rehearsed_and_its_minutes_cut_what_flies(capsys: pytes
     assert found["bands"]["yaw"]["noise"] < 0.05
     assert found["aborted"] is None
     assert found["ended"] == "0.9 minutes are over; more was wanted of surge"
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "sentence"),
+    [
+        ("pool: {length_m: 1.5, width_m: 1.2, depth_m: 0.9}", 1, "start: pool_box: "),
+        ("mass_kg: 25.0", 2, "found 95 N of net weight, wanted less than the 62 N that its thrusters give in heave"),
+    ],
+)
+def test_what_can_never_begin_is_told_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str, code: int, sentence: str
+) -> None:
+    """These were rehearsed for two hours of the vehicle, in minutes, and nobody said why nothing began."""
+    key = line.partition(":")[0]
+    lines = default_vehicle().read_text(encoding="utf-8").splitlines()
+    file = tmp_path / "mine.yaml"
+    file.write_text("\n".join(line if one.startswith(f"{key}:") else one for one in lines), encoding="utf-8")
+    assert main(["pool-test", "--plan", "--world", "ideal", "--mock", "--vehicle", str(file)]) == code
+    shown = capsys.readouterr()
+    assert sentence in " ".join((shown.out + shown.err).split())

@@ -13,8 +13,9 @@ from hindrax_analysis.experiments.estimate import Dimensions, empirical
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
 from hindrax_cli.vehicle_questions import QUESTIONS, ask
-from hindrax_cli.vehicle_review import DOWN, UP, findings, largest_wrench, picture
+from hindrax_cli.vehicle_review import DOWN, UP, findings, picture
 from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, parse_vehicle
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.refusal import require_flyable
 from hindrax_control.maneuver.servable import ServableMotions, motions_to_fly, require_servable, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
@@ -77,3 +79,12 @@ def test_it_agrees_with_the_allocator(hindrax: Vehicle, disabled: tuple[str, ...
             UsageError, match=rf"{motion}: without {', '.join(disabled)} .*`\./hindrax thruster enable`"
         ):
             require_servable((motion,), hindrax, out)
+
+
+@pytest.mark.parametrize(("mass_kg", "found"), [(25.0, "95 N of net weight"), (5.0, "101 N of net buoyancy")])
+def test_what_its_thrusters_cannot_hold_at_a_depth_is_refused(hindrax: Vehicle, mass_kg: float, found: str) -> None:
+    heavy = replace(hindrax, mass_kg=mass_kg)
+    for refuse in (lambda: motions_to_fly(("all",), heavy), lambda: require_flyable(Goal(("surge",)), heavy)):
+        with pytest.raises(UsageError, match=f"found {found}, wanted less than the 62 N that its thrusters give"):
+            refuse()
+    motions_to_fly(("all",), replace(hindrax, mass_kg=20.0))

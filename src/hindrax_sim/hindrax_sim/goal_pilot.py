@@ -15,6 +15,8 @@ from hindrax_sim.lockstep import IDLE, LockstepCommand
 
 READY_S = 1.0
 """Time for which the guards must agree before arming."""
+PATIENCE_S = 60.0
+"""Longest wait for them: a state is known after some ten seconds."""
 
 
 def _no_more(_now: Stamp) -> Goal | None:
@@ -25,7 +27,7 @@ def _no_more(_now: Stamp) -> Goal | None:
 class GoalPilot:
     """Flies a goal, if there is one, then those that `following` returns.
 
-    `maneuver`, `output`, `plans` and `suspected` (thrusters) hold the outcome.
+    `maneuver`, `output`, `plans` and `suspected` (thrusters) hold the outcome; `refused`: why it never began.
 
     `cancel_at_s` (after the start of the maneuver) cancels it as an operator would.
     """
@@ -46,6 +48,8 @@ class GoalPilot:
         self.maneuver: Maneuver | None = None
         self.output: ManeuverOutput | None = None
         self._cancel_at_s = cancel_at_s
+        self.refused = ""
+        self._first: Stamp | None = None
         self._ready_since: Stamp | None = None
         self._begun: Stamp | None = None
         self.suspected: tuple[str, ...] = ()
@@ -72,6 +76,10 @@ class GoalPilot:
             self.plans += self.maneuver.plans
             self._begun = stamp if self._begun is None else self._begun
         phase = self.output.phase if self.output is not None else IDLE
+        self._first = stamp if self._first is None else self._first
+        if self.maneuver is None and flight.guards and seconds_between(self._first, stamp) > PATIENCE_S:
+            self.refused = f"start: {flight.guards[0]}"
+            return LockstepCommand(phase=phase, finished=True)
         return LockstepCommand(flight.wrench, phase, self._ready(stamp, flight.guards), disabled=self._disabled)
 
     def _next(self, stamp: Stamp) -> Goal | None:

@@ -115,7 +115,8 @@ def fly(
     for event in step.run(LONGEST_S):
         if isinstance(event.reading, Navigation) and pilot.output is not None:
             watch(step.world, pilot.output)
-    aborted = pilot.output.aborted if pilot.output is not None else "start: the maneuver did not begin"
+    never = pilot.refused or "start: the maneuver did not begin"
+    aborted = pilot.output.aborted if pilot.output is not None else never
     if experiment is not None and aborted.startswith("cancelled: "):
         aborted, _ = "", experiment.next(session, to_s(step.world.stamp))
     return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted, pilot.plans, experiment)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import ENDINGS, PLATEAUS, Goal
 from hindrax_control.maneuver.plan import MOTIONS
-from hindrax_control.maneuver.servable import require_servable
+from hindrax_control.maneuver.servable import require_lift, require_servable
 from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
@@ -26,6 +26,7 @@ def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = fro
     """UsageError that says why a goal can never be flown by this vehicle without the disabled thrusters."""
     check_goal(goal)
     require_servable(goal.motions, vehicle, disabled)
+    require_lift(vehicle)
 
 
 def require_ready(*, flying: bool, armed: bool, guards: Sequence[str], heading_known: bool) -> None:

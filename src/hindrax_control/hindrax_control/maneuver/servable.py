@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_control.allocation.effectiveness import Matrix, effectiveness, served_axes
+from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
 
@@ -60,12 +61,39 @@ def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozens
     raise UsageError(f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}")
 
 
+def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
+    """Largest force [N] or moment [Nm] of each axis alone, the weaker direction; 0 where the axis is not served."""
+    if not vehicle.thrusters:
+        return dict.fromkeys(AXES, 0.0)
+    B = effectiveness(vehicle)
+    served = servable_motions(AXES, vehicle).flown
+    ranges = [min(-curve.range_N[0], curve.range_N[1]) for curve in thrust_curves(vehicle)]
+    alone = np.linalg.pinv(B)
+    found = {}
+    for axis, name in enumerate(AXES):
+        shares = np.abs(alone[:, axis]) / np.array(ranges)
+        found[name] = 1.0 / float(np.max(shares)) if name in served and np.max(shares) > 0.0 else 0.0
+    return found
+
+
+def require_lift(vehicle: Vehicle) -> None:
+    """UsageError for a vehicle that its thrusters cannot hold at a depth."""
+    net_N, reach_N = vehicle.net_buoyancy_N, largest_wrench(vehicle)["heave"]
+    if abs(net_N) >= reach_N > 0.0:
+        pull = "net buoyancy" if net_N > 0.0 else "net weight"
+        raise UsageError(
+            f"{vehicle.name}: found {abs(net_N):.0f} N of {pull}, wanted less than the {reach_N:.0f} N that its "
+            "thrusters give in heave; trim it, or correct mass_kg and volume_m3 in the vehicle file"
+        )
+
+
 def motions_to_fly(dof: Sequence[str], vehicle: Vehicle) -> ServableMotions:
     """Motions that `--dof` asks for: `all` flies what can be flown; UsageError when a named one cannot be."""
     wanted = AXES if "all" in dof else tuple(dof)
     found = servable_motions(wanted, vehicle)
     if "all" not in dof or not found.flown:
         require_servable(wanted, vehicle)
+    require_lift(vehicle)
     return found
 
 

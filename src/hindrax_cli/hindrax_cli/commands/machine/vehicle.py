@@ -12,9 +12,9 @@ from typing import Any
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.share_files import own_vehicles, vehicle_file
 from hindrax_cli.vehicle_questions import ask, file_text
-from hindrax_cli.vehicle_review import findings, largest_wrench, picture
+from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.servable import servable_motions
+from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
