@@ -77,6 +77,13 @@ def test_a_record_without_a_step_is_refused() -> None:
         step.fit([step.StepTest(5.0, time, np.random.default_rng(0).normal(0.0, 1.0, time.size))], 3.0)
 
 
+@pytest.mark.parametrize("top_mps", [0.0, 1e-200])
+def test_a_step_without_motion_is_refused(top_mps: float) -> None:
+    time = np.arange(100) / 10.0
+    with pytest.raises(HindraxError, match="no velocity or no thrust in the strongest step"):
+        step.fit([step.StepTest(5.0, time, top_mps * time)], 3.0)
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1.0, 50.0), st.floats(0.01, 80.0), st.floats(0.01, 90.0), st.floats(-30.0, 30.0))
 def test_the_exact_step_is_the_solution_of_the_equation_of_motion(

@@ -39,6 +39,7 @@ def test_columns_come_by_name_in_any_order_and_separator(separator: str) -> None
             "line 3: found 4 cells, wanted 2 as in the header line; write decimals with",
         ),
         ("time_s,force_N\n0,nan\n", "line 2, column force_N: found 'nan', wanted a finite number"),
+        ("time_s,force_N\n0,-2e200\n", "line 2, column force_N: found '-2e200', wanted a measurement"),
         ("time_s,force_N,force_N\n0,1,2\n", "column force_N occurs 2 times"),
     ],
 )

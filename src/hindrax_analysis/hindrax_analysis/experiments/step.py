@@ -21,6 +21,8 @@ COLUMNS = (
     Column("thrust_N", "thrust of the step [N]; each value is one test, time starts again", required=False),
 )
 
+REST_mps = 1e-6
+"""No instrument measures less."""
 NOT_A_STEP = 0.5
 """Largest residual of the velocity after the fit, root mean square, relative."""
 
@@ -120,7 +122,7 @@ def _start(tests: Sequence[StepTest]) -> Array:
     """Initial mass [kg], K_L and K_Q, (3,): equal linear and quadratic drag at the end; mass from the rise time."""
     strongest = max(tests, key=lambda test: abs(test.thrust_N))
     top = float(np.mean(np.abs(strongest.velocity_mps[-max(1, strongest.velocity_mps.size // 10) :])))
-    if not (top > 0.0 and strongest.thrust_N != 0.0):
+    if not (top > REST_mps and strongest.thrust_N != 0.0):
         raise HindraxError("step: found no velocity or no thrust in the strongest step, wanted both; check the columns")
     k_l, k_q = 0.5 * abs(strongest.thrust_N) / top, 0.5 * abs(strongest.thrust_N) / top**2
     risen = int(np.argmax(np.abs(strongest.velocity_mps) >= 0.6 * top))
