@@ -52,7 +52,7 @@ class UpOptions:
 
 def run_up(options: UpOptions) -> int:
     """Start everything, say how to reach it, look after it; 0 when a signal ended it."""
-    load_vehicle(options.vehicle_file)
+    load_vehicle(options.vehicle_file).output_channels()
     mock, namespace = options.mock is not None, options.tuning.namespace
     with asked_to_end() as over, own_domain(mock=mock, namespace=namespace) as domain, tool_liveness() as beating:
         run = 1

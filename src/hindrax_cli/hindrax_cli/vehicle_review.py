@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
+from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
 
 NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
@@ -71,11 +72,7 @@ def _thrusters(vehicle: Vehicle) -> list[Finding]:
         Finding("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
         *(Finding("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
     ]
-    channels = [one.channel for one in vehicle.thrusters]
-    twice = sorted({one for one in channels if channels.count(one) > 1})
-    found.append(
-        Finding("channels", ", ".join(map(str, channels)), f"channel {twice[0]} is used twice" if twice else "")
-    )
+    found.append(Finding("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
     far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
     found.append(
         Finding(
@@ -94,6 +91,14 @@ def _thrusters(vehicle: Vehicle) -> list[Finding]:
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
     found += [Finding(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
+
+
+def _shared(vehicle: Vehicle) -> str:
+    try:
+        vehicle.output_channels()
+    except UsageError as error:
+        return str(error).removeprefix(f"{vehicle.name}: ")
+    return ""
 
 
 def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:

@@ -16,7 +16,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli import command_line
 from hindrax_cli.commands.operate import arm
 from hindrax_cli.commands.pool import pool_test
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 
 
@@ -202,3 +202,16 @@ def test_an_error_names_its_command_once(capsys: pytest.CaptureFixture[str], tmp
     sweep.write_text("pulse_us,load_N\n" + "\n".join(f"{pulse},5" for pulse in range(1100, 1901, 20)))
     assert command_line.main(["bollard", str(sweep)]) == HindraxError.exit_code
     assert capsys.readouterr().err.startswith("hindrax bollard: thrust is 5 N at 1100 us")
+
+
+@pytest.mark.parametrize(
+    "words", [["pool-test", "--mock"], ["up", "--mock"], ["thruster", "T1", "--force", "2", "--mock"]]
+)
+def test_a_channel_that_drives_two_is_told_before_anything_starts(
+    words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    text = default_vehicle().read_text(encoding="utf-8")
+    file = tmp_path / "mine.yaml"
+    file.write_text(text.replace("{name: T8, channel: 7,", "{name: T8, channel: 6,"), encoding="utf-8")
+    assert command_line.main([*words, "--vehicle", str(file)]) == UsageError.exit_code
+    assert "output channel 6 drives T7 and T8" in capsys.readouterr().err

@@ -231,6 +231,23 @@ class Vehicle:
         """Names of the sensors on board that publish a quantity."""
         return [sensor.name for sensor in SENSORS if sensor.name in self.sensors and quantity in sensor.publishes]
 
+    def output_channels(self) -> tuple[int, ...]:
+        """Channels of the output: of the thrusters, in order, then of the lamps. UsageError where two share one.
+
+        A file that is only identified with may leave them out, one that is flown may not.
+        """
+        users = [(thruster.channel, thruster.name) for thruster in self.thrusters]
+        users += [(channel, "a lamp") for channel in self.output.light_channels]
+        seen: dict[int, str] = {}
+        for channel, user in users:
+            if channel in seen:
+                raise UsageError(
+                    f"{self.name}: output channel {channel} drives {seen[channel]} and {user}, wanted one of them; "
+                    "correct thrusters.channel or output.light_channels in the vehicle file"
+                )
+            seen[channel] = user
+        return tuple(seen)
+
     @property
     def weight_N(self) -> float:
         """Mass times standard gravity."""

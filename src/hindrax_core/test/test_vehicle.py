@@ -122,3 +122,17 @@ def test_one_sensor_measures_the_battery() -> None:
     with pytest.raises(UsageError, match="sensors: ina226 and ads1115 both measure the battery, wanted one of them"):
         parse_vehicle(data() | {"sensors": both}, "here")
     assert parse_vehicle(data() | {"sensors": {"ina226": both["ina226"]}}, "here").sources_of("battery") == ["ina226"]
+
+
+def test_an_output_channel_drives_one_thing() -> None:
+    """Two on one ended every process of the thrusters, again and again."""
+    assert load_vehicle(FILE).output_channels() == (*range(8), 8, 9)
+    nine = data()
+    nine["thrusters"].append({"name": "T9", "channel": 8, "position_m": [0.0, 0.0, 0.0]})
+    with pytest.raises(UsageError, match=r"hindrax: output channel 8 drives T9 and a lamp, wanted one of them"):
+        parse_vehicle(nine, "mine").output_channels()
+    nine["output"]["light_channels"] = []
+    assert parse_vehicle(nine, "mine").output_channels() == tuple(range(9))
+    nine["thrusters"][-1]["channel"] = 3
+    with pytest.raises(UsageError, match=r"output channel 3 drives T4 and T9"):
+        parse_vehicle(nine, "mine").output_channels()

@@ -49,6 +49,7 @@ class ThrusterRun:
 def run_one(run: ThrusterRun) -> str:
     """Arm, run, disarm; returns what was done in one sentence."""
     vehicle = load_vehicle(run.vehicle_file)
+    vehicle.output_channels()
     index, pulses = pulses_of(vehicle, run.thruster, run.force_N)
     name = vehicle.thrusters[index].name
     from hindrax_operator.nodes.orders import require_sole, run_alone  # noqa: PLC0415  # invalid arguments end before rclpy loads

@@ -94,6 +94,7 @@ class FlownManeuver:
 def run_pool_test(options: PoolOptions) -> int:
     """Fly, identify, print; 0 when all was flown and identified, INTERRUPTED after Ctrl-C."""
     vehicle = load_vehicle(options.vehicle_file)
+    vehicle.output_channels()
     servable = motions_to_fly(options.motions, vehicle)
     options = replace(options, motions=servable.flown)
     if options.aim is not None:

@@ -159,10 +159,9 @@ class Pca9685:
 def pca9685_of(vehicle: Vehicle, neutral_us: float = 1500.0, light_off_us: float = 1100.0) -> Pca9685:
     """Chip of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
     output = vehicle.output
-    thrusters = [thruster.channel for thruster in vehicle.thrusters]
     return Pca9685(
-        [*thrusters, *output.light_channels],
-        [neutral_us] * len(thrusters) + [light_off_us] * len(output.light_channels),
+        vehicle.output_channels(),
+        [neutral_us] * len(vehicle.thrusters) + [light_off_us] * len(output.light_channels),
         address=output.address,
         rate_Hz=output.rate_Hz,
         clock_Hz=output.clock_Hz,

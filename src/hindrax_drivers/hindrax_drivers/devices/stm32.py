@@ -222,5 +222,4 @@ class Stm32:
 
 def stm32_of(vehicle: Vehicle, knobs: Stm32Knobs | None = None) -> Stm32:
     """Controller of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
-    thrusters = [thruster.channel for thruster in vehicle.thrusters]
-    return Stm32([*thrusters, *vehicle.output.light_channels], knobs)
+    return Stm32(vehicle.output_channels(), knobs)

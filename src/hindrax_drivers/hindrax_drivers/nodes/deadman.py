@@ -254,6 +254,7 @@ def main() -> int:
     arguments = json.loads(os.environ[ARGUMENTS])
     try:
         settings = read_settings(arguments)
+        settings.vehicle.output_channels()
     except HindraxError as error:
         report(str(error))
         return error.exit_code
