@@ -34,7 +34,11 @@ _hindrax() {
 }
 complete -o default -F _hindrax hindrax
 """
-ZSH = "# Completion of hindrax for zsh; source it in ~/.zshrc\nautoload -U +X bashcompinit && bashcompinit\n"
+ZSH = """# Completion of hindrax for zsh; source it in ~/.zshrc
+# A shell without completion of its own gets it here, and no file in the home.
+(( $+functions[compdef] )) || { autoload -Uz compinit && compinit -i -D; }
+autoload -Uz bashcompinit && bashcompinit
+"""
 FISH = "# Completion of hindrax for fish; keep it as ~/.config/fish/completions/hindrax.fish"
 
 
@@ -54,12 +58,17 @@ def help_of(page: str, words: list[str], width: int = UNBOUNDED) -> str | None:
     name = next((name for name in (" ".join(words[:2]), *words[:1]) if name in found), None)
     if name is None:
         return None
-    below = [f"  {one.partition(' ')[2]}" for one in found if one.startswith(f"{name} ")]
+    below = [_entry(one, found[one], width) for one in found if one.startswith(f"{name} ")]
     lines = [line for line in found[name].strip().splitlines() if not line.startswith(FURNITURE)]
     prose = itertools.takewhile(lambda line: not ROW.match(line), lines)
     text = [fitted_description(prose, width), *(_row(row, width) for row in map(ROW.match, lines) if row)]
     more = [f"\nwords, each with --help of its own:\n{chr(10).join(below)}"] if below else []
     return "\n".join([f"usage: ./hindrax {name} {'WORD ' if below else ''}[OPTIONS]\n", *text, *more]) + "\n"
+
+
+def _entry(name: str, text: str, width: int) -> str:
+    """One word of a command in the list of them, with the first line of its help."""
+    return fitted(f"  {name.partition(' ')[2]:<{WIDTH}}  {text.strip().partition(chr(10))[0]}", width, WIDTH + 4)
 
 
 def _row(row: re.Match[str], width: int) -> str:
@@ -91,8 +100,8 @@ def _offered(form: str) -> list[str]:
 
 def completion(page: str, shell: str) -> str:
     """Return the script by which a shell completes commands, their words and their options."""
-    known = dict(words_of(page), setup=["--check", "--help"])
-    commands = [name for name in known if " " not in name]
+    known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
+    commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":
         return "\n".join([FISH, _fish("__fish_use_subcommand", commands), *map(_fish_command, known.items()), ""])
     # Patterns of two words come before those of one, which fit them too.

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -65,6 +69,20 @@ def test_help_of_a_command_and_of_a_word_of_one() -> None:
     assert "usage: ./hindrax bag info [OPTIONS]\n" in asked("bag", "info", "-h").stdout
 
 
+def test_the_words_of_a_command_are_listed_with_what_they_do() -> None:
+    assert re.search(r"^  recover  +A whole, indexed bag out of one", asked("bag", "--help").stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize("words", [["bag", "info"], ["setup"]])
+def test_help_may_stand_before_the_command_too(words: list[str]) -> None:
+    tool = str(clone_root() / "hindrax")
+    before, behind = (
+        subprocess.run([tool, *order], capture_output=True, text=True, check=True).stdout
+        for order in (["help", *words], [*words, "--help"])
+    )
+    assert before == behind
+
+
 def test_an_unknown_command_is_wrong_use() -> None:
     said = asked("pol-test", "--help")
     assert said.returncode == 2
@@ -77,7 +95,30 @@ def test_bash_completes_commands_their_words_options_and_choices() -> None:
     assert completed("bag", "inf") == ["info"]
     assert completed("bag", "extract", "--c") == ["--csv"]
     assert completed("pool-test", "--dof", "sur") == ["surge"]
-    assert completed("setup", "--c") == ["--check"]
+    assert completed("--v") == ["--version"]
+
+
+def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> None:
+    said = subprocess.run(
+        [str(clone_root() / "hindrax"), "setup", "--help"], capture_output=True, text=True, check=True
+    )
+    assert set(completed("setup", "--")) == {*re.findall(r"^  (--\S+)", said.stdout, re.MULTILINE), "--help"}
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh on this machine")
+def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tmp_path: Path) -> None:
+    script = command_page.completion(PAGE, "zsh") + "print -r -- ${_comps[hindrax]}\n"
+    done = subprocess.run(
+        ["zsh", "-f"],
+        input=script,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"HOME": str(tmp_path)},
+    )
+    assert "_hindrax" in done.stdout
+    assert not done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("shell", command_page.SHELLS)
