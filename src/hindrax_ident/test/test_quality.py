@@ -77,7 +77,7 @@ def predicted(fit: float, excess: float) -> Validation:
         (
             {"current": 0.055},
             {"current": 0.06},
-            "at speeds up to 0.45 a current of 0.06 changes the drag by 27%: k_q and k_l cannot be separated",
+            "at speeds up to 0.45 m/s a current of 0.06 m/s changes the drag by 27%: k_q and k_l cannot be separated",
         ),
         (
             {"share_at_one_speed": 0.69},
@@ -87,12 +87,12 @@ def predicted(fit: float, excess: float) -> Validation:
         (
             {"covariance": uncertain(0.24, 0.24)},
             {"covariance": uncertain(0.26, 0.01)},
-            "speeds of 0.1 to 0.45 do not separate k_q from k_l (either is uncertain by 26% of the drag)",
+            "speeds of 0.1 to 0.45 m/s do not separate k_q from k_l (either is uncertain by 26% of the drag)",
         ),
         (
             {"covariance": uncertain(0.01, 0.24)},
             {"covariance": uncertain(0.01, 0.31)},
-            "speeds of 0.1 to 0.45 do not separate k_q from k_l (either is uncertain by 31% of the drag)",
+            "speeds of 0.1 to 0.45 m/s do not separate k_q from k_l (either is uncertain by 31% of the drag)",
         ),
         (
             {"k": array(np.array([-5.9, 40.0])), "covariance": array(np.diag([4.0, 0.1]))},
@@ -117,7 +117,7 @@ def predicted(fit: float, excess: float) -> Validation:
         (
             {"offset": 0.19 * DRAG_N},
             {"offset": 0.21 * DRAG_N},
-            "a constant force of 2.9 or more, 21% of the largest drag, acts as well: a current, the tether,",
+            "a constant force of 2.9 N or more, 21% of the largest drag, acts as well: a current, the tether,",
         ),
         (
             {"validation": predicted(0.51, 1.6)},
@@ -139,6 +139,13 @@ def test_every_reason_against_a_result_has_its_line(
     assert reason.startswith(sentence)
 
 
+def test_a_turn_has_the_units_of_a_turn() -> None:
+    (reason,) = judged(turns=True, covariance=uncertain(0.26, 0.01))
+    assert reason.startswith("speeds of 0.1 to 0.45 rad/s do")
+    (reason,) = judged(turns=True, k=array(-SURGE[:2]))
+    assert reason.startswith("the drag at 0.45 rad/s is -14 N m,")
+
+
 def test_a_drag_that_is_poorly_known_says_by_what_and_what_to_do() -> None:
     assert judged(drag_std=DRAG_N)[0].endswith("; most by current: wait until the water is still")
 
@@ -146,14 +153,14 @@ def test_a_drag_that_is_poorly_known_says_by_what_and_what_to_do() -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"high": 0.009}, "it hardly moved: speed at most 0.012, no more than the noise of one measurement"),
+        ({"high": 0.009}, "it hardly moved: speed at most 0.012 m/s, no more than the noise of one measurement"),
         (
             {"high": 0.009, "measured_speed": 0.27},
-            f"it moved at up to 0.27, and this force explains 0.009 of it: {OTHER_LAW}",
+            f"it moved at up to 0.27 m/s, and this force explains 0.009 m/s of it: {OTHER_LAW}",
         ),
         (
             {"k": array(-SURGE[:2])},
-            "the drag at 0.45 is -14, wanted above 0: check the sign of the wrench",
+            "the drag at 0.45 m/s is -14 N, wanted above 0: check the sign of the wrench",
         ),
     ],
 )

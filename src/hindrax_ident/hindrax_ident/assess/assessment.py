@@ -205,6 +205,7 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         offset=_least_offset(theta, widened, reported) if model.axis in HORIZONTAL else 0.0,
         measured_speed=measured_speed(assessment.record, motion.side),
         measurement_noise=measurement_noise(assessment.record),
+        turns=model.axis >= 3,
     )
     reasons = tuple(reasons_against(evidence))
     return MotionResult(

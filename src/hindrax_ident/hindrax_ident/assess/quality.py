@@ -186,6 +186,18 @@ class Evidence:
     """Highest speed in the record itself, whatever the fit makes of it [m/s, rad/s]."""
     measurement_noise: float = 0.0
     """Noise of one velocity in the record itself [m/s, rad/s]."""
+    turns: bool = False
+    """Whether it is a rotation, which its sentences are worded for."""
+
+    @property
+    def rate(self) -> str:
+        """Unit of the speed."""
+        return "rad/s" if self.turns else "m/s"
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the drag."""
+        return "N m" if self.turns else "N"
 
 
 def reasons_against(evidence: Evidence) -> list[str]:
@@ -201,10 +213,8 @@ def reasons_against(evidence: Evidence) -> list[str]:
     if not high > evidence.noise:
         return [*out, _too_slow(evidence)]
     if not force > 0.0:
-        return [
-            *out,
-            f"the drag at {high:.2g} is {force:.3g}, wanted above 0: check the sign of the wrench",
-        ]
+        drag = f"the drag at {high:.2g} {evidence.rate} is {force:.3g} {evidence.force_unit}"
+        return [*out, f"{drag}, wanted above 0: check the sign of the wrench"]
     share, largest = evidence.drag_std / force, evidence.largest
     if share > FORCE_SHARE:
         known = f"the drag at the highest speed is known to {share:.1%} only, wanted {FORCE_SHARE:.0%}"
@@ -215,19 +225,18 @@ def reasons_against(evidence: Evidence) -> list[str]:
 
 
 def _too_slow(evidence: Evidence) -> str:
-    speed = evidence.measured_speed
+    speed, unit = evidence.measured_speed, evidence.rate
     if speed > MOVED * evidence.measurement_noise:
-        return (
-            f"it moved at up to {speed:.2g}, and this force explains {evidence.excitation.high:.2g} of it: {OTHER_LAW}"
-        )
-    return f"it hardly moved: speed at most {speed:.2g}, no more than the noise of one measurement"
+        explained = f"{evidence.excitation.high:.2g} {unit} of it"
+        return f"it moved at up to {speed:.2g} {unit}, and this force explains {explained}: {OTHER_LAW}"
+    return f"it hardly moved: speed at most {speed:.2g} {unit}, no more than the noise of one measurement"
 
 
 def _separation(evidence: Evidence, force: float) -> list[str]:
     low, high = evidence.excitation.low, evidence.excitation.high
     if 2.0 * evidence.current > SPLIT_SHARE * high:
-        change = f"a current of {evidence.current:.2g} changes the drag by {2.0 * evidence.current / high:.0%}"
-        return [f"at speeds up to {high:.2g} {change}: k_q and k_l cannot be separated"]
+        change = f"a current of {evidence.current:.2g} m/s changes the drag by {2.0 * evidence.current / high:.0%}"
+        return [f"at speeds up to {high:.2g} {evidence.rate} {change}: k_q and k_l cannot be separated"]
     if evidence.excitation.share_at_one_speed > ONE_SPEED_SHARE:
         share_at_one_speed = f"{evidence.excitation.share_at_one_speed:.0%} of the motion was at nearly one speed"
         return [f"{share_at_one_speed}: only the transients separate k_q from k_l; use the drag-force band"]
@@ -235,7 +244,8 @@ def _separation(evidence: Evidence, force: float) -> list[str]:
     if shares.max() <= SPLIT_SHARE:
         return []
     either = f"either is uncertain by {shares.max():.0%} of the drag"
-    return [f"speeds of {low:.2g} to {high:.2g} do not separate k_q from k_l ({either}); use the drag-force band"]
+    span = f"{low:.2g} to {high:.2g} {evidence.rate}"
+    return [f"speeds of {span} do not separate k_q from k_l ({either}); use the drag-force band"]
 
 
 def _physics(evidence: Evidence, force: float) -> list[str]:
@@ -250,8 +260,9 @@ def _physics(evidence: Evidence, force: float) -> list[str]:
         below = f"the total mass is {-evidence.added_mass_sigmas:.3g} standard deviations below the body's own"
         out.append(f"{below}: check the units of force and velocity, and the mass of the vehicle file")
     if evidence.offset > OFFSET_SHARE * force:
-        beside = f"a constant force of {evidence.offset:.2g} or more, {evidence.offset / force:.0%} of the largest drag"
-        out.append(f"{beside}, acts as well: a current, the tether, or an offset of the thrust")
+        beside = f"a constant force of {evidence.offset:.2g} N or more"
+        share = f"{evidence.offset / force:.0%} of the largest drag"
+        out.append(f"{beside}, {share}, acts as well: a current, the tether, or an offset of the thrust")
     checked = evidence.validation
     if checked is not None and checked.fit < LEAST_FIT and checked.excess > 1.5:
         out.append(f"the held-out part of the run is predicted with a fit of only {checked.fit:.0%}")
