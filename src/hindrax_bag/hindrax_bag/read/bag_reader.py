@@ -35,6 +35,7 @@ class MessageDecoder:
         self._topic, self._encoding, self._schema = topic, encoding, schema
         text = schema.data.decode("utf-8", "replace") if schema else ""
         self.type = schema.name if schema else ""
+        self.definition = text
         self._steps = steps_of(self.type, text)
         self.old = bool(self._steps)
         """The type has changed since: `decode` brings messages to today's form, their bytes are not those of today."""

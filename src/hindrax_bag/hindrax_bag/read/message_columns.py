@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -86,6 +87,8 @@ class Series:
     name: str
     time_s: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
+    unit: str = ""
+    """As the definition of the message names it; empty where it does not."""
 
 
 def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
@@ -100,12 +103,20 @@ def series(bag: Path, wanted: Sequence[str]) -> list[Series]:
         row = dict(flat(message.decoded()))
         for one, (topic, name) in zip(made, places, strict=True):
             if topic == message.topic:
+                one.unit = one.unit or _unit(message.form.definition, name)
                 one.time_s.append((message.received - begin) / NS_PER_S)
                 one.values.append(_number(row, name, topic))
     for one, (topic, _) in zip(made, places, strict=True):
         if not one.values:
             raise UsageError(f"{bag}: no message on {topic}; `hindrax bag info {bag}` lists the topics")
     return made
+
+
+def _unit(definition: str, name: str) -> str:
+    """Unit in brackets at the end of the comment on a field, as in `float64 depth  # below the surface [m]`."""
+    own = definition.partition("\n===")[0]
+    found = re.search(rf"^\S+ +{re.escape(name.partition('[')[0])} .*#.*\[([^\]]+)\] *$", own, re.MULTILINE)
+    return found[1] if found else ""
 
 
 def _place(word: str) -> tuple[str, str]:

@@ -26,7 +26,7 @@ from rich.progress import (
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
-from hindrax_bag.read.survey import Survey, find_bags, survey
+from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError
 
@@ -95,12 +95,20 @@ def listed(arguments: argparse.Namespace) -> dict[str, Any]:
     """Bags below a folder."""
     found = find_bags(arguments.folder)
     if not arguments.json:
-        for one in found:
-            state = f"   {one.note}" if one.note else f"{one.seconds:8.1f} s {one.messages:9d} messages"
-            print(f"{one.bag}  {_mb(one.bytes):>10}  {state}")
-        if not found:
-            print(f"no bags below {arguments.folder}")
+        show_list(found, arguments.folder)
     return {"bags": [one.document() for one in found]}
+
+
+def show_list(found: Sequence[ListedBag], folder: Path) -> None:
+    """Print the bags below a folder."""
+    table = make_table(f"bags below {folder}", ["bag"], ["MB", "s", "messages"], [""])
+    for one in found:
+        numbers = ("", "", one.note) if one.note else (f"{one.seconds:.1f}", str(one.messages), "")
+        table.add_row(str(one.bag), f"{one.bytes / 1e6:.1f}", *numbers)
+    if found:
+        print_table(table)
+    else:
+        print(f"no bags below {folder}")
 
 
 def recovered(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -144,7 +152,7 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
     panels = figure.subplots(len(lines), 1, sharex=True, squeeze=False)
     for panel, one in zip(panels[:, 0], lines, strict=True):
         panel.plot(one.time_s, one.values, linewidth=0.8)
-        panel.set_title(one.name, fontsize=9, loc="left")
+        panel.set_title(f"{one.name} [{one.unit}]" if one.unit else one.name, fontsize=9, loc="left")
         panel.grid(visible=True, alpha=0.3)
     panels[-1, 0].set_xlabel("time since the first message [s]")
     figure.suptitle(title, fontsize=9)
