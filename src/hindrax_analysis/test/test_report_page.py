@@ -22,11 +22,11 @@ from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
 from hindrax_analysis.report.published import PUBLISHED, published_of
-from hindrax_analysis.report.report_tables import table_methods
+from hindrax_analysis.report.report_tables import table_3, table_budget, table_methods
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
-from hindrax_ident.assess.results import DragBand, MotionResult, Number, truth_of, with_truth
+from hindrax_ident.assess.results import Contribution, DragBand, MotionResult, Number, Results, truth_of, with_truth
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.online.session import Outcome, Session
 
@@ -227,6 +227,17 @@ def test_plateaus_are_not_shown_of_a_motion_that_rights_itself() -> None:
     assert "Plateaus are omitted" in table_methods(righted)
 
 
+@pytest.mark.parametrize(("motion", "force", "mass"), [("surge", "N", "kg"), ("yaw", "N\u00b7m", "kg\u00b7m\u00b2")])
+def test_every_column_of_the_budget_has_its_unit_and_why_the_rows_do_not_add_up_is_said(
+    motion: str, force: str, mass: str
+) -> None:
+    budget = {name: [Contribution("inflow loss", 0.5, "")] for name in ("drag", "added_mass")}
+    page = table_budget(replace(a_motion(motion, None), budget=budget))
+    assert f">drag at the highest speed [{force}]<" in page
+    assert f">added mass [{mass}]<" in page
+    assert "do not add up in squares" in page
+
+
 # ---- pages
 
 
@@ -315,6 +326,27 @@ def test_the_paper_stands_beside_its_own_vehicle_only(name: str, shown: bool) ->
     assert (published_of(name, "surge") is not None) == shown
 
 
+def test_the_tables_name_the_paper_only_where_its_rows_stand_beside_ours(report: RunReport) -> None:
+    other = replace(report.vehicle, name="lbv")
+    strange = run_page(replace(report, vehicle=other, results=replace(report.results, vehicle=other)))
+    assert "<h3>Coefficients, beside Table 3 of COB-2023-1394</h3>" in run_page(report)
+    assert "<h3>Coefficients</h3>" in strange
+    assert "of COB-2023-1394" not in strange
+
+
+def test_the_coefficients_have_the_units_of_the_motions_that_were_flown() -> None:
+    vehicle = Vehicle("lbv", 10.0, 0.01, (0.5, 0.4, 0.3))
+    surge, yaw = a_motion("surge", None), a_motion("yaw", None)
+    assert "b [N]<" in table_3(Results({"surge": surge}, vehicle))
+    assert "b [N\u00b7m]<" in table_3(Results({"yaw": yaw}, vehicle))
+    assert "b [N or N\u00b7m]<" in table_3(Results({"surge": surge, "yaw": yaw}, vehicle))
+
+
+def test_a_command_in_a_sentence_is_shown_as_code(report: RunReport) -> None:
+    text = run_page(replace(report, conditions=replace(report.conditions, aborted="x: ask `./hindrax doctor`")))
+    assert "ask <code>./hindrax doctor</code>" in text
+
+
 # ---- aborted
 
 
@@ -357,7 +389,7 @@ def test_a_run_in_which_nothing_was_flown_says_so_and_shows_no_tables(report: Ru
     text = run_page(replace(aborted(report), results=replace(report.results, motions={}), traces={}, assessments={}))
     ET.fromstring(main_of(text))
     assert "Nothing was flown" in text
-    assert "Table 3 of" not in text
+    assert "<h3>Coefficients" not in text
 
 
 def test_a_comparison_and_a_forest_mark_the_aborted_run(report: RunReport) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -20,6 +21,11 @@ def page(title: str, body: str) -> str:
         f'<link rel="icon" href="{EMPTY}">\n<title>{escape(title)}</title>\n<style>{CSS}</style>\n</head>\n'
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
+
+
+def prose(sentence: str) -> str:
+    """A sentence as HTML, with commands in backticks as code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(sentence))
 
 
 def chips(texts: Sequence[tuple[str, str]]) -> str:

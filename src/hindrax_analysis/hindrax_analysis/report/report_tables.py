@@ -13,8 +13,8 @@ from hindrax_analysis.report.figures import (
     has_restoring_moment,
     pretty_unit,
 )
-from hindrax_analysis.report.page import decimals, number, plus_minus, table
-from hindrax_analysis.report.published import published_of
+from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table
+from hindrax_analysis.report.published import PAPER, published_of
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results
@@ -22,12 +22,14 @@ from hindrax_ident.model.motion_model import MOTIONS, coefficients
 
 COLUMNS = ("k_q", "k_l", "b", "added_mass")
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
-UNITS = (
-    "k<sub>q</sub> in N\u00b7s\u00b2/m\u00b2, k<sub>l</sub> in N\u00b7s/m, b in N, added mass in kg; "
-    "roll, pitch and yaw: N\u00b7m\u00b7s\u00b2, N\u00b7m\u00b7s, N\u00b7m, kg\u00b7m\u00b2. "
+CONTRIBUTIONS = (
+    "A row is what the band would lose if its influence were known. Losses act one way and may all be large at once, "
+    "so their rows do not add up in squares to the band."
+)
+SIGN_OF_B = (
     "The paper prints b of heave along the motion; here it is along the axis, so its sign is reversed for heave, up."
 )
-
+TITLE_3, TITLE_4 = "Coefficients", "Drag coefficient and Reynolds number"
 
 RIGHTING = "Plateaus are omitted: the mean moment of each includes the restoring moment of the vehicle."
 
@@ -39,7 +41,7 @@ def title_of(motion: str) -> str:
 
 
 def table_3(results: Results) -> str:
-    """Coefficients with their deviations; below each motion the paper's row and the mock's truth."""
+    """Coefficients with their deviations, titled; below each motion the paper's row and the mock's truth."""
     rows: list[list[str]] = []
     own: list[int] = []
     for motion, result in results.motions.items():
@@ -52,7 +54,25 @@ def table_3(results: Results) -> str:
             pairs = paper.in_our_axes
             printed = [as_printed(*pairs[name]) if name in pairs else "" for name in COLUMNS]
             rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
-    return table(["motion", *HEADINGS, "verdict"], rows, own)
+    # Straight motions and turns have different units; the heading has those of what was flown.
+    units = [units_of(motion) for motion in results.motions]
+    heads = [
+        f"{head} [{' or '.join(dict.fromkeys(one[name] for one in units))}]"
+        for name, head in zip(COLUMNS, HEADINGS, strict=True)
+    ]
+    note = f'<p class="soft">{SIGN_OF_B}</p>' if _printed(results, "heave_up") else ""
+    return _titled(TITLE_3, 3, results) + table(["motion", *heads, "verdict"], rows, own) + note
+
+
+def _printed(results: Results, *motions: str) -> bool:
+    """Whether the paper has one of these motions of this vehicle, and it was flown."""
+    return any(motion in results.motions and published_of(results.vehicle.name, motion) for motion in motions)
+
+
+def _titled(title: str, number: int, results: Results) -> str:
+    """Title of a table that the paper has too, with its number there where its rows stand beside ours."""
+    beside = f", beside Table {number} of {PAPER}" if _printed(results, *results.motions) else ""
+    return f"<h3>{title}{beside}</h3>"
 
 
 def as_printed(value: float, std: float) -> str:
@@ -98,7 +118,7 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
                 cells = [as_printed(*paper.drag_coefficient), "", _range(*paper.reynolds)]
                 rows.append(["<small>COB-2023-1394</small>", *map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
-    return table(heads, rows, own) if rows else ""
+    return _titled(TITLE_4, 4, results) + table(heads, rows, own) if rows else ""
 
 
 def _range(low: float, high: float) -> str:
@@ -118,11 +138,23 @@ def table_predictions(assessments: Mapping[int, Assessment]) -> str:
 def table_methods(result: MotionResult) -> str:
     """The methods over the same record."""
     methods: Mapping[str, Mapping[str, Number]] = {result.method: result.coefficients, **comparable_methods(result)}
-    units = coefficients(MOTIONS[result.motion].axis)
-    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(COLUMNS, HEADINGS, strict=True)]
+    heads = [headings_of(result.motion)[name] for name in COLUMNS]
     rows = [[METHODS.get(name, name), *(_plain(found.get(key)) for key in COLUMNS)] for name, found in methods.items()]
     note = f'<p class="soft">{RIGHTING}</p>' if has_restoring_moment(result) else ""
     return table(["method", *heads], rows, own=(0,)) + note
+
+
+def headings_of(motion: str) -> dict[str, str]:
+    """Heading with its unit of each coefficient of a motion, and of the drag at its highest speed."""
+    heads = dict(zip(COLUMNS, HEADINGS, strict=True)) | {"drag": "drag at the highest speed"}
+    units = units_of(motion)
+    return {name: f"{head} [{units[name]}]" for name, head in heads.items()}
+
+
+def units_of(motion: str) -> dict[str, str]:
+    """Unit of each coefficient of a motion, and of its drag: a force or a moment, as net buoyancy is."""
+    units = {name: pretty_unit(one.unit) for name, one in coefficients(MOTIONS[motion].axis).items()}
+    return units | {"drag": units["b"]}
 
 
 def _plain(found: Number | None) -> str:
@@ -138,12 +170,17 @@ def table_budget(result: MotionResult) -> str:
     if result.drag is not None:
         wide["drag"] = float(result.drag.std_calibrated[-1])
     rows = [
-        [influence, *(_contribution(shares[name].get(influence, 0.0), wide.get(name)) for name in columns), remedy]
+        [
+            influence,
+            *(_contribution(shares[name].get(influence, 0.0), wide.get(name)) for name in columns),
+            prose(remedy),
+        ]
         for influence, remedy in remedies.items()
     ]
-    heads = dict(zip(COLUMNS, HEADINGS, strict=True)) | {"drag": "drag at the highest speed"}
+    heads = headings_of(result.motion)
     total = ["calibrated band", *(_digits(wide.get(name)) for name in columns), ""]
-    return table(["influence", *(heads[name] for name in columns), "what would shrink it"], [total, *rows], own=(0,))
+    heading = ["influence", *(heads[name] for name in columns), "what would shrink it"]
+    return table(heading, [total, *rows], own=(0,)) + f'<p class="soft">{CONTRIBUTIONS}</p>'
 
 
 def _contribution(std: float, band: float | None) -> str:

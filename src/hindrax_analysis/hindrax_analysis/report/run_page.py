@@ -21,10 +21,9 @@ from hindrax_analysis.report.figures import (
     pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import chips, definitions, page, plus_minus
+from hindrax_analysis.report.page import chips, definitions, page, plus_minus, prose
 from hindrax_analysis.report.published import published_of
 from hindrax_analysis.report.report_tables import (
-    UNITS,
     table_3,
     table_4,
     table_budget,
@@ -93,7 +92,7 @@ def _guard(aborted: str) -> str:
 def _end(report: RunReport) -> str:
     """Why the flight ended early, and what was flown until then; empty for one that was flown to its end."""
     conditions = report.conditions
-    rows = [f"<b>Aborted by {escape(conditions.aborted)}</b>"] if conditions.aborted else []
+    rows = [f"<b>Aborted by {prose(conditions.aborted)}</b>"] if conditions.aborted else []
     until, blocked = _times(conditions.flown_s), _times(conditions.blocked_s)
     if conditions.aborted and until:
         rows.append(f"Flown until then: {until}. The results below are of that part only.")
@@ -135,16 +134,16 @@ def _how_to_read(report: RunReport) -> str:
         "the uncertainty budget as well, and is the one to quote for the vehicle.</p>"
     )
     if report.conditions.assumptions:
-        rows = "".join(f"<li>{escape(one)}</li>" for one in report.conditions.assumptions)
+        rows = "".join(f"<li>{prose(one)}</li>" for one in report.conditions.assumptions)
         words += f"<p>Assumptions:</p><ul>{rows}</ul>"
     return words
 
 
 def _tables(report: RunReport) -> str:
     third, fourth = table_3(report.results), table_4(report.vehicle, report.results)
-    text = f'<h3>Coefficients (Table 3 of COB-2023-1394)</h3>{third}<p class="soft">{UNITS}</p>'
+    text = third
     if fourth:
-        text += f"<h3>Drag coefficient and Reynolds number (Table 4)</h3>{fourth}{_what_is_c_d(report.vehicle)}"
+        text += f"{fourth}{_what_is_c_d(report.vehicle)}"
     predictions = table_predictions(report.assessments)
     if predictions:
         text += f"<h3>Prediction of what was not fitted</h3>{predictions}{PREDICTED}"
@@ -186,7 +185,7 @@ def _next(result: MotionResult) -> str:
         return ""
     now, then = (f"{std / float(drag.force[-1]):.1%}" for std in (float(drag.std_calibrated[-1]), step.std))
     said = f"Next: {step.remedy}. The drag at the highest speed would be known to {then} instead of {now}."
-    return f"<p>{escape(said)}</p>"
+    return f"<p>{prose(said)}</p>"
 
 
 def _reasons(result: MotionResult) -> str:
@@ -195,7 +194,7 @@ def _reasons(result: MotionResult) -> str:
 
 
 def _warning(title: str, sentences: Sequence[str]) -> str:
-    rows = "".join(f"<li>{escape(one)}</li>" for one in sentences)
+    rows = "".join(f"<li>{prose(one)}</li>" for one in sentences)
     return f'<div class="warning"><b>{title}</b><ul>{rows}</ul></div>'
 
 
@@ -283,7 +282,8 @@ def _conditions(of: Conditions) -> str:
         ("software", of.software),
     ]
     sources = (
-        '<p class="soft">Drag model and Tables 3 and 4: COB-2023-1394. Standard deviations: its eq. 7 and 8, with the '
-        "color of the residuals taken into account. The same numbers, with covariances, are in coefficients.yaml.</p>"
+        '<p class="soft">Drag model, coefficients and drag coefficients as in COB-2023-1394. Standard deviations: its '
+        "eq. 7 and 8, with the color of the residuals taken into account. The same numbers, with covariances, are in "
+        "coefficients.yaml.</p>"
     )
     return f"<h2>Conditions</h2>{definitions(pairs)}{sources}"
