@@ -15,6 +15,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
+from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.plain import plain
 
@@ -112,20 +113,18 @@ def _least_width(table: Table) -> int:
     return wide.measure(table).maximum - spare
 
 
-def measured(value: float, std: float) -> str:
-    """A value with the digits that its standard deviation, rounded to two, leaves it: 2.338 +- 0.047."""
-    if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
-        return f"{value:.4g} +- {std:.2g}"
-    places = max(0, 1 - math.floor(math.log10(float(f"{std:.1e}"))))
-    return f"{value:.{places}f} +- {std:.{places}f}"
+def cells_of(value: Value) -> tuple[str, str]:
+    """Value and standard deviation for a table; empty where unknown."""
+    if math.isnan(value.std):
+        return _text(value.value), ""
+    return rounded(value.value, value.std)
 
 
 def print_values(title: str, rows: Sequence[tuple[str, object, str]]) -> None:
     """Print a table of name, value (with its standard deviation, if any) and unit."""
     table = make_table(title, ["what"], ["value", "std"], ["unit"])
     for name, value, unit in rows:
-        number, spread = (value.value, value.std) if isinstance(value, Value) else (value, None)
-        table.add_row(name, _text(number), _text(spread), unit)
+        table.add_row(name, *(cells_of(value) if isinstance(value, Value) else (_text(value), "")), unit)
     print_table(table)
 
 

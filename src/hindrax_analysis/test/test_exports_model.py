@@ -95,7 +95,7 @@ def test_bands_and_assumptions_go_with_the_numbers() -> None:
     told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
     told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
     lines = header(export_model(told, VEHICLE, "c.yaml"), ())
-    assert any("surge: k_q 18.0 +- 1.9" in line for line in lines)
+    assert any("surge: k_q 18.0 +- 1.9 N s^2/m^2" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
 
 

@@ -1,6 +1,7 @@
 """Tables on narrow screens, wide ones and in pipes: no name and no number is ever cut."""
 
 import io
+import math
 import re
 import sys
 
@@ -8,7 +9,9 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.terminal import make_table, measured, print_table, working
+from hindrax_analysis.digits import measured
+from hindrax_analysis.experiments.least_squares import Value
+from hindrax_analysis.terminal import make_table, print_table, print_values, working
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
 NOTE = "a sentence that may well go on for more than one line of a narrow screen"
@@ -78,6 +81,25 @@ def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch
 )
 def test_a_number_has_the_digits_that_its_deviation_leaves_it(value: float, std: float, text: str) -> None:
     assert measured(value, std) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "texts"),
+    [
+        (2006.00875, 382.49, ("2006", "382")),
+        (15.375, 0.23612, ("15.38", "0.24")),
+        (0.0021717, 0.00039426, ("0.00217", "0.00039")),
+        (-4.2621e-07, 7.6684e-08, ("-4.26e-07", "7.7e-08")),
+        (1e-9, 2e-5, ("1e-09", "2.0e-05")),
+        (0.5, math.nan, ("0.5", "")),
+    ],
+)
+def test_a_table_of_values_has_the_digits_that_the_deviation_leaves(
+    value: float, std: float, texts: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_values("Fit", [("c", Value(value, std), "N")])
+    row = capsys.readouterr().out.splitlines()[-2]
+    assert [cell.strip() for cell in row.strip("\u2502").split("\u2502")] == ["c", *texts, "N"]
 
 
 def test_long_work_is_told_on_a_terminal_alone(

@@ -12,6 +12,7 @@ from hindrax_analysis.terminal import make_table, print_json, print_table, worki
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
+from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.rehearsal import Rehearsal, rehearse
@@ -74,13 +75,14 @@ def show(found: Rehearsal) -> None:
     print_table(table)
     print(f"{found.seconds:.0f} s in the water; the thrusters draw {found.charge_Ah:.2f} Ah (by momentum theory)")
     bands = make_table(
-        "Standard deviations to be expected: drag at the highest speed, added mass; percent",
+        "Standard deviations to be expected: of the drag at the highest speed, and of the added mass",
         ("motion",),
-        ("speed", "noise", "calibrated", "added mass"),
+        ("highest speed", "noise [%]", "calibrated [%]", "added mass [%]"),
         ("remarks",),
     )
     for motion, band in found.bands.items():
         shares = (band.noise, band.calibrated, band.added_mass)
-        percents = ("" if math.isnan(share) else f"{100 * share:.2f}" for share in shares)
-        bands.add_row(motion, f"{band.speed:.2f}", *percents, "; ".join(band.reasons))
+        percents = ("" if math.isnan(share) else f"{100 * share:.1f}" for share in shares)
+        unit = "rad/s" if MOTIONS[motion].axis >= 3 else "m/s"
+        bands.add_row(motion, f"{band.speed:.2f} {unit}", *percents, "; ".join(band.reasons))
     print_table(bands)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from hindrax_analysis.digits import measured
 from hindrax_analysis.screen_text import fitted, screen_width
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
@@ -75,7 +76,7 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
     bar = "#" * done + "." * (20 - done)
     table.add_row("maneuver", f"{bar} {100.0 * maneuver.progress:3.0f} %  {maneuver.motion} {maneuver.phase}")
     unit, rate = units(maneuver.motion)
-    now = f"{maneuver.force:+.1f} {unit}, {maneuver.velocity:+.3f} {rate}{wall(maneuver)}"
+    now = f"{maneuver.force:+z.1f} {unit}, {maneuver.velocity:+z.3f} {rate}{wall(maneuver)}"
     table.add_row("", f"{now}, {maneuver.remaining:.0f} s of vehicle time to go")
     if navigation is not None:
         state = navigation.reading
@@ -90,7 +91,7 @@ def panel(maneuver: Any, navigation: Any, estimates: dict[str, Stamped[Estimate]
 
 def plateau_line(maneuver: Any, estimates: dict[str, Stamped[Estimate]]) -> str:
     """One line for a plateau that begins: where the maneuver is, and what is known of this motion by now."""
-    line = f"{maneuver.motion}: plateau at {maneuver.force:+.1f} {units(maneuver.motion)[0]}"
+    line = f"{maneuver.motion}: plateau at {maneuver.force:+z.1f} {units(maneuver.motion)[0]}"
     line += f", {100.0 * maneuver.progress:.0f} %, {maneuver.remaining:.0f} s to go{wall(maneuver)}"
     known = estimates.get(maneuver.motion)
     return f"{line}; {coefficients_line(known.reading)}" if known else line
@@ -107,8 +108,8 @@ def wall(maneuver: Any) -> str:
 
 
 def coefficients_line(estimate: Estimate) -> str:
-    """Values with standard deviations, and whether it learns."""
-    pairs = zip(estimate.names, estimate.values, estimate.sigmas, strict=True)
-    values = "  ".join(f"{name} {value:.2f} +- {sigma:.2f}" for name, value, sigma in pairs)
+    """Values with standard deviations and units, and whether it learns."""
+    rows = zip(estimate.names, estimate.values, estimate.sigmas, estimate.units, strict=True)
+    values = "  ".join(f"{name} {measured(value, sigma)} {unit}" for name, value, sigma, unit in rows)
     state = f"{estimate.samples} samples" if estimate.learning else f"holding: {estimate.reason}"
     return f"{values}  ({state})"

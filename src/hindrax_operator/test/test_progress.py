@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -48,7 +49,13 @@ def test_without_a_terminal_every_plateau_has_a_line_with_what_is_known(capsys: 
     known = {"surge": Stamped(Stamp(0), SURGE)}
     line = "surge: plateau at +9.5 N, 42 %, 61 s to go, wall 3.2 m ahead"
     assert headless(capsys, {}) == line
-    assert headless(capsys, known) == f"{line}; k_q 66.10 +- 0.40  k_l 1.30 +- 0.50  (120 samples)"
+    assert headless(capsys, known) == f"{line}; k_q 66.10 +- 0.40 N s^2/m^2  k_l 1.30 +- 0.50 N s/m  (120 samples)"
+
+
+def test_an_estimate_has_the_digits_that_its_deviation_leaves_it(capsys: pytest.CaptureFixture[str]) -> None:
+    wild = replace(SURGE, values=(213.2, -44.89), covariance=((104.38**2, 0.0), (0.0, 38.12**2)))
+    said = headless(capsys, {"surge": Stamped(Stamp(0), wild)})
+    assert said.endswith("; k_q 213 +- 104 N s^2/m^2  k_l -45 +- 38 N s/m  (120 samples)")
 
 
 def test_a_turn_is_in_newton_meters_and_an_unknown_wall_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,12 +8,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Array, Value
-from hindrax_analysis.terminal import measured
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 
 COEFFICIENTS = ("k_q", "k_l", "b", "added_mass")
+ROTATIONS = ("roll", "pitch", "yaw")
+UNITS = {
+    "k_q": ("N s^2/m^2", "Nm s^2"),
+    "k_l": ("N s/m", "Nm s"),
+    "b": ("N", "Nm"),
+    "added_mass": ("kg", "kg m^2"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +57,11 @@ class ExportModel:
             cross = np.array(self.hydrodynamics.added_mass_cross)
             matrix += cross - np.diag(np.diag(cross))
         return matrix
+
+
+def unit_of(motion: str, name: str) -> str:
+    """Unit of a coefficient of a motion."""
+    return UNITS[name][motion in ROTATIONS]
 
 
 def direction(drag: Drag, *, backward: bool) -> tuple[float, float]:
@@ -112,7 +124,11 @@ def _joined(notes: Sequence[str]) -> list[str]:
 def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> list[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
     texts = {
-        name: ", ".join(f"{key} {measured(one.get(key), std)}" for key, std in one.calibrated.items() if key != "b")
+        name: ", ".join(
+            f"{key} {measured(one.get(key), std)} {unit_of(name, key)}"
+            for key, std in one.calibrated.items()
+            if key != "b"
+        )
         for name, one in motions.items()
     }
     return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]

@@ -7,16 +7,9 @@ import io
 import math
 
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, MotionResult
+from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, MotionResult, unit_of
 
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
-ROTATIONS = ("roll", "pitch", "yaw")
-UNITS = {
-    "k_q": ("N s^2/m^2", "Nm s^2"),
-    "k_l": ("N s/m", "Nm s"),
-    "b": ("N", "Nm"),
-    "added_mass": ("kg", "kg m^2"),
-}
 
 
 def write_csv(model: ExportModel) -> str:
@@ -33,7 +26,7 @@ def write_csv(model: ExportModel) -> str:
 
 
 def _csv_cells(motion: str, name: str, result: MotionResult) -> tuple[str, str, str, str]:
-    unit = UNITS[name][motion in ROTATIONS]
+    unit = unit_of(motion, name)
     if name not in result.values:
         return "", "", "", unit
     value, wide = result.values[name], result.calibrated.get(name)

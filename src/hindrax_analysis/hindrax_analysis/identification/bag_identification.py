@@ -9,13 +9,14 @@ from typing import Any
 
 from rich.markup import escape
 
+from hindrax_analysis.digits import measured
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write_coefficients, write_report
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of
 from hindrax_analysis.report.published import CITATION, PAPER
 from hindrax_analysis.screen_text import print_fitted
-from hindrax_analysis.terminal import make_table, measured, print_table
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
@@ -121,7 +122,7 @@ def _band(drag: DragBand, *, turns: bool) -> str:
     """Drag force and its uncertainty at the lowest and highest speed."""
     speed_unit, unit = ("rad/s", "N m") if turns else ("m/s", "N")
     ends = [
-        f"{drag.force[at]:.3g} +- {drag.std_calibrated[at]:.2g} {unit} at {drag.speed[at]:.2g} {speed_unit}"
+        f"{measured(drag.force[at], drag.std_calibrated[at])} {unit} at {drag.speed[at]:.2g} {speed_unit}"
         for at in (0, -1)
     ]
     return f"drag: {', '.join(ends)}"

@@ -7,7 +7,7 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.terminal import measured
+from hindrax_analysis.digits import measured
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
 from hindrax_core.yaml_text import read_yaml

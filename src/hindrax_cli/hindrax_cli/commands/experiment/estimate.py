@@ -94,6 +94,6 @@ def show(model: EmpiricalModel) -> None:
         for index in axes:
             values = [model.added_mass[index], model.quadratic_drag[index], model.linear_drag[index]]
             values += [model.inertia_kgm2[index - 3]] if title == "rotation" else []
-            table.add_row(AXES[index], *(f"{value:.4g}" for value in values))
+            table.add_row(AXES[index], *(f"{value:.3g}" for value in values))
         print_table(table)
     print(f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}")

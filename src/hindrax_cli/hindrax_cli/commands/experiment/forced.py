@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 
 from hindrax_analysis.experiments.forced import COLUMNS, MOTIONS, Coefficient, Model, derivatives, run_from_columns
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.terminal import cells_of, make_table, print_json, print_table
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 
@@ -49,8 +48,7 @@ def show(motion: str, found: list[Coefficient]) -> None:
     headings = ("Fourier", "std", "direct fit", "std", "apart %", "dimensionless")
     table = make_table(f"Forced {motion}: force = derivative x motion", ["coefficient"], headings, ["unit"])
     for item in found:
-        values = (item.fourier.value, item.fourier.std, item.direct.value, item.direct.std)
-        told = ["" if math.isnan(value) else f"{value:.4g}" for value in values]
+        told = [text for one in (item.fourier, item.direct) for text in cells_of(one)]
         numbers = (*told, f"{item.difference_percent:.2f}", f"{item.dimensionless:.5f}")
         table.add_row(item.name, *numbers, item.unit)
     print_table(table)

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of, weigh
+from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.terminal import make_table, print_json, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
@@ -165,16 +166,14 @@ def write(file: Path, vehicle: Vehicle, found: Weighing) -> None:
 def show(found: Weighing) -> None:
     """Print the gain each way, and what its deviation is made of."""
     gain = found.gain
-    rows: list[tuple[str, object, str]] = [
-        (way, value, "") for way, value in (("positive", gain.positive), ("negative", gain.negative)) if value
-    ]
+    ways = (("positive", gain.positive), ("negative", gain.negative))
+    rows: list[tuple[str, object, str]] = [(way, Value(value, gain.sigma), "-") for way, value in ways if value]
+    unit = "Nm" if AXES.index(found.axis) >= 3 else "N"
     rows += [
-        ("standard deviation, both ways alike", gain.sigma, ""),
-        ("half the difference of both ways, +-", gain.sigma_difference, ""),
+        ("half the difference of both ways, +-", f"{gain.sigma_difference:.2g}", "-"),
+        ("weighed to", gain.load, unit),
     ]
-    print_values(
-        f"Thrust of {found.axis} over that of its curves, losses included", [*rows, ("weighed to", gain.load, "N, Nm")]
-    )
+    print_values(f"Thrust of {found.axis} over that of its curves, losses included", rows)
     budget = make_table("Its uncertainty", ["influence"], ["percent"])
     for name, part in sorted(found.contributions.items(), key=lambda one: -one[1]):
         budget.add_row(name, f"{100.0 * part:.2f}")

@@ -1,0 +1,24 @@
+"""How many digits of a number mean something: its standard deviation says so. Nothing slow is imported here."""
+
+from __future__ import annotations
+
+import math
+
+LAST_PLACE = -5
+"""Power of ten of the last digit of a number that is written without one."""
+
+
+def measured(value: float, std: float) -> str:
+    """A value with the digits that its standard deviation, rounded to two, leaves it: 2.338 +- 0.047."""
+    return " +- ".join(rounded(value, std))
+
+
+def rounded(value: float, std: float) -> tuple[str, str]:
+    """The same as two texts; a deviation below 0.0001 and its value have powers of ten."""
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
+        return f"{value:.4g}", f"{std:.2g}"
+    place = math.floor(math.log10(float(f"{std:.1e}"))) - 1
+    if place < LAST_PLACE and value:
+        digits = max(0, math.floor(math.log10(abs(value))) - place)
+        return f"{value:.{digits}e}", f"{std:.1e}"
+    return f"{value:.{max(0, -place)}f}", f"{std:.{max(0, -place)}f}"
