@@ -144,9 +144,9 @@ def test_everything_is_on_a_screen_of_80_by_24() -> None:
         "42 %",
         "surge plateau",
         "1 min 33 s to go",
-        "66.1 ±0.78",
-        "m_a 12.1 ±0.9",
-        "surge      ● k_q 66.1 ±0.78 k_l",
+        "66.10±0.78",
+        "m_a 12.10±0.90",
+        "surge      ● k_q 66.10±0.78 k_l",
         "heave_down ○ k_q",
         "STOP",
     ):
@@ -175,8 +175,18 @@ def test_long_refusals_wrap_and_are_read_to_their_end_at_80_by_24() -> None:
     assert "STOP" in text
 
 
-def test_a_wider_screen_tells_also_why_nothing_is_learnt() -> None:
-    assert "n 812 waiting for a plateau" in screen(FULL, size=(110, 30))[0]
+@pytest.mark.parametrize("size", [(80, 24), (60, 40), (110, 30)])
+def test_why_nothing_is_learnt_is_told_to_its_end(size: tuple[int, int]) -> None:
+    one = replace(ESTIMATE, learning=False, reason="waiting for a plateau")
+    text, _ = screen(replace(FULL, health={}, estimates={"heave_down": one}), size=size)
+    assert "812 waiting for a plateau" in " ".join(text.split())
+
+
+def test_nothing_is_a_negative_zero() -> None:
+    still = replace(NAVIGATION, velocity_mps=(-1e-5, -1e-5, -1e-5), attitude_rad=(-1e-5, -1e-5, 0.0))
+    text, _ = screen(replace(FULL, navigation=still))
+    assert "surge, sway +0.000  +0.000 m/s" in text
+    assert "roll, pitch +0.0  +0.0 deg" in text
 
 
 def test_keys_order_what_the_footer_says() -> None:

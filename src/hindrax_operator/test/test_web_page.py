@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(
 )
 SHOWN = (
     *("heading", "30.0 deg", "+0.312 m/s", "unknown", "1640 us", "lost: sway", "at 270.0 deg", "no echo"),
-    *("no reading for <b>3.2 s</b>", "k_q 66.1 ±0.784", "20 Hz", "m along"),
+    *("no reading for <b>3.2 s</b>", "k_q 66.10 ±0.78", "20 Hz", "m along"),
 )
 """What the page must show; what a node says is text, not markup."""
 STOP_RED = "rgb(179, 38, 30)"

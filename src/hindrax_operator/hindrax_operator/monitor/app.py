@@ -77,7 +77,7 @@ class Monitor(App[None]):
             yield places["health"]
         yield places["maneuver"]
         with VerticalScroll(id="rest") as rest:
-            rest.border_title = "estimate, with 95 % bands"
+            rest.border_title = "estimate with 95 % bands, SI units; number of samples"
             yield places["estimates"]
         yield Footer()
 

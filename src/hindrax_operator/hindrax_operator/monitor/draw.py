@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from hindrax_analysis.digits import rounded
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
@@ -49,12 +50,12 @@ def state(navigation: Navigation | None) -> RenderableType:
     locked = Text("locked", style=GOOD) if navigation.dvl_locked else Text("no bottom lock", style=BAD)
     for name, value in (
         ("heading", _number(heading % 360.0, ".1f", "deg")),
-        ("roll, pitch", _numbers((roll, pitch), "+.1f", "deg")),
+        ("roll, pitch", _numbers((roll, pitch), "+z.1f", "deg")),
         ("depth", _number(navigation.depth_m, ".2f", "m")),
         ("altitude", _number(navigation.altitude_m, ".2f", "m")),
-        ("surge, sway", _numbers(navigation.velocity_mps[:2], "+.3f", "m/s")),
-        ("heave", _number(navigation.velocity_mps[2], "+.3f", "m/s")),
-        ("north, east", _numbers((north, east), "+.2f", "m")),
+        ("surge, sway", _numbers(navigation.velocity_mps[:2], "+z.3f", "m/s")),
+        ("heave", _number(navigation.velocity_mps[2], "+z.3f", "m/s")),
+        ("north, east", _numbers((north, east), "+z.2f", "m")),
         ("DVL", locked),
     ):
         table.add_row(Text(name, style=DIM), value)
@@ -89,7 +90,7 @@ def thrusters(found: Thrusters) -> RenderableType:
             Text(name, style=VALUE),
             _bar((pulse - 1500.0) / FULL_us, color),
             Text(f"{pulse:4.0f} us", style=DIM),
-            _number(force, "+5.1f", "N"),
+            _number(force, "+z5.1f", "N"),
         )
     return table
 
@@ -139,12 +140,12 @@ def maneuver(flight: ManeuverView | None, width: int = 78) -> RenderableType:
     )
     unit, rate = units(flight.motion)
     wall = "" if math.isnan(flight.wall_m) else f", wall {flight.wall_m:.1f} m ahead"
-    second = Text(f"{flight.force:+.1f} {unit}, {flight.velocity:+.3f} {rate}{wall}", style=DIM)
+    second = Text(f"{flight.force:+z.1f} {unit}, {flight.velocity:+z.3f} {rate}{wall}", style=DIM)
     return Group(first, second)
 
 
 def estimates(found: Mapping[str, Estimate]) -> RenderableType:
-    """One line per motion: a dot while it learns, coefficients with 95 % bands, samples, why it does not learn."""
+    """Each motion: a dot while it learns, coefficients with 95 % bands, then its samples or why it does not learn."""
     if not found:
         return Text("none yet; they come with the first plateau of a maneuver", style=DIM)
     width = max(len(motion) for motion in found)
@@ -152,20 +153,15 @@ def estimates(found: Mapping[str, Estimate]) -> RenderableType:
 
 
 def _estimate(motion: str, one: Estimate) -> Text:
-    text = Text(no_wrap=True, overflow="ellipsis").append(f"{motion} ", VALUE)
+    text = Text().append(f"{motion} ", VALUE)
     text.append("● " if one.learning else "○ ", GOOD if one.learning else DIM)
     for name, value, sigma in zip(one.names, one.values, one.sigmas, strict=True):
         band = BAND * sigma
         style = GOOD if band < 0.1 * abs(value) else WARN if band < abs(value) else DIM
         short = SHORT_NAMES.get(name, name)
-        text.append(f"{short} ", DIM).append(_short(value), VALUE).append(f" ±{_short(band, 2)} ", style)
-    return text.append(f"n {one.samples} {one.reason}".rstrip(), DIM)
-
-
-def _short(value: float, digits: int = 3) -> str:
-    if not math.isfinite(value):
-        return "?"
-    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.{digits}g}"
+        number, plus_minus = rounded(value, band) if math.isfinite(value) and math.isfinite(band) else ("?", "?")
+        text.append(f"{short} ", DIM).append(number, VALUE).append(f"\u00b1{plus_minus} ", style)
+    return text.append(f"{one.samples} {one.reason}".rstrip(), DIM)
 
 
 def _bar(part: float, color: str) -> Text:
@@ -203,9 +199,9 @@ def _amount(axis: str, value: float, sign: str = "") -> str:
     if not math.isfinite(value):
         return "?"
     if axis not in ANGLES:
-        return f"{value:{sign}.2f} m"
+        return f"{value:{sign}z.2f} m"
     degrees = math.degrees(value)
-    return f"{degrees % 360.0 if axis == 'heading' and not sign else degrees:{sign}.1f} deg"
+    return f"{degrees % 360.0 if axis == 'heading' and not sign else degrees:{sign}z.1f} deg"
 
 
 def _time(seconds: float) -> str:

@@ -16,10 +16,20 @@ const draw = (name, attributes) => {
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
   return made;
 };
-const number = (value, digits, unit, sign) => value === null ? "unknown"
-  : (sign && value >= 0 ? "+" : "") + value.toFixed(digits) + " " + unit;
+const fixed = (value, digits) => (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);
+const number = (value, digits, unit, sign) => {
+  if (value === null) return "unknown";
+  const text = fixed(value, digits);
+  return (sign && !text.startsWith("-") ? "+" : "") + text + " " + unit;
+};
 const short = value => value === null ? "?"
   : Math.abs(value) >= 1000 ? value.toFixed(0) : String(+value.toPrecision(3));
+/* A value with the digits that its band, rounded to two, leaves it. */
+const banded = (value, band) => {
+  if (value === null || !(band > 0)) return `${short(value)} \u00b1${short(band)}`;
+  const digits = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(Number(band.toPrecision(2))))));
+  return `${fixed(value, digits)} \u00b1${band.toFixed(digits)}`;
+};
 const rows = (place, found) => place.replaceChildren(...found.flatMap(([name, text, kind]) =>
   [make("dt", name), make("dd", text, kind)]));
 
@@ -269,7 +279,7 @@ function estimates(found) {
     row.append(make("td", one.motion));
     const cell = make("td", undefined, "many");
     cell.append(...one.values.map(v =>
-      make("span", `${v.name} ${short(v.value)} \u00b1${short(v.band)} ${v.unit}`, "coefficient")));
+      make("span", `${v.name} ${banded(v.value, v.band)} ${v.unit}`, "coefficient")));
     row.append(cell, make("td", one.samples), make("td", one.learning ? "learning" : one.reason || "resting",
       one.learning ? "good" : "soft"));
     return row;
@@ -400,7 +410,7 @@ function plotCourses() {
   place.querySelectorAll("canvas").forEach((canvas, index) => {
     const {points, unit} = course.lines[names[index]], {value, band} = points.at(-1);
     plot(canvas, [points], points[0].at, Math.abs(value || 1) * 0.02);
-    canvas.setAttribute("aria-label", `${picked} ${names[index]} over time, now ${short(value)} \u00b1${short(band)} ${unit}`);
+    canvas.setAttribute("aria-label", `${picked} ${names[index]} over time, now ${banded(value, band)} ${unit}`);
   });
 }
 
