@@ -292,6 +292,13 @@ def test_a_mock_that_ran_into_a_wall_says_so_at_the_end(tmp_path: Path, capsys: 
     assert capsys.readouterr().err == "the mock vehicle ran into a wall of its pool (contacts: 2)\n"
 
 
+def test_the_world_that_was_drawn_is_told_with_its_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nothing: Any = Message(results=Message(motions={}))
+    facts = {"world": {"tether": 0.52449, "wake": 0.00172}, "world_units": {"tether": "N", "wake": "-"}}
+    finish(nothing, RunFolder(tmp_path), FlownManeuver(facts=facts))
+    assert capsys.readouterr().out.startswith("the mock's world: tether 0.524 N, wake 0.00172\n")
+
+
 # ---- up and mock
 
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
 from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
@@ -86,7 +87,7 @@ def told_presence(arguments: argparse.Namespace) -> StackLock | None:
     if found is None:
         tether = tether_setting()
         where = f"over the tether {tether.interface}" if tether else "in the ROS graph of this terminal"
-        print(f"no `./hindrax up` runs here; looking {where}", file=sys.stderr)
+        print_fitted(f"no `./hindrax up` runs here; looking {where}", sys.stderr)
     return found
 
 

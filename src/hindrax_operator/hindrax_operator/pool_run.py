@@ -145,7 +145,9 @@ def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) 
         if not identified.results.motions:
             print("nothing was flown: there is no data, so there are no coefficients", file=sys.stderr)
     if world := flight.facts.get("world"):
-        print_fitted(f"the mock's world: {', '.join(f'{name} {size:.3g}' for name, size in world.items())}")
+        units = flight.facts["world_units"]
+        sizes = (f"{name} {size:.3g} {units[name]}".removesuffix(" -") for name, size in world.items())
+        print_fitted(f"the mock's world: {', '.join(sizes)}")
     if flight.facts.get("wall_hits"):
         print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
     print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
@@ -216,7 +218,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
         progress.report("waiting for the devices, the thrusters and a navigation solution")
         operator.wait(lambda: operator.navigation is not None, UP_S, lambda: missing_solution(operator))
         operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: "the thrusters to say anything")
-        progress.report("sensors and thrusters are up; arming, which holds neutral for the time that the ESCs need")
+        progress.report(f"{state_before_arming(heard)}; arming, which holds neutral for the time that the ESCs need")
         if options.plan_is_the_pilots:
             operator.wait(lambda: operator.plans is not None, UP_S, lambda: "the pilot to tell its plans")
             plans = dict(zip(operator.plans.motions, operator.plans.plans, strict=True))
@@ -294,6 +296,12 @@ def deferred_interrupt() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def state_before_arming(heard: Mapping[str, str]) -> str:
+    """That all is up, or what is not well, by what the nodes said last."""
+    troubled = sorted(name for name, trouble in heard.items() if trouble)
+    return f"the thrusters are up, but not well: {', '.join(troubled)}" if troubled else "sensors and thrusters are up"
 
 
 def missing_solution(operator: Any) -> str:

@@ -13,7 +13,7 @@ import pytest
 from hindrax_bringup.liveness import stacks_well, tool_liveness
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.errors import HindraxError
-from hindrax_operator.pool_run import ABORT, CONTINUE, Beating, report_devices, watch_record
+from hindrax_operator.pool_run import ABORT, CONTINUE, Beating, report_devices, state_before_arming, watch_record
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -70,3 +70,10 @@ def test_a_flight_that_is_no_longer_recorded_says_so_at_once_and_ends_unless_tol
     assert told == ["recorder: well", f"recorder: {full.message}", "recorder: well", f"recorder: {full.message}"]
     with pytest.raises(HindraxError, match="200 MB are free on the disk; --without-record continue flies on"):
         watch_record(SimpleNamespace(diagnostics={"hindrax: recorder": full}), heard, progress, ABORT)
+
+
+def test_what_is_not_well_is_not_called_up_before_the_arming() -> None:
+    well = {"dvl75": "", "thrusters": ""}
+    assert state_before_arming(well) == "sensors and thrusters are up"
+    silent = well | {"dvl75": "no byte for 1 s", "ms5837": "absent"}
+    assert state_before_arming(silent) == "the thrusters are up, but not well: dvl75, ms5837"

@@ -23,7 +23,7 @@ from hindrax_ident.assess.results import truth_of
 from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.process import StopSignal
-from hindrax_sim.conditions.world_table import IDEAL, sizes_of
+from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.faults.true_state import TruthLog
 from hindrax_sim.hardware import STEP_ns
@@ -94,6 +94,7 @@ def ground_truth(mock: MockVehicle) -> dict[str, object]:
     world = mock.hardware.world
     return {
         "world": dict(world.conditions.sizes),
+        "world_units": {name: CONDITIONS[name].unit for name in world.conditions.sizes},
         "wall_hits": world.box.wall_hits,
         "worst_control_gap_s": mock.governor.worst_lag_s,
         "vehicle_s": to_s(mock.hardware.stamp),

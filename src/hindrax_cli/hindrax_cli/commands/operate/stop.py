@@ -6,6 +6,7 @@ import argparse
 import sys
 import time
 
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         if not wrong:
             print(f"stopped and disarmed: {title}")
     for sentence in failed:
-        print(f"hindrax stop: {sentence}", file=sys.stderr)
+        print_fitted(f"hindrax stop: {sentence}", sys.stderr)
     return 1 if failed else 0
 
 

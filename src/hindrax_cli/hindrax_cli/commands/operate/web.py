@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
@@ -98,7 +99,7 @@ def _serve(
     try:
         _wait_for_vehicle(link, over)
         server.start()
-        print(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only), flush=True)
+        print_fitted(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only))
         if sys.stdout.isatty() and "localhost" not in access.hosts:
             print(qr_code(page_url(arguments.address, server.port, access.token)), flush=True)
         while not over() and link.is_alive():
