@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -103,3 +108,36 @@ def test_the_command_flies_and_compares(capsys: pytest.CaptureFixture[str]) -> N
 def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["montecarlo", *words]) == 2
     assert sentence in capsys.readouterr().err
+
+
+INTERRUPTED = """
+import time
+from hindrax_analysis.identification.executor import LocalProcesses
+if __name__ == "__main__":
+    try:
+        print("starting", flush=True)
+        for _ in LocalProcesses(2).map(time.sleep, [0.0, 60.0, 60.0]):
+            print("working", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+@pytest.mark.parametrize("moment", ["starting", "working"])
+def test_ctrl_c_ends_the_workers_without_a_word_of_their_own(moment: str, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED, encoding="utf-8")
+    with subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as child:
+        assert child.stdout is not None
+        while child.stdout.readline() != f"{moment}\n":
+            pass
+        os.killpg(child.pid, signal.SIGINT)
+        said, complaints = child.communicate(timeout=50.0)
+    assert said.endswith("interrupted\n")
+    assert complaints == ""

@@ -5,8 +5,10 @@ Results are in the order of the items with every executor.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from typing import Any, Protocol, TypeVar
@@ -42,8 +44,10 @@ class LocalProcesses:
     def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
         """Compute all items in a pool of workers."""
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(self.workers, max(1, len(items))), context, _one_thread) as pool:
-            yield from _in_order([pool.submit(work, item) for item in items])
+        with ProcessPoolExecutor(min(self.workers, max(1, len(items))), context, _begin) as pool:
+            with _interrupts_deferred():
+                futures = [pool.submit(work, item) for item in items]
+            yield from _in_order(futures)
 
 
 def _in_order(futures: Sequence[Future[ResultT]]) -> Iterator[ResultT]:
@@ -55,9 +59,22 @@ def _in_order(futures: Sequence[Future[ResultT]]) -> Iterator[ResultT]:
             future.cancel()
 
 
-def _one_thread() -> None:
+@contextlib.contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """A Ctrl-C comes afterwards; processes that are started meanwhile get it when they have begun."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin() -> None:
     # Workers use all cores already; threads of a linear algebra library would only compete for them.
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
+    # A terminal sends Ctrl-C to every process; only the one that was started by hand has something to say about it.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 class DaskCluster:
