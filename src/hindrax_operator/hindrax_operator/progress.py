@@ -111,5 +111,5 @@ def coefficients_line(estimate: Estimate) -> str:
     """Values with standard deviations and units, and whether it learns."""
     rows = zip(estimate.names, estimate.values, estimate.sigmas, estimate.units, strict=True)
     values = "  ".join(f"{name} {measured(value, sigma)} {unit}" for name, value, sigma, unit in rows)
-    state = f"{estimate.samples} samples" if estimate.learning else f"holding: {estimate.reason}"
+    state = f"{estimate.samples} samples" if estimate.learning else f"not learning: {estimate.reason}"
     return f"{values}  ({state})"
