@@ -17,6 +17,7 @@ from hindrax_analysis.terminal import make_table, print_json, print_table, print
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_cli.argument_types import add_vehicle, positive, seed
 from hindrax_cli.vehicle_edit import set_key
+from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
@@ -98,6 +99,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
     shares = tuple(max(0.0, share) for share in SHARES) if arguments.one_way else SHARES
     if arguments.bag:
         return _from_bag(arguments, vehicle, axis)
+    _check_load(arguments, vehicle)
     if arguments.mock:
         from hindrax_sim.weighing_flight import fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
 
@@ -112,6 +114,17 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
         )
     lever = arguments.lever if arguments.axis == "yaw" else 1.0
     return _guided(arguments, vehicle, axis, [share * arguments.load * lever for share in shares])
+
+
+def _check_load(arguments: argparse.Namespace, vehicle: Vehicle) -> None:
+    """UsageError for a load that would pull the vehicle away."""
+    lever, unit = (arguments.lever, "N m") if arguments.axis == "yaw" else (1.0, "N")
+    load, most = (arguments.load or 0.0) * (lever or 0.0), largest_wrench(vehicle)[arguments.axis]
+    if load >= most:
+        raise UsageError(
+            f"weigh {arguments.axis}: found a load of {load:g} {unit}, wanted less than the {most:.1f} {unit} that its "
+            "thrusters give; take a smaller weight"
+        )
 
 
 def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: Sequence[float]) -> list[Hold]:
