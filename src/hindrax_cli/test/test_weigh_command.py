@@ -65,7 +65,7 @@ def test_each_axis_is_kept_beside_the_others_and_a_second_weighing_takes_the_pla
         (["roll", "--load", "10"], "invalid choice"),
         (["surge", "--load", "40"], "surge: found a load of 40 N, wanted less than the 35.6 N that its thrusters give"),
         (["heave", "--load", "500", "--mock"], "heave: found a load of 500 N, wanted less than the 62.1 N"),
-        (["yaw", "--load", "40", "--lever", "0.5"], "found a load of 20 N m, wanted less than the "),
+        (["yaw", "--load", "90", "--lever", "0.5"], "found a load of 45 N m, wanted less than the "),
     ],
 )
 def test_what_cannot_be_weighed_is_refused(words: list[str], why: str, capsys: pytest.CaptureFixture[str]) -> None:
