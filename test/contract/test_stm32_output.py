@@ -35,7 +35,7 @@ class Bench:
         self.frames: list[tuple[Stamp, bool, bytes]] = []
         output = SerialOutput(str(folder / "stm32"), Stm32(CHANNELS), self, self.tap)
         self.host = OutputHost(output, OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.1)), self)
-        self.sequence, self.mute = 0, False
+        self.sequence, self.mute, self.closed = 0, False, False
 
     def tap(self, stamp: Stamp, sent: bool, data: bytes) -> None:
         self.frames.append((stamp, sent, data))
@@ -67,7 +67,7 @@ class Bench:
         pass
 
     def close(self) -> None:
-        pass
+        self.closed = True
 
     def applied(self, applied: AppliedOutput) -> None:
         self.told.append(applied)
@@ -161,6 +161,19 @@ def test_a_port_that_goes_away_is_faulted_and_found_again(bench: Bench, tmp_path
     bench.pty = Pty(tmp_path / "stm32")
     bench.run(3.0)
     assert bench.phase() is ArmingPhase.DISARMED
+
+
+def test_the_end_gives_port_and_clock_back(bench: Bench, tmp_path: Path) -> None:
+    port = (tmp_path / "stm32").resolve()
+
+    def held() -> int:
+        return sum(one.resolve() == port for one in Path("/proc/self/fd").iterdir())
+
+    before = held()
+    bench.run(0.1)
+    assert held() == before + 1
+    bench.host.end()
+    assert (held(), bench.closed) == (before, True)
 
 
 def test_a_port_without_a_board_says_so(bench: Bench) -> None:
