@@ -42,6 +42,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 DROPPED = (ast.Not, ast.USub)
 DECLARES = "knob"
 """Declares a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
+ASSERTS = "strict"
+"""An argument of `zip` that asserts what is so: without it nothing changes."""
 PROFILE = "mutation"
 """Settings of hypothesis."""
 PATIENCE = 5.0
@@ -74,6 +76,8 @@ class _Mutate(ast.NodeTransformer):
             node.body = [docstring, *self._all(node.body)]
             return node
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == DECLARES:
+            return node
+        if isinstance(node, ast.keyword) and node.arg == ASSERTS:
             return node
         if isinstance(node, ast.AnnAssign | ast.arg):  # annotations are no code
             if isinstance(node, ast.AnnAssign) and node.value is not None:

@@ -140,7 +140,7 @@ def _liveness_of(path: Path, now_s: float) -> tuple[str, list[str]] | None:
         who = f"safety monitor of process {pid}" if of_nodes else f"process {pid}"
         return "", [f"{who}: no pulse for {abs(age_s):.0f} s; end it and start it again"]
     troubles = [f"{name}: {trouble}" for name, trouble in beat["troubles"].items() if trouble]
-    return beat["status"], troubles if of_nodes else [*silent(beats(path.parent, pid, now_s)), *troubles]
+    return beat["status"], [*silent(beats(path.parent, pid, now_s)), *troubles]
 
 
 def beats(folder: Path, pid: int, now_s: float) -> dict[str, float]:

@@ -313,5 +313,10 @@ def test_the_service_manager_is_told(tmp_path: Path) -> None:
         manager.bind(address)
         notify("READY=1", {NOTIFY: address})
         assert manager.recv(100) == b"READY=1"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:  # one without a file: systemd writes @ for NUL
+        manager.bind(f"\0hindrax-{os.getpid()}@host")
+        notify("READY=1", {NOTIFY: f"@hindrax-{os.getpid()}@host"})
+        manager.setblocking(False)
+        assert manager.recv(100) == b"READY=1"
     notify("READY=1", {NOTIFY: address})  # nobody listens any more: no harm
     notify("READY=1", {})

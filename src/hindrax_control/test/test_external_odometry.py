@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_control.navigation.estimator_health import EstimatorHealth
+from hindrax_control.navigation.estimator_health import FASTEST, EstimatorHealth
 from hindrax_control.navigation.external_odometry import ExternalOdometry
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Consistency, Navigation
@@ -80,6 +80,22 @@ def test_moving_on_is_no_jump_not_even_after_a_gap() -> None:
         assert flight.step(replace(LEVEL, position_m=(0.5 * metres, 0.0)), later_s=0.5) == ()
 
 
+@pytest.mark.parametrize(("part", "breaks"), [(0.99, 0), (1.01, 1)])
+def test_a_jump_is_what_exceeds_a_correction_and_the_way_at_the_highest_speed(part: float, breaks: int) -> None:
+    flight = Flight()
+    flight.step(LEVEL)
+    way_m = 0.3 + FASTEST * VEHICLE.limits.speed_mps * 0.4
+    flight.step(replace(LEVEL, position_m=(0.0, part * way_m)), later_s=0.4)
+    assert flight.odometry.breaks == breaks
+
+
+def test_a_position_that_becomes_known_where_it_began_is_no_jump() -> None:
+    flight = Flight()
+    flight.step(replace(LEVEL, position_m=(math.nan, math.nan)))
+    flight.step(LEVEL)
+    assert flight.odometry.breaks == 0
+
+
 def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
     odometry = ExternalOdometry(VEHICLE)
     found, refused = odometry.step(Stamped(after(NOW, -1.0), LEVEL), MINE, NOW)
@@ -103,6 +119,25 @@ def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> 
     assert found is not None
     assert math.isnan(found.reading.altitude_m)
     assert found.reading.ages_s["ping1d"] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("range_m", "heard"), [(0.2, True), (0.0, False), (-1.0, False), (math.inf, False)])
+def test_a_range_is_a_positive_number(range_m: float, heard: bool) -> None:
+    odometry = ExternalOdometry(VEHICLE)
+    odometry.range(NOW, range_m)
+    found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
+    assert found is not None
+    assert math.isfinite(found.reading.altitude_m) is heard
+
+
+def test_without_an_altimeter_there_is_no_height_above_the_bottom() -> None:
+    others = {name: sensor for name, sensor in VEHICLE.sensors.items() if name != "ping1d"}
+    odometry = ExternalOdometry(replace(VEHICLE, sensors=others))
+    odometry.range(NOW, 1.2)
+    found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
+    assert found is not None
+    assert math.isnan(found.reading.altitude_m)
+    assert found.reading.ages_s == dict.fromkeys(others, 0.0)
 
 
 def test_every_break_is_counted_and_the_beginning_is_none() -> None:
