@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
+import contextlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
+from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import load_vehicle
@@ -46,6 +50,56 @@ def test_vehicle_that_lies_across_the_pool_at_the_start() -> None:
     place = box.place(navigation((math.cos(1.0), math.sin(1.0)), 1.0))  # one meter ahead
     assert (place.x_m, place.y_m, place.heading_rad) == pytest.approx((1.0, 4.0, math.pi / 2.0))
     assert box.walls_m(place)["south"] == pytest.approx(1.0 - 0.235)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_velocities_turn_with_the_heading(start_rad: float, heading_rad: float, u: float, v: float) -> None:
+    place = PoolBounds(HINDRAX, start_rad).place(navigation((0.0, 0.0), heading_rad, (u, v, 0.4)))
+    turned = complex(u, v) * cmath.exp(1j * (heading_rad - start_rad))
+    assert (place.vx_mps, place.vy_mps) == pytest.approx((turned.real, turned.imag), abs=1e-9)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5) | st.just(math.nan), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_after_it_was_told_a_place_it_counts_from_there(
+    heading_rad: float, turned_rad: float, ahead_m: float, aside_m: float
+) -> None:
+    box = PoolBounds(HINDRAX, 0.5)
+    box.recentre(navigation((7.0, -9.0), heading_rad), 4.0, 2.0, turned_rad)
+    axis_rad = 0.5 if math.isnan(turned_rad) else heading_rad - turned_rad
+    cos, sin = math.cos(axis_rad), math.sin(axis_rad)
+    there = (7.0 + cos * ahead_m - sin * aside_m, -9.0 + sin * ahead_m + cos * aside_m)
+    place = box.place(navigation(there, heading_rad))
+    assert (place.x_m, place.y_m) == pytest.approx((4.0 + ahead_m, 2.0 + aside_m))
+    assert math.remainder(place.heading_rad - (heading_rad - axis_rad), math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> None:
+    box = PoolBounds(HINDRAX, 0.0)
+    assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.5))
+    box.recentre(replace(navigation(), position_sigma_m=0.3), 4.0, 2.0, 0.0)
+    assert box.place(replace(navigation(), position_sigma_m=0.3)).sigma_m == pytest.approx(0.1)
+    assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.4))
+    # A navigator that began anew says less than before, and counts from there.
+    assert box.place(replace(navigation(), position_sigma_m=0.2)).sigma_m == pytest.approx(math.hypot(0.1, 0.2))
+    assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "turned_rad", "words"),
+    [
+        (0.29, 3.0, 0.0, "x: found 0.29 m, wanted 0.29"),
+        (9.71, 3.0, 0.0, "x: found 9.71 m"),
+        (5.0, 0.23, 0.0, "y: found 0.23 m"),
+        (5.0, 5.77, 0.0, "y: found 5.77 m"),
+        (0.29, 3.0, math.pi / 2.0, ""),
+        (5.0, 0.23, math.pi / 2.0, "y: found 0.23 m"),
+        (5.0, 3.0, 6.3, "heading: found 361 deg"),
+        (5.0, 3.0, -6.28, ""),
+    ],
+)
+def test_a_place_outside_of_the_pool_is_refused(x_m: float, y_m: float, turned_rad: float, words: str) -> None:
+    with pytest.raises(UsageError, match=words) if words else contextlib.nullcontext():
+        PoolBounds(HINDRAX, 0.0).recentre(navigation(), x_m, y_m, turned_rad)
 
 
 def test_wall_ahead_is_the_one_the_vehicle_moves_towards() -> None:

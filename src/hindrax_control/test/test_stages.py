@@ -132,6 +132,23 @@ def test_what_does_not_come_to_rest_is_given_up_with_the_reason(
     assert (late.finished, late.trouble) == (True, "")
 
 
+@pytest.mark.parametrize("part", [0.99, -0.99, 1.01, -1.01])
+@pytest.mark.parametrize("what", ["place", "altitude", "heading", "speed", "turn"])
+def test_where_rest_ends(station: StationKeeping, what: str, part: float) -> None:
+    turned, speed, turning = math.radians(2.0 * part), 0.04 * part, math.radians(3.0 * part)
+    place = replace(HERE, x_m=5.0 + 0.15 * part) if what == "place" else HERE
+    changes: dict[str, dict[str, Any]] = {
+        "altitude": {"altitude_m": 0.9 + 0.05 * part},
+        "heading": {"attitude_rad": (0.0, 0.0, 0.4 + turned)},
+        "speed": {"velocity_mps": (0.0, speed, 0.0)},
+        "turn": {"rate_radps": (0.0, turning, 0.0)},
+    }
+    stage = SettleAtPose("surge", station, POSE, seconds=3.0)
+    stage.begin(moment(0.0))
+    told = [stage.step(moment(0.1 * index, place, **changes.get(what, {}))) for index in range(20)]
+    assert told[-1].finished is (abs(part) < 1.0)
+
+
 def test_a_sonar_that_falls_silent_does_not_keep_it_from_settling(station: StationKeeping) -> None:
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0))

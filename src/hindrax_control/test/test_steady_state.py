@@ -72,6 +72,25 @@ def test_a_plateau_bears_a_slope_with_which_none_begins() -> None:
     assert pushed(lambda t: 0.3 + slight * max(0.0, t - 4.0), seconds=8.0)[-1][1]
 
 
+def test_after_a_change_of_force_it_bears_no_more_than_at_first() -> None:
+    steadiness = SteadyStateTest(2.0, 0.001)
+    assert [steadiness.push(0.02 * index, 0.3) for index in range(150)][-1]
+    steadiness.clear()
+    assert not any(steadiness.push(3.0 + 0.02 * index, 0.3 + 0.00004 * index) for index in range(200))
+
+
+def test_every_sample_at_20_hz_counts_and_what_comes_in_between_does_not() -> None:
+    alone, disturbed = SteadyStateTest(2.0, 0.001), SteadyStateTest(2.0, 0.001)
+    for index in range(100):
+        t = 100.0 + 0.05 * index
+        # A slope, and a scatter that one sees in every second sample only: with it the slope may be zero.
+        rate = 0.3 + 0.003 * t + (0.05 if index % 2 else -0.05)
+        steady = alone.push(t, rate)
+        assert disturbed.push(t, rate) is steady
+        assert disturbed.push(t + 0.02, 99.0) is steady
+    assert steady
+
+
 def test_slope_and_its_scatter_are_those_of_least_squares() -> None:
     slope, sigma = line(deque([(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]))
     assert (slope, sigma) == pytest.approx((1.0, 0.0))

@@ -54,6 +54,13 @@ def test_a_velocity_becomes_a_wrench_in_the_axes_of_the_model(
     assert Teleop(LIMITS).twist(linear, angular) == pytest.approx(wanted)
 
 
+def test_a_share_of_the_full_speed_or_rate_is_that_share_of_the_wrench() -> None:
+    knobs = TeleopKnobs(full_speed_mps=0.8, full_rate_radps=0.5)
+    for share in (0.25, 0.5):
+        wrench = Teleop(LIMITS, knobs).twist((0.8 * share, 0.0, 0.0), (0.0, 0.0, 0.5 * share))
+        assert wrench == pytest.approx((knobs.share * LIMITS[0] * share, 0, 0, 0, 0, -knobs.share * LIMITS[5] * share))
+
+
 def test_without_the_button_nothing_is_said_and_letting_go_is_said_once() -> None:
     hand = Teleop(LIMITS)
     assert hand.joystick(pushed(surge=1.0), LET_GO, 0.0, 0.0) is None
