@@ -238,13 +238,15 @@ def test_true_north_is_magnetic_north_and_the_declination(hindrax: Vehicle, beli
     assert rig.heading_rad == pytest.approx(1.0 - math.radians(20.0), abs=1e-3)
 
 
-def test_compass_and_heading_of_the_dvl_are_those_of_their_time(hindrax: Vehicle) -> None:
+@pytest.mark.parametrize("yaw_rate_radps", [None, 0.4])
+def test_compass_and_heading_of_the_dvl_are_those_of_their_time(hindrax: Vehicle, yaw_rate_radps: float | None) -> None:
     compass, dvl = Rig(hindrax), Rig(hindrax, heading_from="dvl")
-    for rig in (compass, dvl):
-        rig.aiding.yaw_rate_radps = 0.4
+    if yaw_rate_radps is not None:
+        compass.aiding.yaw_rate_radps = dvl.aiding.yaw_rate_radps = yaw_rate_radps
     assert compass.magnetic(0.5, delay_s=0.25)
     assert dvl.track(delay_s=0.25)
-    assert (compass.heading_rad, dvl.heading_rad) == pytest.approx((0.6, 0.6), abs=1e-3)
+    wanted_rad = 0.5 + (yaw_rate_radps or 0.0) * 0.25
+    assert (compass.heading_rad, dvl.heading_rad) == pytest.approx((wanted_rad, wanted_rad), abs=1e-3)
 
 
 def test_a_leaning_compass_is_leveled_and_not_used_when_it_leans_far(hindrax: Vehicle) -> None:

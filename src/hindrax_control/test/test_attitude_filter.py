@@ -210,3 +210,12 @@ def test_the_angle_of_gravity_is_told_whole_when_it_lasts(angles_rad: Vec3, off:
     assert ours.gravity_off_rad == pytest.approx(wanted, rel=1e-3)
     ours.level(gravity_at(of_euler(angles_rad)), 10.0)
     assert ours.gravity_off_rad == pytest.approx(0.0, abs=0.01)
+
+
+def test_unless_told_otherwise_the_offset_of_the_gyroscope_is_known() -> None:
+    ours = AttitudeFilter(AttitudeKnobs())
+    ours.align((0.0, 0.0, -GRAVITY_mps2), 1.0)
+    for _ in range(10):
+        ours.turn((0.0, 0.0, 0.0), 0.02)
+        ours.level((0.3, 0.2, -GRAVITY_mps2), 0.02)
+    assert ours.bias_radps == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)

@@ -195,3 +195,9 @@ def test_forces_of_another_number_of_thrusters_are_not_used() -> None:
     expected, _, _ = theirs.innovation(heading, RESTS)
     few, none = copy.deepcopy(ours), copy.deepcopy(ours)
     assert told(few, expected, heading, (9.0,)) == told(none, expected, heading, RESTS)
+
+
+def test_thrusters_of_which_nothing_is_told_are_at_rest() -> None:
+    silent, told = HeadingFilter(KNOBS, THRUSTERS), HeadingFilter(KNOBS, THRUSTERS)
+    for x, y in ((1.0, -0.1), (1.0, -0.2), (0.98, -0.15)):
+        assert silent.magnetic(x, y, 0.1, ()) == told.magnetic(x, y, 0.1, [0.0] * THRUSTERS)

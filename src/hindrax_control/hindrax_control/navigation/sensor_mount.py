@@ -33,5 +33,5 @@ def sensor_mount(mount: Mount) -> SensorMount:
     return SensorMount(turn, mount.position_m, axis, any(mount.position_m))
 
 
-NOWHERE = SensorMount(None, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), away=False)
+NOWHERE = sensor_mount(Mount(""))
 """For a sensor that the vehicle file does not place: at the origin, not turned."""
