@@ -40,8 +40,8 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
 }  # fmt: skip
 DROPPED = (ast.Not, ast.USub)
-DECLARES = "knob"
-"""Declares a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
+DECLARES = ("knob", "fact")
+"""Declare a parameter: its default and limits stand in the reference pages, which a test compares with the code."""
 ASSERTS = "strict"
 """An argument of `zip` that asserts what is so: without it nothing changes."""
 PROFILE = "mutation"
@@ -75,7 +75,7 @@ class _Mutate(ast.NodeTransformer):
                 node.args = self.visit(node.args)  # type: ignore[assignment]  # arguments stay arguments
             node.body = [docstring, *self._all(node.body)]
             return node
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == DECLARES:
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in DECLARES:
             return node
         if isinstance(node, ast.keyword) and node.arg == ASSERTS:
             return node

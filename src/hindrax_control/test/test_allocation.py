@@ -184,6 +184,10 @@ def test_a_supply_that_is_no_voltage_is_refused(supply_V: float) -> None:
         ALLOCATOR.allocate((1.0,) * 6, supply_V=supply_V)
 
 
+def test_any_voltage_above_zero_is_one() -> None:
+    assert max(map(abs, ALLOCATOR.allocate((0.0, 0.0, -30.0, 0.0, 0.0, 0.0), supply_V=0.9).achieved)) < 30.0
+
+
 def test_reversed_thruster_gets_the_mirrored_pulse_for_the_same_force() -> None:
     turned = replace(HINDRAX, thrusters=(replace(HINDRAX.thrusters[0], reversed=True), *HINDRAX.thrusters[1:]))
     straight, mirrored = (Allocator(one).allocate((12.0, 0.0, 0.0, 0.0, 0.0, 0.0)) for one in (HINDRAX, turned))

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation.allocation_cycle import AllocationCycle
-from hindrax_core.events import Stamp
+from hindrax_control.allocation.allocation_cycle import KEPT, AllocationCycle, PulseCommand
+from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
+from hindrax_core.events import Stamp, after, stamp_from_s
+from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
-from hindrax_core.signals import Allocation
+from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.vehicle import Vehicle
 
 NOW = Stamp(10**9)
@@ -40,3 +42,119 @@ def test_within_limits_nothing_is_missing(hindrax: Vehicle) -> None:
 
 def test_a_force_that_is_no_number_was_not_asked_for(hindrax: Vehicle) -> None:
     assert achieved(hindrax, math.nan).wanted[0] == 0.0
+
+
+START = stamp_from_s(100.0)
+WRENCH = (5.0, -4.0, 3.0, 0.0, 0.0, -0.5)
+
+
+@pytest.fixture
+def cycle(hindrax: Vehicle) -> AllocationCycle:
+    return AllocationCycle(hindrax)
+
+
+def commanded(cycle: AllocationCycle, wrench: Vec6 = WRENCH, at_s: float = 0.0) -> PulseCommand:
+    now = after(START, at_s)
+    command = cycle.command(wrench, FSD, now, now)
+    assert command is not None
+    return command
+
+
+def test_commands_are_numbered_and_are_the_pulses_of_the_allocator(cycle: AllocationCycle, hindrax: Vehicle) -> None:
+    first, second = commanded(cycle), commanded(cycle, ZERO6, 0.02)
+    assert (first.sequence, second.sequence) == (1, 2)
+    assert first.pulses_us == Allocator(hindrax).allocate(WRENCH).pulses_us
+    assert second.pulses_us == (1500,) * 8
+    assert (cycle.now, cycle.refused, cycle.inexact) == (after(START, 0.02), (), 0)
+
+
+def test_applied_pulses_are_held_against_the_plan_of_their_command(cycle: AllocationCycle) -> None:
+    first, _ = commanded(cycle), commanded(cycle, ZERO6, 0.02)
+    served = cycle.achieved(first.sequence, first.pulses_us)
+    assert served.wanted == WRENCH
+    assert served.achieved == pytest.approx(WRENCH, abs=0.3)
+    assert served.shortfall == pytest.approx([a - b for a, b in zip(WRENCH, served.achieved, strict=True)])
+    stopped = cycle.achieved(first.sequence, (1500.0,) * 8)
+    assert (stopped.wanted, stopped.achieved, stopped.shortfall) == (WRENCH, ZERO6, WRENCH)
+    assert stopped.forces_N == (0.0,) * 8
+
+
+@pytest.mark.parametrize("sequence", [0, 99])
+def test_pulses_of_no_command_were_wanted_by_nobody(cycle: AllocationCycle, sequence: int) -> None:
+    pulses_us = commanded(cycle).pulses_us
+    told = cycle.achieved(sequence, pulses_us)
+    assert told.wanted == ZERO6
+    assert told.achieved == pytest.approx(WRENCH, abs=0.3)
+    assert told.saturated == (False,) * 8
+
+
+def test_saturation_of_the_plan_is_kept(cycle: AllocationCycle) -> None:
+    command = commanded(cycle, (0.0, 0.0, 0.0, 0.0, 0.0, 30.0))
+    told = cycle.achieved(command.sequence, command.pulses_us)
+    assert any(told.saturated)
+    assert cycle.inexact == 0
+
+
+def test_plans_that_are_not_exact_are_counted(cycle: AllocationCycle, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = Allocator.allocate
+    monkeypatch.setattr(Allocator, "allocate", lambda *words: replace(real(*words), exact=False))
+    commanded(cycle)
+    commanded(cycle, at_s=0.02)
+    assert cycle.inexact == 2
+
+
+def test_it_knows_the_plans_of_its_last_commands(cycle: AllocationCycle) -> None:
+    sent = [commanded(cycle, at_s=0.02 * index).sequence for index in range(KEPT + 3)]
+    assert [cycle.knows(sequence) for sequence in sent] == [False] * 3 + [True] * KEPT
+    assert cycle.knows(0)
+    assert not cycle.knows(sent[-1] + 1)
+
+
+def test_numbers_go_on_after_a_command_that_was_sent_before(cycle: AllocationCycle) -> None:
+    cycle.resume(PulseCommand(41, (1500,) * 8))
+    assert commanded(cycle).sequence == 42
+
+
+def test_what_was_refused_is_told_until_something_is_served(cycle: AllocationCycle) -> None:
+    before = commanded(cycle)
+    assert cycle.command(WRENCH, "map", after(START, 0.02), after(START, 0.02)) is None
+    assert "found frame 'map'" in cycle.refused[0]
+    assert cycle.achieved(before.sequence, before.pulses_us).refused == cycle.refused
+    partly = commanded(cycle, (math.nan, *WRENCH[1:]), 0.04)
+    told = cycle.achieved(partly.sequence, partly.pulses_us).refused
+    assert told == cycle.refused == ("X: found nan, wanted a finite number",)
+    assert cycle.achieved(before.sequence, before.pulses_us).refused == ()
+
+
+def test_thrusters_out_of_use_stand_still_and_are_told_with_what_is_lost(cycle: AllocationCycle) -> None:
+    cycle.disable(frozenset({"T8", "T7", "nobody"}))
+    command = commanded(cycle)
+    assert command.pulses_us[6:] == (1500, 1500)
+    told = cycle.achieved(command.sequence, command.pulses_us)
+    assert (told.disabled, told.lost_axes) == (("T7", "T8"), ("pitch",))
+    cycle.disable(frozenset())
+    assert (cycle.disabled, cycle.lost_axes) == (frozenset(), ())
+
+
+def test_a_supply_may_be_measured_before_the_first_command(cycle: AllocationCycle) -> None:
+    assert cycle.battery(14.0) == ""
+
+
+def test_other_knobs_count_from_then_on(cycle: AllocationCycle) -> None:
+    before = commanded(cycle, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    cycle.tune(AllocationKnobs(idle_bias_N=0.0))
+    assert commanded(cycle, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.02).pulses_us != before.pulses_us
+
+
+def test_a_weaker_supply_wants_longer_pulses_and_tells_the_same_forces(hindrax: Vehicle) -> None:
+    cycle = AllocationCycle(replace(hindrax, supply_V=14.8))
+    full = commanded(cycle, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    cycle.command(WRENCH, FSD, START, START)
+    for index in range(200):
+        cycle.command((20.0, 0.0, 0.0, 0.0, 0.0, 0.0), FSD, after(START, 0.1 * index), after(START, 0.1 * index))
+        assert cycle.battery(12.0) == ""
+    assert cycle.supply_V == pytest.approx(12.0, abs=0.5)
+    low = commanded(cycle, (20.0, 0.0, 0.0, 0.0, 0.0, 0.0), 20.0)
+    assert max(low.pulses_us) > max(full.pulses_us)
+    assert cycle.achieved(low.sequence, low.pulses_us).achieved[0] == pytest.approx(20.0, abs=0.3)
+    assert "wanted" in cycle.battery(math.nan)

@@ -49,3 +49,18 @@ def test_what_is_no_voltage_says_nothing(supply: SupplyVoltage, voltage: float) 
     supply.update(13.0, at(2.0))
     supply.update(voltage, at(11.0))
     assert supply.measured_V(at(13.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("voltage", "said"),
+    [
+        (3.7, ""),
+        (29.6, ""),
+        (0.0, ""),
+        (3.6, "found 3.6 V, wanted 3.7 to 29.6 V"),
+        (29.7, "found 29.7 V, wanted 3.7 to 29.6 V"),
+        (1.0, "found 1 V, wanted 3.7 to 29.6 V"),
+    ],
+)
+def test_what_cannot_be_the_supply_is_refused_with_what_could(supply: SupplyVoltage, voltage: float, said: str) -> None:
+    assert supply.update(voltage, at(0.0)) == said

@@ -6,7 +6,6 @@ sensor's clock says.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from hindrax_core.events import Stamp, seconds_between
@@ -46,7 +45,7 @@ class SupplyVoltage:
 
     def measured_V(self, now: Stamp) -> float | None:
         """Measured voltage, rounded to 0.1 V; None without a recent measurement."""
-        if self._last is None or self._silence_s(now) > self._knobs.silent_s:
+        if self._last is None or seconds_between(self._last[0], now) > self._knobs.silent_s:
             return None
         return self._last[1]
 
@@ -54,7 +53,8 @@ class SupplyVoltage:
         """Warning that the battery sensor has fallen silent; else empty."""
         if self._last is None or self.measured_V(now) is not None:
             return ""
-        return f"battery sensor silent for {self._silence_s(now):.0f} s: reckoning with {self._nominal_V:.1f} V"
+        silent_s = seconds_between(self._last[0], now)
+        return f"battery sensor silent for {silent_s:.0f} s: reckoning with {self._nominal_V:.1f} V"
 
     def status_text(self, now: Stamp) -> str:
         """Voltage in use and its origin, for the operator."""
@@ -63,6 +63,3 @@ class SupplyVoltage:
             return f"{measured_V:.1f} (measured)"
         why = "no battery sensor" if self._last is None else "the battery sensor is silent"
         return f"{self._nominal_V:.1f} (assumed, {why})"
-
-    def _silence_s(self, now: Stamp) -> float:
-        return seconds_between(self._last[0], now) if self._last is not None else math.inf
