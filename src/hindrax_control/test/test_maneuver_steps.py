@@ -106,7 +106,7 @@ def test_it_ends_when_its_own_axis_or_heave_is_lost(make: Make, motion: str, los
 
 @pytest.mark.parametrize(("silent_s", "axis"), [(0.99, "altitude"), (1.01, "depth")])
 def test_an_echo_older_than_a_second_is_none(make: Make, silent_s: float, axis: str) -> None:
-    first = make("surge").step(replace(AT_START, ages_s=AT_START.ages_s | {"ping1d": silent_s}), stamp_from_s(1.0))
+    first = make("surge").step(replace(AT_START, ages_s={**AT_START.ages_s, "ping1d": silent_s}), stamp_from_s(1.0))
     assert first.setpoints[-1].axis == axis
 
 
