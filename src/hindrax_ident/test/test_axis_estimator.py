@@ -38,8 +38,8 @@ def deviations(seed: int, forgetting: float = 1.0) -> Array:
 
 def test_short_records_tell_bands_that_hold() -> None:
     z = np.array([deviations(seed) for seed in range(RUNS)])
-    assert np.sqrt(np.mean(z**2, axis=0)).max() < 1.5
-    assert np.mean(np.abs(z) < 1.96) > 0.84
+    assert np.sqrt(np.mean(z**2, axis=0)).max() < 1.25
+    assert np.mean(np.abs(z) < 1.96) > 0.88
 
 
 def test_with_forgetting_they_are_bands_too() -> None:

@@ -254,8 +254,10 @@ class AxisEstimator:
             others = information
         without = np.linalg.solve(others, gradients[:, :, None])[:, :, 0]
         scatter = np.sum(without**2, axis=0) * (blocks - 1) / blocks
-        ratio = np.sqrt(np.maximum(1.0, scatter / (np.diag(unit) * self._noise_variance)))
-        return np.outer(ratio, ratio)
+        ratio = np.maximum(1.0, scatter / (np.diag(unit) * self._noise_variance))
+        # That of one coefficient, from so few blocks, is off by a fifth; the color of the noise is that of all.
+        deviation = np.sqrt(np.maximum(ratio, ratio.mean()))
+        return np.outer(deviation, deviation)
 
     def _with_fixed_mass(self, values: Array, covariance: Array) -> tuple[Array, Array]:
         """Parameters with the fixed mass as the last, (p,), and their covariance, (p, p)."""
