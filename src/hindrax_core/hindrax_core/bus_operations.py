@@ -62,25 +62,51 @@ class DeviceError(Exception):
     """A bus or device that violates its datasheet. The host retries; the operator reads the text."""
 
 
-def run(program: Program[ResultT], transfer: Callable[[Transaction], bytes], pause: Callable[[float], None]) -> ResultT:
-    """Run one program to its end on a bus.
+def no_tap(*_: object) -> None:
+    """Record nothing."""
+
+
+def advance(
+    program: Program[ResultT],
+    transfer: Callable[[Transaction], bytes],
+    tap: Callable[[Transaction, bytes], None] = no_tap,
+) -> Pause:
+    """Run a program up to its next pause, and return that; StopIteration, with its result, at its end.
 
     `transfer` does one transaction and returns the bytes read (empty for a write) or raises DeviceError, which is
-    thrown into the program at the operation that failed.
+    thrown into the program at the operation that failed. `tap` is called for every transaction that succeeded.
     """
+    operation = next(program)
+    while not isinstance(operation, Pause):
+        try:
+            answer = _checked(operation, transfer(operation))
+        except DeviceError as error:
+            operation = program.throw(error)
+            continue
+        tap(operation, answer)
+        operation = program.send(answer)
+    return operation
+
+
+def run(
+    program: Program[ResultT],
+    transfer: Callable[[Transaction], bytes],
+    pause: Callable[[float], None],
+    tap: Callable[[Transaction, bytes], None] = no_tap,
+) -> ResultT:
+    """Run one program to its end on a bus; see `advance`."""
     try:
-        operation = next(program)
         while True:
-            if isinstance(operation, Pause):
-                pause(operation.seconds)
-                operation = program.send(b"")
-                continue
-            try:
-                answer = transfer(operation)
-            except DeviceError as error:
-                operation = program.throw(error)
-            else:
-                operation = program.send(answer)
+            pause(advance(program, transfer, tap).seconds)
     except StopIteration as stop:
         result: ResultT = stop.value
         return result
+
+
+def _checked(transaction: Transaction, answer: bytes) -> bytes:
+    """Return the answer if it has the wanted length; DeviceError for a short read of any adapter."""
+    wanted = 0 if isinstance(transaction, Write) else transaction.count
+    if len(answer) != wanted:
+        address = f"address {transaction.address:#04x}"
+        raise DeviceError(f"{address}: short read, found {len(answer)} bytes, wanted {wanted}")
+    return answer

@@ -46,6 +46,24 @@ def test_run_throws_a_bad_wire_into_the_program() -> None:
         run(double_register(), transfer, lambda _: None)
 
 
+def test_run_refuses_an_answer_of_the_wrong_length() -> None:
+    with pytest.raises(DeviceError, match="short read, found 0 bytes, wanted 1"):
+        run(double_register(), lambda _: b"", lambda _: None)
+
+
+def test_the_tap_hears_what_succeeded() -> None:
+    heard: list[tuple[Transaction, bytes]] = []
+
+    def transfer(transaction: Transaction) -> bytes:
+        if isinstance(transaction, Read):
+            raise DeviceError("no acknowledge")
+        return b"\x15" if isinstance(transaction, WriteRead) else b""
+
+    run(patient(), transfer, lambda _: None, lambda *one: heard.append(one))
+    run(double_register(), transfer, lambda _: None, lambda *one: heard.append(one))
+    assert heard == [(Write(0x10, b"\x01"), b""), (WriteRead(0x10, b"\x02", 1), b"\x15")]
+
+
 Transcript: TypeAlias = list[tuple[Transaction | Pause, bytes]]
 TRANSCRIPT: Transcript = [
     (Write(0x10, b"\x01"), b""),

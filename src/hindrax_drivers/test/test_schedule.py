@@ -9,7 +9,6 @@ from hindrax_core.driver_interface import Identity, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Battery, Reading
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.clock import NEVER
 
 
 class Converter:
@@ -114,52 +113,6 @@ def test_a_beat_that_was_missed_is_left_out_not_made_up_for() -> None:
     assert len(late) == 1
 
 
-def one_shot(address: int, pause_s: float = 0.0) -> Program[bytes]:
-    yield Write(address, b"!")
-    if pause_s:
-        yield Pause(pause_s)
-    return (yield Read(address, 1))
-
-
-def test_a_request_goes_before_everything_that_is_due() -> None:
-    schedule, wire = BusSchedule(), Wire()
-    for address in (0x10, 0x11, 0x12):
-        schedule.add(hex(address), Converter(address, 0.01, 0.0))
-    wire.now = stamp_from_s(0.5)
-    future = schedule.request("thrusters", one_shot(0x40))
-    schedule.run_next(wire.now, wire.transfer)
-    assert future.result(0) == b"\x40"
-    assert wire.seen[0][1] == Write(0x40, b"!")
-
-
-def test_of_two_waiting_requests_of_one_name_the_newer_counts() -> None:
-    schedule, wire = BusSchedule(), Wire()
-    old, new = schedule.request("t", one_shot(0x40)), schedule.request("t", one_shot(0x41))
-    run(schedule, wire, 0.1)
-    assert old.cancelled()
-    assert new.result(0) == b"\x41"
-    assert schedule.next_due(wire.now) == NEVER
-
-
-def test_a_request_that_has_begun_is_not_replaced() -> None:
-    schedule, wire = BusSchedule(), Wire()
-    first = schedule.request("t", one_shot(0x40, 0.1))
-    schedule.step(wire.now, wire.transfer)
-    second = schedule.request("t", one_shot(0x41))
-    run(schedule, wire, 1.0)
-    assert (first.result(0), second.result(0)) == (b"\x40", b"\x41")
-
-
-def test_a_failed_request_brings_its_error_and_a_cancelled_one_touches_nothing() -> None:
-    schedule, wire = BusSchedule(), Wire()
-    wire.broken = {0x40}
-    failing, dropped = schedule.request("a", one_shot(0x40)), schedule.request("b", one_shot(0x41))
-    dropped.cancel()
-    run(schedule, wire, 0.1)
-    assert isinstance(failing.exception(0), DeviceError)
-    assert {done.address for _, done in wire.seen} == {0x40}
-
-
 def test_a_failing_device_backs_off_says_so_and_comes_back() -> None:
     schedule, wire = BusSchedule(), Wire()
     schedule.add("p", Converter(0x76, 0.02, 0.009))
@@ -212,16 +165,6 @@ def test_the_tap_sees_every_transaction_with_its_owner() -> None:
         ("p", 0, Write(0x76, b"\x48"), b""),
         ("p", stamp_from_s(0.009), Read(0x76, 1), b"\x76"),
     ]
-
-
-def test_closing_cancels_what_waits_and_fails_what_has_begun() -> None:
-    schedule, wire = BusSchedule(), Wire()
-    begun = schedule.request("begun", one_shot(0x40, 9.0))
-    schedule.step(wire.now, wire.transfer)
-    waiting = schedule.request("waiting", one_shot(0x41))
-    schedule.close()
-    assert waiting.cancelled()
-    assert "closed" in str(begun.exception(0))
 
 
 def test_what_cannot_be_scheduled_is_refused_by_name() -> None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Protocol, TypeAlias
 
-from hindrax_core.bus_operations import Transaction
+from hindrax_core.bus_operations import DeviceError, Program, Transaction, run
 from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, to_s
@@ -113,11 +114,10 @@ class BytesRig:
         self._schedule = BusSchedule()
         self._serial: dict[str, SerialDevice] = {}
         self._answers: dict[str, bytes] = {}
-        self._late: list[SensorReading] = []
         self._pca = pca9685_of(vehicle)
         self._made_us = self._pca.applied([1500.0] * len(vehicle.thrusters))
         self._lights = [1100.0] * len(vehicle.output.light_channels)
-        self._schedule.request("thrusters", self._pca.configure())
+        self._run_output(self._pca.configure())
         for name, mount in vehicle.sensors.items():
             row = DEVICES[mount.device]
             device: Any = row.make(row.knobs(), mount, vehicle)
@@ -130,7 +130,7 @@ class BytesRig:
 
     def advance(self) -> Sequence[SensorReading]:
         """Advance time until a driver has a reading, at most one control period."""
-        heard, self._late = self._late, []
+        heard: list[SensorReading] = []
         end = after(self.world.stamp, 0.02)
         while not heard and self.world.stamp < end:
             heard += self._step()
@@ -149,7 +149,7 @@ class BytesRig:
             self._tick = after(due, TICK_S)
             for name, device in self._serial.items():
                 heard += self._handle(name, device.tick(due))
-        for name, outputs in self._schedule.step(due, self._transfer):
+        for name, outputs in self._schedule.step(due, partial(self._transfer, due)):
             heard += self._handle(name, outputs)
         return heard
 
@@ -167,9 +167,9 @@ class BytesRig:
                 self.log.append((name, output))
         return heard
 
-    def _transfer(self, transaction: Transaction) -> bytes:
+    def _transfer(self, now: Stamp, transaction: Transaction) -> bytes:
         try:
-            return self.hardware.i2c.transfer(transaction, self.hardware.stamp)
+            return self.hardware.i2c.transfer(transaction, now)
         except OSError as error:
             raise wire_error("i2c", transaction.address, error.errno or 0) from error
 
@@ -178,13 +178,21 @@ class BytesRig:
 
         A failed write is logged, and the previous pulses stay.
         """
-        written = self._schedule.request("thrusters", self._pca.write([*pulses_us, *self._lights]))
-        now = self.hardware.stamp
-        for name, outputs in self._schedule.step(now, self._transfer):
-            self._late += self._handle(name, outputs)
-        failure = written.exception(timeout=0.0)
-        if failure is None:
+        if self._run_output(self._pca.write([*pulses_us, *self._lights])):
             self._made_us = self._pca.applied(pulses_us)
-        else:
-            self.log.append(("thrusters", Trouble(now, str(failure))))
         return self._made_us
+
+    def _run_output(self, program: Program[Any]) -> bool:
+        """Run a program of the output; its pauses take no time of the world. False when it failed, which is logged."""
+        now = self.hardware.stamp
+
+        def pause(seconds: float) -> None:
+            nonlocal now
+            now = after(now, seconds)
+
+        try:
+            run(program, lambda transaction: self._transfer(now, transaction), pause)
+        except DeviceError as error:
+            self.log.append(("thrusters", Trouble(now, str(error))))
+            return False
+        return True

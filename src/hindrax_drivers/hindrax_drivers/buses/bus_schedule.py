@@ -1,48 +1,43 @@
 """Many programs on one bus, interleaved at their pauses. Pure: the host supplies time and transfers.
 
 A device that waits 9 ms for a conversion does not keep the bus: its program sleeps in a heap of wake-ups while others
-run. A program is never cut between two pauses, so a thruster write waits for one burst at most. Cycles begin at
-multiples of their period, so that those of several devices, and pauses with slack, need one wake-up of the host.
+run. A program is never cut between two pauses. Cycles begin at multiples of their period, so that those of several
+devices, and pauses with slack, need one wake-up of the host.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias, TypeVar
+from functools import partial
+from typing import Any, TypeAlias
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction, advance, no_tap
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between, stamp_from_s
 from hindrax_core.readings import Reading
 from hindrax_drivers.buses.clock import EPOCH, NEVER
-from hindrax_drivers.buses.register_bus import checked_answer
 
-ResultT = TypeVar("ResultT")
 BusOutput: TypeAlias = Stamped[Reading] | Rejected | Identity | Trouble
 Result: TypeAlias = tuple[str, Sequence[BusOutput]]
 Transfer: TypeAlias = Callable[[Transaction], bytes]
 Tap: TypeAlias = Callable[[str, Stamp, Transaction, bytes], None]
-"""Called for every successful transaction: device or request, time, transaction, bytes read."""
+"""Called for every successful transaction: device, time, transaction, bytes read."""
 
-_BEFORE_ALL = Stamp(-(2**63))
 BACK_OFF_S = (0.0, 0.1, 0.2, 0.4, 0.8, 1.0)
 
 
 @dataclass(slots=True)
 class _Task:
-    """One activity: configuration or cycles of a device, or a single request."""
+    """Configuration and cycles of one device."""
 
     name: str
-    device: RegisterDevice | None = None
+    device: RegisterDevice
     program: Program[Any] | None = None
-    started: bool = False
     configured: bool = False
     planned: Stamp = EPOCH
     failures: int = 0
-    future: Future[Any] | None = None
 
 
 @dataclass(order=True, slots=True)
@@ -54,16 +49,15 @@ class _Wake:
 
 
 class BusSchedule:
-    """Runs the cycles of the devices on one bus, each at its period, and single requests before them.
+    """Runs the cycles of the devices on one bus, each at its period.
 
     A device whose program raises DeviceError is configured again after 0, 0.1, 0.2 ... 1 s, and reports a Trouble.
     """
 
-    def __init__(self, tap: Tap | None = None) -> None:
+    def __init__(self, tap: Tap = no_tap) -> None:
         self._tap = tap
         self._heap: list[_Wake] = []
         self._devices: dict[str, _Task] = {}
-        self._requests: list[_Task] = []
         self._pausing: list[tuple[_Task, Pause]] = []
         self._serial = 0
         self._last = EPOCH
@@ -77,41 +71,9 @@ class BusSchedule:
         task = self._devices[name] = _Task(name, device)
         self._push(task, start)
 
-    def remove(self, name: str) -> None:
-        """Remove a device; a running program is closed at its pause."""
-        task = self._devices.pop(name)
-        self._forget(task)
-
     def ready(self, name: str) -> bool:
         """Whether a device has been configured and has not failed since."""
         return name in self._devices and self._devices[name].configured
-
-    def restart(self, name: str, now: Stamp) -> None:
-        """Configure a device again, as after a change of its settings."""
-        device = self._devices[name].device
-        assert device is not None
-        self.remove(name)
-        self.add(name, device, now)
-
-    def request(self, name: str, program: Program[ResultT], future: Future[ResultT] | None = None) -> Future[ResultT]:
-        """Run a program once, before anything else that is due. The future brings its result or DeviceError.
-
-        A request of the same name that has not started is cancelled: of two thruster commands the newer is valid.
-        """
-        for old in [task for task in self._requests if task.name == name and not task.started]:
-            self._cancel(old)
-        wanted: Future[ResultT] = Future() if future is None else future
-        task = _Task(name, program=program, future=wanted)
-        self._requests.append(task)
-        self._push(task, _BEFORE_ALL)
-        return wanted
-
-    def close(self) -> None:
-        """Remove all devices and cancel open requests."""
-        for name in list(self._devices):
-            self.remove(name)
-        for task in list(self._requests):
-            self._cancel(task)
 
     def next_due(self, now: Stamp) -> Stamp:
         """Return when to call `run_next` again (NEVER without devices); with nothing due yet, slack is used up.
@@ -136,11 +98,10 @@ class BusSchedule:
         if self.next_due(now) > now:
             return []
         task = heapq.heappop(self._heap).task
-        if task.future is not None and not task.started and not task.future.set_running_or_notify_cancel():
-            self._requests.remove(task)
-            return []
         try:
-            pause = self._advance(task, now, transfer)
+            if task.program is None:
+                task.program = _begin(task, now)
+            pause = advance(task.program, transfer, partial(self._tap, task.name, now))
         except StopIteration as stop:
             return self._finished(task, stop.value, now)
         except DeviceError as error:
@@ -165,36 +126,8 @@ class BusSchedule:
         self._serial += 1
         heapq.heappush(self._heap, _Wake(due, self._serial, after(due, slack_s), task))
 
-    def _advance(self, task: _Task, now: Stamp, transfer: Transfer) -> Pause:
-        """Run a task up to its next pause and return that; StopIteration at its end."""
-        program = task.program or self._begin(task, now)
-        operation = program.send(b"") if task.started else next(program)
-        task.started = True
-        while not isinstance(operation, Pause):
-            try:
-                answer = checked_answer(operation, transfer(operation))
-            except DeviceError as error:
-                operation = program.throw(error)
-                continue
-            if self._tap is not None:
-                self._tap(task.name, now, operation, answer)
-            operation = program.send(answer)
-        return operation
-
-    def _begin(self, task: _Task, now: Stamp) -> Program[Any]:
-        """Start a cycle. Missed cycles are skipped, not made up for."""
-        assert task.device is not None
-        if seconds_between(task.planned, now) > task.device.period_s:
-            task.planned = _cycle_start(now, task.device.period_s)
-        task.program = task.device.cycle(now) if task.configured else task.device.configure()
-        return task.program
-
     def _finished(self, task: _Task, value: Any, now: Stamp) -> list[Result]:
-        task.program, task.started = None, False
-        if task.future is not None:
-            self._close_request(task).set_result(value)
-            return []
-        assert task.device is not None
+        task.program = None
         if not task.configured:
             task.configured, task.planned = True, _cycle_start(now, task.device.period_s)
             self._push(task, now)
@@ -205,10 +138,7 @@ class BusSchedule:
         return [(task.name, value)] if value else []
 
     def _failed(self, task: _Task, error: DeviceError, now: Stamp) -> list[Result]:
-        task.program, task.started = None, False
-        if task.future is not None:
-            self._close_request(task).set_exception(error)
-            return []
+        task.program = None
         wait_s = BACK_OFF_S[min(task.failures, len(BACK_OFF_S) - 1)]
         task.failures += 1
         task.configured = False
@@ -216,23 +146,12 @@ class BusSchedule:
         when = f"in {wait_s:g} s" if wait_s else "at once"
         return [(task.name, (Trouble(now, f"{task.name}: {error}; configured anew {when}"),))]
 
-    def _close_request(self, task: _Task) -> Future[Any]:
-        assert task.future is not None
-        self._requests.remove(task)
-        return task.future
 
-    def _cancel(self, task: _Task) -> None:
-        self._forget(task)
-        future = self._close_request(task)
-        if not future.cancel():
-            future.set_exception(DeviceError(f"{task.name}: the bus was closed in the middle of a request"))
-
-    def _forget(self, task: _Task) -> None:
-        self._heap = [wake for wake in self._heap if wake.task is not task]
-        heapq.heapify(self._heap)
-        self._pausing = [pausing for pausing in self._pausing if pausing[0] is not task]
-        if task.program is not None:
-            task.program.close()
+def _begin(task: _Task, now: Stamp) -> Program[Any]:
+    """Start a cycle, or the configuration. Missed cycles are skipped, not made up for."""
+    if seconds_between(task.planned, now) > task.device.period_s:
+        task.planned = _cycle_start(now, task.device.period_s)
+    return task.device.cycle(now) if task.configured else task.device.configure()
 
 
 def _cycle_start(now: Stamp, period_s: float) -> Stamp:

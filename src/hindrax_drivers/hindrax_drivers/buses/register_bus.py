@@ -6,7 +6,7 @@ import errno
 import os
 from typing import Protocol
 
-from hindrax_core.bus_operations import DeviceError, Transaction, Write
+from hindrax_core.bus_operations import DeviceError, Transaction
 from hindrax_drivers.buses.clock import Clock
 
 _MEANING = {
@@ -25,15 +25,6 @@ class RegisterBus(Clock, Protocol):
 
         DeviceError names port, address and error on a missing acknowledge, a stuck bus and a lost adapter.
         """
-
-
-def checked_answer(transaction: Transaction, answer: bytes) -> bytes:
-    """Return the answer if it has the wanted length; DeviceError for a short read of any adapter."""
-    wanted = 0 if isinstance(transaction, Write) else transaction.count
-    if len(answer) != wanted:
-        address = f"address {transaction.address:#04x}"
-        raise DeviceError(f"{address}: short read, found {len(answer)} bytes, wanted {wanted}")
-    return answer
 
 
 def wire_error(port: str, address: int, code: int) -> DeviceError:

@@ -14,7 +14,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing, pause
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.buses.register_bus import RegisterBus, checked_answer
+from hindrax_drivers.buses.register_bus import RegisterBus
 from hindrax_drivers.buses.serial_port import SerialPort
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.devices.stm32 import Stm32, stm32_of
@@ -118,14 +118,12 @@ class RegisterOutput:
         self._bus.close()
 
     def _run(self, program: Program[ResultT]) -> ResultT:
-        return run(program, self._transfer, partial(pause, self._bus))
+        return run(program, self._bus.transfer, partial(pause, self._bus), self._keep)
 
-    def _transfer(self, transaction: Transaction) -> bytes:
-        answer = checked_answer(transaction, self._bus.transfer(transaction))
+    def _keep(self, transaction: Transaction, answer: bytes) -> None:
         stamp = self._bus.now()
         self._tap(stamp, True, pack_transaction(transaction))
         self._tap(stamp, False, answer)
-        return answer
 
 
 class SerialOutput:
