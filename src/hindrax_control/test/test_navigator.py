@@ -228,7 +228,7 @@ def test_the_compass_learns_what_the_thrusters_do_to_it(told: bool) -> None:
     for number in range(1000, 6000):
         t = number * 0.01
         if told and number % 2 == 0:
-            ride.navigator.thrust(Stamp(0), pattern(t))
+            ride.navigator.thrust(pattern(t))
         ride.tell(t, Inertial((0.0, 0.0, -GRAVITY_mps2), (0.0, 0.0, 0.002), 20.0), "icm20948")
         if number % 4 == 0:
             ride.tell(t, Magnetic(vector(a + b for a, b in zip(FIELD_T, motors(t), strict=True))), "icm20948")
@@ -357,7 +357,7 @@ def test_after_a_gap_in_the_imu_it_starts_anew() -> None:
 
 def test_after_a_gap_the_compass_is_still_corrected_by_what_the_thrusters_do() -> None:
     ride = Ride()
-    ride.navigator.thrust(Stamp(0), pattern(30.0))
+    ride.navigator.thrust(pattern(30.0))
     for gap_s in (0.0, 2.0):
         ride.tell(gap_s, Inertial((0, 0, -GRAVITY_mps2), (0, 0, 0), 20.0), "icm20948")
     assert ride.navigator._aiding.forces_N == pattern(30.0)  # its effect on the compass is tested above

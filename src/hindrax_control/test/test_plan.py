@@ -229,7 +229,7 @@ def test_one_level_is_the_fastest(hindrax: Vehicle, allocator: Allocator) -> Non
 
 def test_stopping_way() -> None:
     # 0.5 m/s, 0.25 s of lag, then 0.5 m/s^2: 0.125 + 0.25 m.
-    assert stopping(-0.5, 0.5, 0.25) == pytest.approx(0.375)
+    assert stopping(-0.5, 0.5) == pytest.approx(0.375)
 
 
 def test_vehicle_without_hydrodynamics_gets_a_plan_too(hindrax: Vehicle) -> None:

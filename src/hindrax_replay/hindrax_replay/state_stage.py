@@ -149,7 +149,7 @@ class StateStage:
 
     def _identify(self, measurement: Stamped[Measurement]) -> None:
         if isinstance(measurement.reading, Thrust):
-            self._navigator.thrust(measurement.stamp, measurement.reading.forces_N)
+            self._navigator.thrust(measurement.reading.forces_N)
         self._learn(self._feed.step(measurement))
 
     def _learn(self, events: Iterable[Stamped[IdentEvent]]) -> None:

@@ -138,7 +138,7 @@ class Onboard:
         applied = self.cycle.achieved(planned.sequence, self._write(answer.thrusters))
         self._state = self._guard.written(self._state)
         self._became = applied
-        self.navigator.thrust(now, applied.forces_N)
+        self.navigator.thrust(applied.forces_N)
         events.append(Stamped(now, applied))
         self._learn(Stamped(now, Thrust(applied.achieved, applied.forces_N)), events)
 

@@ -121,11 +121,9 @@ class Allocator:
             exact=exact,
         )
 
-    def forces(
-        self, wrench: Vec6, disabled: frozenset[str] = frozenset(), previous_us: Sequence[float] = ()
-    ) -> tuple[float, ...]:
+    def forces(self, wrench: Vec6, disabled: frozenset[str] = frozenset()) -> tuple[float, ...]:
         """Forces [N] for a finite wrench at the nominal supply, before pulses are rounded: for planning and tests."""
-        forces, exact = self._forces(self._setup(disabled, self.vehicle.supply_V), wrench, previous_us)
+        forces, exact = self._forces(self._setup(disabled, self.vehicle.supply_V), wrench, ())
         if not exact:
             raise HindraxError(f"{wrench}: {NO_FORCES}")
         return tuple(forces)

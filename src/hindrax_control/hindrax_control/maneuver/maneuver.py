@@ -88,7 +88,7 @@ class Maneuver:
         vehicle: Vehicle,
         allocator: Allocator,
         goal: Goal,
-        box: PoolBounds,
+        pool: PoolBounds,
         *,
         knobs: ManeuverKnobs | None = None,
         plan_knobs: PlanKnobs | None = None,
@@ -97,13 +97,13 @@ class Maneuver:
         disabled: frozenset[str] = frozenset(),
     ) -> None:
         require_flyable(goal, vehicle, disabled)
-        self.goal, self._box = goal, box
+        self.goal, self._pool = goal, pool
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
         self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
-        self.plans = tuple(self._planner.plan(motion, box, goal.levels) for motion in goal.motions)
+        self.plans = tuple(self._planner.plan(motion, pool, goal.levels) for motion in goal.motions)
         self._stages: list[Stage] = self._all_stages()
         self._stages.append(BrakeAndHold(goal.motions[-1], self.station, neutral=False))
         self._seconds = [stage.seconds for stage in self._stages]
@@ -195,7 +195,7 @@ class Maneuver:
             phase=Phase("" if done else motion, phase),
             progress=1.0 if done and not self._aborted else progress,
             remaining_s=0.0 if done else remaining_s,
-            wall_distance_m=self._box.ahead_m(moment.place),
+            wall_distance_m=self._pool.ahead_m(moment.place),
             force=act.force,
             velocity=act.velocity,
             done=done,
@@ -217,7 +217,7 @@ class Maneuver:
         """Why a stage is not flown from here, as its guard would say in the middle of it; empty when it is."""
         wanted_m, words = self._safety.margin(place)
         for end in stage.ends:
-            wall, left_m = nearest(self._box.walls_m(end))
+            wall, left_m = nearest(self._pool.walls_m(end))
             if left_m < wanted_m:
                 found = f"{stage.motion} would end {left_m:.2f} m from the {wall} wall"
                 return f"pool_box: {found}, wanted {words}; {REMEDIES['pool_box']}"
@@ -227,7 +227,7 @@ class Maneuver:
         self._begun = stamp if self._begun is None else self._begun
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
-        place = self._box.place(navigation)
+        place = self._pool.place(navigation)
         if math.isfinite(place.heading_rad):
             self._turned_rad += math.remainder(place.heading_rad - self._turned_rad, math.tau)
         held_back = max(abs(shortfall[0]), abs(shortfall[1])) > self._knobs.shortfall_N
@@ -241,7 +241,7 @@ class Maneuver:
         return Situation(
             navigation=moment.navigation,
             place=moment.place,
-            walls_m=self._box.walls_m(moment.place),
+            walls_m=self._pool.walls_m(moment.place),
             time_s=moment.time_s,
             battery_V=battery_V,
             deadline_s=self.seconds * self._knobs.overtime + self._knobs.overtime_s,
@@ -262,7 +262,7 @@ class Maneuver:
 
     def _all_stages(self) -> list[Stage]:
         stages: list[Stage] = []
-        place_m = self._box.start_m
+        place_m = self._pool.start_m
         for plan in self.plans:
             stages += self._stages_of(plan, place_m)
             place_m = plan.end_m
@@ -271,7 +271,7 @@ class Maneuver:
     def _stages_of(self, plan: Plan, before_m: tuple[float, float]) -> list[Stage]:
         """Stages of a plan that begins where the one before it ended."""
         place = PoolPosition(*plan.start_m, plan.heading_rad, 0.0, 0.0)
-        pose = Pose(place, self._box.axis_rad + plan.heading_rad, plan.vertical, self._box.depth_m)
+        pose = Pose(place, self._pool.axis_rad + plan.heading_rad, plan.vertical, self._pool.depth_m)
         seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
         begin: list[Stage] = [SettleAtPose(plan.motion, self.station, pose, seconds=seconds)]
         if plan.hover_s > 0.0:

@@ -164,7 +164,7 @@ class Planner:
         self.freedoms = prior_dynamics(vehicle)
         self._allocator, self._disabled = allocator, disabled
 
-    def plan(self, motion: str, box: PoolBounds, levels: Sequence[float] = ()) -> Plan:
+    def plan(self, motion: str, pool: PoolBounds, levels: Sequence[float] = ()) -> Plan:
         """Plan one of MOTIONS; UsageError when pool, limits or thrusters leave no room for it.
 
         `levels`: plateaus to fly, from 0, the slowest, to 1, the fastest; without them, those of the knobs.
@@ -172,21 +172,21 @@ class Planner:
         if motion not in MOTIONS:
             raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(MOTIONS)}")
         require_servable((motion,), self.vehicle, self._disabled)
-        low, high = self._span(motion, box)
+        low, high = self._span(motion, pool)
         if high <= low:
             raise UsageError(
                 f"{motion}: the pool leaves {high - low:.2f} m of room, wanted more; "
                 "check `pool` in the vehicle file and the margins among the pilot's parameters"
             )
         legs = self._legs(motion, low, high, levels)
-        along_m = legs[0].start if motion in ALONG else 0.5 * box.length_m
+        along_m = legs[0].start if motion in ALONG else 0.5 * pool.length_m
         return Plan(
             motion,
             legs,
             # Sway is flown along the length too: with the bow to the west, starboard is north.
             heading_rad=-math.pi / 2.0 if motion == "sway" else 0.0,
             vertical=("depth", low) if motion == "heave" else ("altitude", self.knobs.altitude_m),
-            start_m=(along_m, 0.5 * box.width_m),
+            start_m=(along_m, 0.5 * pool.width_m),
             hover_s=self.knobs.hover_s if motion == "heave" else 0.0,
         )
 
@@ -195,15 +195,15 @@ class Planner:
         reach = self._allocator.reach(axis, sign, self._disabled)
         return min(self.knobs.reserve * reach, self.vehicle.limits.wrench[AXES.index(axis)])
 
-    def _span(self, motion: str, box: PoolBounds) -> tuple[float, float]:
+    def _span(self, motion: str, pool: PoolBounds) -> tuple[float, float]:
         """Lowest and highest coordinate of the legs."""
         knobs = self.knobs
         half_height_m = 0.5 * self.vehicle.envelope_m[2]
         if motion in ALONG:
-            half_m = box.half_length_m if motion == "surge" else box.half_width_m
-            return half_m + knobs.wall_m, box.length_m - half_m - knobs.wall_m
+            half_m = pool.half_length_m if motion == "surge" else pool.half_width_m
+            return half_m + knobs.wall_m, pool.length_m - half_m - knobs.wall_m
         if motion == "heave":
-            return half_height_m + knobs.surface_m, box.depth_m - half_height_m - knobs.floor_m
+            return half_height_m + knobs.surface_m, pool.depth_m - half_height_m - knobs.floor_m
         if motion == "yaw":
             return 0.0, math.tau * knobs.turns
         wanted_deg = knobs.roll_deg if motion == "roll" else knobs.pitch_deg
@@ -295,12 +295,12 @@ def motion_name(axis: str, rate: float) -> str:
     return axis if axis != "heave" else "heave_down" if rate > 0.0 else "heave_up"
 
 
-def stopping(rate: float, pace: float, lag_s: float = LAG_S) -> float:
+def stopping(rate: float, pace: float) -> float:
     """Way [m, rad] from full speed to rest: the lag of thrusters and senses, then an even deceleration."""
-    return abs(rate) * lag_s + 0.5 * rate * rate / pace
+    return abs(rate) * LAG_S + 0.5 * rate * rate / pace
 
 
-def coasting(rate: float, slowing: float, coast_s: float, lag_s: float = LAG_S) -> tuple[float, float]:
+def coasting(rate: float, slowing: float, coast_s: float) -> tuple[float, float]:
     """Way [m, rad] of a coast from a steady rate ahead, and the rate that is left: v' = -k v |v| after a lag.
 
     `slowing`: the force of the plateau over the inertia [m/s^2, rad/s^2]; at that rate it is the drag, whatever the
@@ -308,7 +308,7 @@ def coasting(rate: float, slowing: float, coast_s: float, lag_s: float = LAG_S) 
     """
     if rate <= 0.0:
         return 0.0, rate
-    lag_s = min(lag_s, coast_s)
+    lag_s = min(LAG_S, coast_s)
     slowed = slowing * (coast_s - lag_s) / rate
     share = math.log1p(slowed) / slowed if slowed else 1.0
     return rate * (lag_s + (coast_s - lag_s) * share), rate / (1.0 + slowed)

@@ -112,7 +112,7 @@ class Navigator:
 
     # ---- what comes in
 
-    def thrust(self, _: Stamp, forces_N: Sequence[float]) -> None:
+    def thrust(self, forces_N: Sequence[float]) -> None:
         """Tell what each thruster does: their currents disturb the compass."""
         self._forces_N = self._aiding.forces_N = tuple(forces_N)
 

@@ -96,9 +96,9 @@ class NavigatorNode(BatchedNode):
         """Count the doubt of the position from here."""
         self._navigator.know_position()
 
-    def on_allocation(self, stamp: Stamp, allocation: Allocation) -> None:
+    def on_allocation(self, _: Stamp, allocation: Allocation) -> None:
         """Use the thrusters' forces for the compass correction."""
-        self._navigator.thrust(stamp, allocation.forces_N)
+        self._navigator.thrust(allocation.forces_N)
 
     def _on_allocation_message(self, data: bytes) -> None:
         try:
@@ -107,7 +107,7 @@ class NavigatorNode(BatchedNode):
             self._navigator.refusals.add(ALLOCATION.name, str(error))
             return
         if len(thrust.reading.forces_N) == self._thrusters:
-            self._navigator.thrust(thrust.stamp, thrust.reading.forces_N)
+            self._navigator.thrust(thrust.reading.forces_N)
 
     def _publish(self, found: Stamped[Navigation]) -> None:
         self.on_state(found)

@@ -220,6 +220,6 @@ class Stm32:
         return Send(data)
 
 
-def stm32_of(vehicle: Vehicle, knobs: Stm32Knobs | None = None) -> Stm32:
+def stm32_of(vehicle: Vehicle) -> Stm32:
     """Controller of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
-    return Stm32(vehicle.output_channels(), knobs)
+    return Stm32(vehicle.output_channels())
