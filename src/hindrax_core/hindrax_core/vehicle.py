@@ -35,6 +35,10 @@ class Water:
     speed_of_sound_mps: float = knob(1484.0, 1300.0, 1700.0, "speed of sound [m/s]")
     surface_pressure_Pa: float = knob(101325.0, 80000.0, 120000.0, "air pressure at the surface [Pa]")
 
+    def depth_m(self, pressure_Pa: float) -> float:
+        """Depth of a sensor that feels an absolute pressure; negative above the surface."""
+        return (pressure_Pa - self.surface_pressure_Pa) / (self.density_kgpm3 * GRAVITY_mps2)
+
 
 @dataclass(frozen=True, slots=True)
 class Pool:

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import load_vehicle, parse_vehicle
+from hindrax_core.vehicle import Water, load_vehicle, parse_vehicle
 
 FILE = Path(__file__).resolve().parents[2] / "hindrax_bringup" / "vehicles" / "hindrax.yaml"
 
@@ -115,6 +115,12 @@ def test_binary_is_named(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UsageError, match="cannot be read"):
         load_vehicle(broken)
+
+
+def test_one_bar_is_ten_meters_of_water() -> None:
+    # 1 bar is 10.19716 m of water, as tables of pressure units have it.
+    assert Water().depth_m(201_325.0) == pytest.approx(10.19716, abs=1e-5)
+    assert Water().depth_m(101_325.0) == 0.0
 
 
 def test_one_sensor_measures_the_battery() -> None:

@@ -17,7 +17,7 @@ from hindrax_control.navigation.vertical_filter import VerticalFilter
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
 from hindrax_core.rotation import cross, rotate
-from hindrax_core.vehicle import GRAVITY_mps2, Vehicle
+from hindrax_core.vehicle import Vehicle
 
 SHORTEST_SPAN_S = 0.02
 """A velocity without an interval is compared with the mean over this span."""
@@ -66,8 +66,7 @@ class Aiding:
         self._knobs = knobs
         self._attitude, self._heading = attitude, heading
         self._vertical, self._horizontal = vertical, horizontal
-        self._surface_Pa = vehicle.water.surface_pressure_Pa
-        self._pascal_per_m = vehicle.water.density_kgpm3 * GRAVITY_mps2
+        self._water = vehicle.water
         self._deepest_m = 2.0 * vehicle.depth_rating_m
         self.forces_N: Sequence[float] = ()
         """Of each thruster: their currents disturb the compass."""
@@ -112,7 +111,7 @@ class Aiding:
 
     def pressure(self, reading: Pressure, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the depth that a pressure means."""
-        depth_m = (reading.pressure_Pa - self._surface_Pa) / self._pascal_per_m
+        depth_m = self._water.depth_m(reading.pressure_Pa)
         if not abs(depth_m) <= self._deepest_m:
             return False
         return self._vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)

@@ -4,7 +4,7 @@ A Kalman filter with the states depth, its rate, the accelerometer's vertical bi
 out, because filterpy takes 1.4 s to import (scipy.stats), which every restart of the control process would wait for; a
 test holds it against filterpy.
 COB-2023-1394 took the derivative of the sonar's altitude instead and found that it oscillates.
-Pressure becomes depth in `aiding.py`.
+Pressure becomes depth in `hindrax_core/vehicle.py` (`Water.depth_m`), and is brought here by `aiding.py`.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import BottomVelocity, Pressure, Vec3, Vec6
 from hindrax_core.rotation import cross, matrix, rotate
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Navigation, Velocity
-from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
+from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_ident.records.sorter import StampSorter
 from hindrax_ident.tuning import Tuning
 
@@ -56,8 +56,7 @@ class Feed:
         self._below_sensor_m = _difference(self._center_m, vehicle.sensors.get(depth, Mount(depth)).position_m)
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._down: Vec3 = (0.0, 0.0, 1.0)
-        self._surface_Pa = vehicle.water.surface_pressure_Pa
-        self._Pa_per_m = vehicle.water.density_kgpm3 * GRAVITY_mps2
+        self._water = vehicle.water
 
     def step(self, measurement: Stamped[Measurement]) -> Iterator[Stamped[IdentEvent]]:
         """Add one measurement; yield the events of all measurements released by it."""
@@ -88,9 +87,7 @@ class Feed:
         if isinstance(reading, BottomVelocity):
             return self._dvl(stamp, reading)
         if isinstance(reading, Pressure):
-            depth_m = (reading.pressure_Pa - self._surface_Pa) / self._Pa_per_m + self._depth_of_lever_m(
-                self._below_sensor_m
-            )
+            depth_m = self._water.depth_m(reading.pressure_Pa) + self._depth_of_lever_m(self._below_sensor_m)
             return (Stamped(stamp, Attitude((NAN, NAN, NAN), depth_m)),)
         if isinstance(reading, Navigation):
             return self._navigation(stamp, reading)
