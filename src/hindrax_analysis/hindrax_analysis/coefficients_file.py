@@ -135,6 +135,10 @@ class SavedMotion:
     samples: int
     method: str = ""
 
+    def value(self, name: str) -> float:
+        """Value of a coefficient; NaN where missing."""
+        return self.numbers[name].value if name in self.numbers else math.nan
+
 
 @dataclass(frozen=True, slots=True)
 class SavedCoefficients:
@@ -151,10 +155,15 @@ def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
         data = read_yaml(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
         raise HindraxError(f"{file}: cannot be read ({error}); name a run folder or a coefficients.yaml") from error
+    return coefficients_of(data, str(file), label or file.parent.name)
+
+
+def coefficients_of(data: object, source: str, label: str = "") -> SavedCoefficients:
+    """Check the plain data of a file."""
     if not isinstance(data, Mapping) or not isinstance(data.get("motions"), Mapping):
-        raise HindraxError(f"{file}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
-    motions = {str(name): _motion(body, f"{file}: motions.{name}") for name, body in data["motions"].items()}
-    return SavedCoefficients(label or file.parent.name, _conditions(data), motions)
+        raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
+    motions = {str(name): _motion(body, f"{source}: motions.{name}") for name, body in data["motions"].items()}
+    return SavedCoefficients(label, _conditions(data), motions)
 
 
 def _conditions(data: Mapping[str, Any]) -> Conditions:
@@ -173,7 +182,7 @@ def _motion(body: object, path: str) -> SavedMotion:
     if not isinstance(body, Mapping):
         raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
     numbers = {name: _number(body[name], f"{path}.{name}") for name in KNOWN if body.get(name) is not None}
-    low, high = _pair(body.get("speeds", (0.0, 0.0)), f"{path}.speeds")
+    low, high = _pair(body.get("speeds") or (0.0, 0.0), f"{path}.speeds")
     return SavedMotion(
         numbers=numbers,
         identifiable=bool(body.get("identifiable", True)),

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from hindrax_analysis.coefficients_file import as_yaml, conditions_of, read_coefficients
-from hindrax_analysis.exports.export_model import export_model, read_motions
+from hindrax_analysis.exports.export_model import export_model
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array
@@ -72,9 +72,9 @@ def test_the_run_is_called_by_its_folder(saved: Path) -> None:
     assert read_coefficients(saved).label == "run"
 
 
-def test_the_exports_read_the_same_file(saved: Path) -> None:
-    motions = read_motions(yaml.safe_load(saved.read_text()), str(saved))
-    assert motions["surge"].get("k_q") == 66.4812345678901
+def test_the_exports_read_the_same_file(saved: Path, vehicle: Vehicle) -> None:
+    motions = export_model(read_coefficients(saved), vehicle, str(saved), complete=True).motions
+    assert motions["surge"].value("k_q") == 66.4812345678901
     assert "yaw" not in motions
 
 
@@ -146,10 +146,10 @@ def test_an_aborted_run_in_which_nothing_was_flown_says_so(tmp_path: Path, vehic
     assert "# Nothing was flown" in file.read_text()
     assert read_coefficients(file).motions == {}
     with pytest.raises(HindraxError, match=r"aborted by pool_bounds: .* and no motion of that is identifiable"):
-        export_model(yaml.safe_load(file.read_text()), vehicle, str(file))
+        export_model(read_coefficients(file), vehicle, str(file))
 
 
 def test_an_export_of_an_aborted_run_says_so(tmp_path: Path, vehicle: Vehicle) -> None:
     file = an_aborted_file(tmp_path, vehicle, {"surge": a_result()})
-    notes = export_model(yaml.safe_load(file.read_text()), vehicle, str(file), complete=True).notes
+    notes = export_model(read_coefficients(file), vehicle, str(file), complete=True).notes
     assert notes[0] == f"aborted by {BOUNDS}; the results are of what was flown until then"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.exports.export_model import direction, export_model, header, read_motions
+from hindrax_analysis.coefficients_file import coefficients_of
+from hindrax_analysis.exports.export_model import ExportModel, direction, export_model, header
 from hindrax_analysis.exports.tables import write_csv, write_latex
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Drag, Hydrodynamics, Vehicle
@@ -48,8 +50,12 @@ def results(**motions: dict[str, Any]) -> dict[str, Any]:
     return {"motions": body}
 
 
+def exported(document: object, *, complete: bool = False) -> ExportModel:
+    return export_model(coefficients_of(document, "c.yaml"), VEHICLE, "c.yaml", complete=complete)
+
+
 def test_heave_keeps_its_two_directions_and_averages_its_added_mass() -> None:
-    model = export_model(results(heave_up={"added_mass": value(22.6, 0.2)}), VEHICLE, "c.yaml")
+    model = exported(results(heave_up={"added_mass": value(22.6, 0.2)}))
     assert model.hydrodynamics.heave == Drag(93.52, 5.26, 56.57, 11.84)
     assert model.hydrodynamics.added_mass[2] == pytest.approx((22.4 * 4 + 22.6) / 5)
     assert drag_at(model.hydrodynamics.heave, -0.5) == pytest.approx(-(56.57 * 0.25 + 11.84 * 0.5))
@@ -57,7 +63,7 @@ def test_heave_keeps_its_two_directions_and_averages_its_added_mass() -> None:
 
 @given(st.floats(0.1, 100.0), st.floats(-20.0, 20.0), st.floats(0.1, 2.0))
 def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> None:
-    model = export_model(results(surge={"k_q": value(k_q), "k_l": value(k_l), "speeds": [0.0, top]}), VEHICLE, "c.yaml")
+    model = exported(results(surge={"k_q": value(k_q), "k_l": value(k_l), "speeds": [0.0, top]}))
     drag = model.hydrodynamics.surge
     assert drag.k_q >= 0.0
     assert drag.k_l >= 0.0
@@ -71,11 +77,11 @@ def test_no_export_can_drive_the_vehicle(k_q: float, k_l: float, top: float) -> 
 def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> None:
     lacking = results(pitch={"identifiable": False, "reasons": ["it hardly moved", "it is short"]})
     with pytest.raises(HindraxError, match=r"motion pitch is not identifiable \(it hardly moved\); name a --vehicle"):
-        export_model(lacking, VEHICLE, "c.yaml")
+        exported(lacking)
     without = {"motions": {name: body for name, body in lacking["motions"].items() if name != "pitch"}}
     with pytest.raises(HindraxError, match="no motion pitch in the results; name a --vehicle"):
-        export_model(without, VEHICLE, "c.yaml")
-    model = export_model(lacking, VEHICLE, "c.yaml", complete=True)
+        exported(without)
+    model = exported(lacking, complete=True)
     assert model.hydrodynamics.pitch == Drag(7.0, 2.0)
     assert model.hydrodynamics.added_mass[4] == 0.4
     said = "pitch: not identifiable in the results (it hardly moved); drag and added mass are from the vehicle file"
@@ -84,7 +90,7 @@ def test_what_is_missing_is_asked_for_or_taken_from_the_vehicle_and_said() -> No
 
 def test_what_is_said_of_several_axes_is_said_once() -> None:
     surge = {"motions": {"surge": results()["motions"]["surge"]}, "aborted": "pool_box"}
-    notes = export_model(surge, VEHICLE, "c.yaml", complete=True).notes
+    notes = exported(surge, complete=True).notes
     assert notes[0].startswith("aborted by pool_box")
     absent = "not in the results; drag and added mass are from the vehicle file"
     assert notes[1] == f"sway, heave, roll, pitch, yaw: {absent}"
@@ -94,7 +100,7 @@ def test_what_is_said_of_several_axes_is_said_once() -> None:
 def test_bands_and_assumptions_go_with_the_numbers() -> None:
     told = results(surge={"k_q": {"value": 18.0, "std": 0.5, "std_calibrated": 1.9}})
     told["conditions"] = {"assumptions": ["the gain is believed to within 10%"]}
-    lines = header(export_model(told, VEHICLE, "c.yaml"), ())
+    lines = header(exported(told), ())
     assert any("surge: k_q 18.0 +- 1.9 N s^2/m^2" in line for line in lines)
     assert any("assumed: the gain is believed" in line for line in lines)
 
@@ -102,8 +108,8 @@ def test_bands_and_assumptions_go_with_the_numbers() -> None:
 def test_missing_added_mass_is_asked_for() -> None:
     lacking = results(roll={"added_mass": None})
     with pytest.raises(HindraxError, match="motion roll: no added mass"):
-        export_model(lacking, VEHICLE, "c.yaml")
-    assert export_model(lacking, VEHICLE, "c.yaml", complete=True).hydrodynamics.added_mass[3] == 0.2
+        exported(lacking)
+    assert exported(lacking, complete=True).hydrodynamics.added_mass[3] == 0.2
 
 
 @pytest.mark.parametrize(
@@ -121,12 +127,12 @@ def test_missing_added_mass_is_asked_for() -> None:
 )
 def test_a_bad_results_file_is_refused_with_its_key_path(document: object, message: str) -> None:
     with pytest.raises(HindraxError, match=message):
-        read_motions(document, "c.yaml")
+        coefficients_of(document, "c.yaml")
 
 
 def test_both_negative_is_refused() -> None:
     with pytest.raises(HindraxError, match="both drive the vehicle"):
-        export_model(results(yaw={"k_q": value(-1.0), "k_l": value(-1.0)}), VEHICLE, "c.yaml")
+        exported(results(yaw={"k_q": value(-1.0), "k_l": value(-1.0)}))
 
 
 def test_a_results_file_of_the_session_is_understood() -> None:
@@ -140,17 +146,18 @@ def test_a_results_file_of_the_session_is_understood() -> None:
         "names": ["k_q"],
         "quality": {},
     }
-    motion = read_motions({"motions": {"surge": surge}}, "c.yaml")["surge"]
-    assert (motion.get("k_q"), motion.values["k_q"].std, motion.calibrated["k_q"]) == (66.4, 0.3, 1.3)
-    assert motion.top_speed == 0.45
+    motion = coefficients_of({"motions": {"surge": surge}}, "c.yaml").motions["surge"]
+    k_q = motion.numbers["k_q"]
+    assert (motion.value("k_q"), k_q.std, k_q.std_calibrated) == (66.4, 0.3, 1.3)
+    assert exported(results(surge=surge)).top_speed[0] == 0.45
     unknown = {**surge, "k_q": {"value": 66.4, "std": float("nan")}, "speeds": []}
-    motion = read_motions({"motions": {"surge": unknown}}, "c.yaml")["surge"]
-    assert motion.top_speed is None
-    assert not motion.calibrated
+    motion = coefficients_of({"motions": {"surge": unknown}}, "c.yaml").motions["surge"]
+    assert exported(results(surge=unknown)).top_speed[0] == VEHICLE.limits.speed_mps
+    assert math.isnan(motion.numbers["k_q"].std_calibrated)
 
 
 def test_tables_carry_values_deviations_and_units() -> None:
-    model = export_model(results(), VEHICLE, "c.yaml")
+    model = exported(results())
     rows = list(csv.DictReader(io.StringIO(write_csv(model))))
     assert [row["motion"] for row in rows][:2] == ["surge", "sway"]
     assert (rows[0]["k_q"], rows[0]["k_q_std"], rows[0]["k_q_unit"]) == ("66.48", "0.1", "N s^2/m^2")
@@ -162,4 +169,4 @@ def test_tables_carry_values_deviations_and_units() -> None:
 
 def test_the_source_is_named_in_errors() -> None:
     with pytest.raises(HindraxError, match=str(Path("runs") / "c.yaml")):
-        read_motions({}, str(Path("runs") / "c.yaml"))
+        coefficients_of({}, str(Path("runs") / "c.yaml"))

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hindrax_analysis.coefficients_file import SavedCoefficients, SavedMotion
 from hindrax_analysis.digits import measured
-from hindrax_analysis.experiments.least_squares import Array, Value
+from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_ident.assess.results import Number
 
 COEFFICIENTS = ("k_q", "k_l", "b", "added_mass")
 ROTATIONS = ("roll", "pitch", "yaw")
@@ -24,20 +26,6 @@ UNITS = {
 
 
 @dataclass(frozen=True, slots=True)
-class MotionResult:
-    """One motion of a results file; unidentified coefficients are missing."""
-
-    values: Mapping[str, Value]
-    top_speed: float | None = None
-    calibrated: Mapping[str, float] = field(default_factory=dict)
-    """Standard deviations including thruster calibration, where the results have them."""
-
-    def get(self, name: str) -> float:
-        """Value of a coefficient; NaN where missing."""
-        return self.values[name].value if name in self.values else math.nan
-
-
-@dataclass(frozen=True, slots=True)
 class ExportModel:
     """Complete vehicle, drag and added mass, and notes on how they were completed."""
 
@@ -47,7 +35,7 @@ class ExportModel:
     """Largest tested speed per axis [m/s, rad/s]; formats with another drag law are fitted up to it."""
     source: str = ""
     notes: tuple[str, ...] = ()
-    motions: Mapping[str, MotionResult] = field(default_factory=dict)
+    motions: Mapping[str, SavedMotion] = field(default_factory=dict)
 
     @property
     def added_mass(self) -> Array:
@@ -79,36 +67,6 @@ def mean_of_directions(drag: Drag) -> tuple[float, float]:
     return 0.5 * (forward[0] + backward[0]), 0.5 * (forward[1] + backward[1])
 
 
-def read_motions(document: object, source: str) -> dict[str, MotionResult]:
-    """Motions of a results file, by name. HindraxError names the key path, what was found and what was wanted."""
-    if not isinstance(document, Mapping) or not isinstance(document.get("motions"), Mapping):
-        raise HindraxError(f"{source}: no mapping 'motions', wanted a coefficients.yaml of a pool test or of identify")
-    motions = {str(name): _motion(body, f"{source}: motions.{name}") for name, body in document["motions"].items()}
-    return {name: motion for name, motion in motions.items() if motion is not None}
-
-
-def unidentified_motions(document: object) -> dict[str, str]:
-    """Unidentifiable motions of the results, by name, and the first reason."""
-    motions = document.get("motions") if isinstance(document, Mapping) else None
-    rows = motions.items() if isinstance(motions, Mapping) else ()
-    found = {name: body for name, body in rows if isinstance(body, Mapping) and body.get("identifiable") is False}
-    return {name: str(next(iter(body.get("reasons") or ()), "no reason given")) for name, body in found.items()}
-
-
-def _assumption_notes(document: object) -> list[str]:
-    """Assumptions of the identification."""
-    conditions = document.get("conditions") if isinstance(document, Mapping) else None
-    return (
-        [f"assumed: {one}" for one in (conditions.get("assumptions") or ())] if isinstance(conditions, Mapping) else []
-    )
-
-
-def _abort_notes(document: object) -> list[str]:
-    """The guard that aborted the flight, where the results name one."""
-    aborted = document.get("aborted") if isinstance(document, Mapping) else None
-    return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
-
-
 def _joined(notes: Sequence[str]) -> list[str]:
     """What is said of several axes is said once: `sway, heave: not in the results`."""
     axes: dict[str, list[str]] = {}
@@ -121,67 +79,38 @@ def _joined(notes: Sequence[str]) -> list[str]:
     return [": ".join(filter(None, (", ".join(names), text))) for text, names in axes.items()]
 
 
-def _uncertainty_notes(motions: Mapping[str, MotionResult]) -> list[str]:
+def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> list[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
+    wide = {
+        name: [(key, motion.numbers[key]) for key in COEFFICIENTS if key in motion.numbers and key != "b"]
+        for name, motion in motions.items()
+    }
     texts = {
         name: ", ".join(
-            f"{key} {measured(one.get(key), std)} {unit_of(name, key)}"
-            for key, std in one.calibrated.items()
-            if key != "b"
+            f"{key} {measured(number.value, number.std_calibrated)} {unit_of(name, key)}"
+            for key, number in numbers
+            if number.std_calibrated > 0.0
         )
-        for name, one in motions.items()
+        for name, numbers in wide.items()
     }
     return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]
 
 
-def _motion(body: object, path: str) -> MotionResult | None:
-    if not isinstance(body, Mapping):
-        raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
-    if body.get("identifiable") is False:
-        return None
-    values = {name: _value(body[name], f"{path}.{name}") for name in COEFFICIENTS if body.get(name) is not None}
-    wide = {name: std for name in values if (std := _deviation(body[name], "std_calibrated", f"{path}.{name}")) > 0.0}
-    return MotionResult(values, _top(body.get("speeds"), f"{path}.speeds"), wide)
-
-
-def _top(speeds: object, path: str) -> float | None:
-    """Largest speed of the range that was excited; None where unknown, or without motion."""
-    if speeds is None:
-        return None
-    if not isinstance(speeds, Sequence) or isinstance(speeds, str):
-        raise HindraxError(f"{path}: found {speeds!r}, wanted the lowest and the highest speed")
-    return max((abs(_number(speed, path)) for speed in speeds), default=0.0) or None
-
-
-def _value(body: object, path: str) -> Value:
-    if not isinstance(body, Mapping) or "value" not in body:
-        raise HindraxError(f"{path}: found {body!r}, wanted a mapping with value and std")
-    return Value(_number(body["value"], f"{path}.value"), _deviation(body, "std", path))
-
-
-def _deviation(body: Mapping[str, object], name: str, path: str) -> float:
-    """Standard deviation; NaN where missing or unknown."""
-    std = body.get(name)
-    if std is None or (isinstance(std, float) and math.isnan(std)):
-        return math.nan
-    return _number(std, f"{path}.{name}")
-
-
-def _number(value: object, path: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise HindraxError(f"{path}: found {value!r}, wanted a finite number")
-    return float(value)
-
-
-def export_model(document: object, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
-    """Read a results file into an export model.
+def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
+    """Make an export model of the results of a file.
 
     Missing results are an error, or with `complete` come from the vehicle file, with a note. A negative drag
     coefficient, which would drive a simulated vehicle, is folded into the other one at the same force at the largest
     tested speed.
     """
-    motions, unidentified = read_motions(document, source), unidentified_motions(document)
-    notes = _abort_notes(document)
+    motions = {name: motion for name, motion in saved.motions.items() if motion.identifiable}
+    unidentified = {
+        name: next(iter(motion.reasons), "no reason given")
+        for name, motion in saved.motions.items()
+        if not motion.identifiable
+    }
+    aborted, assumptions = saved.conditions.aborted, saved.conditions.assumptions
+    notes = [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
     if notes and not motions and not complete:
         raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
     prior = vehicle.hydrodynamics if complete else None
@@ -195,26 +124,26 @@ def export_model(document: object, vehicle: Vehicle, source: str, *, complete: b
         added_mass=(masses[0], masses[1], masses[2], masses[3], masses[4], masses[5]), added_mass_cross=cross, **drags
     )
     speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
-    notes = [*_joined(notes), *_uncertainty_notes(motions), *_assumption_notes(document)]
+    notes = [*_joined(notes), *_uncertainty_notes(motions), *(f"assumed: {one}" for one in assumptions)]
     return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes), motions)
 
 
-def _sides(axis: str, motions: Mapping[str, MotionResult]) -> tuple[MotionResult | None, MotionResult | None]:
+def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> tuple[SavedMotion | None, SavedMotion | None]:
     """Results for motion in the positive and in the negative direction of an axis; heave is positive down."""
     if axis == "heave" and ("heave_down" in motions or "heave_up" in motions):
         return motions.get("heave_down"), motions.get("heave_up")
     return motions.get(axis), motions.get(axis)
 
 
-def _top_speed(motions: Mapping[str, MotionResult], axis: str, vehicle: Vehicle) -> float:
-    tested = [side.top_speed for side in _sides(axis, motions) if side is not None and side.top_speed is not None]
+def _top_speed(motions: Mapping[str, SavedMotion], axis: str, vehicle: Vehicle) -> float:
+    top = max((abs(speed) for side in _sides(axis, motions) if side is not None for speed in side.speeds), default=0.0)
     # Pool tests reach one radian per second.
-    return max(tested) if tested else (vehicle.limits.speed_mps if AXES.index(axis) < 3 else 1.0)
+    return top or (vehicle.limits.speed_mps if AXES.index(axis) < 3 else 1.0)
 
 
 def _axis_drag(
     axis: str,
-    motions: Mapping[str, MotionResult],
+    motions: Mapping[str, SavedMotion],
     prior: Hydrodynamics | None,
     top: float,
     notes: list[str],
@@ -242,8 +171,8 @@ def _axis_drag(
     return Drag(k_q=k_q, k_l=k_l, k_q_negative=k_q_negative, k_l_negative=k_l_negative)
 
 
-def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
-    k_q, k_l = (motion.get("k_q"), motion.get("k_l")) if motion else (math.nan, math.nan)
+def _passive(motion: SavedMotion | None, axis: str, top: float, notes: list[str]) -> tuple[float, float]:
+    k_q, k_l = (motion.value("k_q"), motion.value("k_l")) if motion else (math.nan, math.nan)
     if math.isnan(k_q) or math.isnan(k_l):
         raise HindraxError(f"motion {axis}: k_q or k_l is missing; identify it again, or leave the motion out")
     if k_q < 0.0 and k_l < 0.0:
@@ -261,10 +190,12 @@ def _passive(motion: MotionResult | None, axis: str, top: float, notes: list[str
 
 
 def _axis_added_mass(
-    axis: str, motions: Mapping[str, MotionResult], prior: Hydrodynamics | None, index: int, notes: list[str]
+    axis: str, motions: Mapping[str, SavedMotion], prior: Hydrodynamics | None, index: int, notes: list[str]
 ) -> float:
     found = [
-        side.values["added_mass"] for side in _sides(axis, motions) if side is not None and "added_mass" in side.values
+        side.numbers["added_mass"]
+        for side in _sides(axis, motions)
+        if side is not None and "added_mass" in side.numbers
     ]
     if not found:
         if prior is None:
@@ -278,7 +209,7 @@ def _axis_added_mass(
     return max(0.0, mass)
 
 
-def _weighted_mean(values: list[Value]) -> float:
+def _weighted_mean(values: list[Number]) -> float:
     known = all(value.std > 0.0 for value in values)
     weights = [1.0 / value.std**2 if known else 1.0 for value in values]
     return sum(w * value.value for w, value in zip(weights, values, strict=True)) / sum(weights)

@@ -6,8 +6,9 @@ import csv
 import io
 import math
 
-from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, MotionResult, unit_of
+from hindrax_analysis.coefficients_file import SavedMotion
+from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, unit_of
+from hindrax_ident.assess.results import Number
 
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
 
@@ -25,12 +26,12 @@ def write_csv(model: ExportModel) -> str:
     return text.getvalue()
 
 
-def _csv_cells(motion: str, name: str, result: MotionResult) -> tuple[str, str, str, str]:
+def _csv_cells(motion: str, name: str, result: SavedMotion) -> tuple[str, str, str, str]:
     unit = unit_of(motion, name)
-    if name not in result.values:
+    if name not in result.numbers:
         return "", "", "", unit
-    value, wide = result.values[name], result.calibrated.get(name)
-    return f"{value.value:.9g}", _known(value.std), _known(wide if wide is not None else math.nan), unit
+    number = result.numbers[name]
+    return f"{number.value:.9g}", _known(number.std), _known(number.std_calibrated), unit
 
 
 def _known(std: float) -> str:
@@ -41,7 +42,7 @@ def write_latex(model: ExportModel) -> str:
     """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
-        " & ".join([motion.replace("_", " "), *(_latex_cell(result.values.get(name)) for name in COEFFICIENTS)])
+        " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in COEFFICIENTS)])
         + r" \\"
         for motion, result in model.motions.items()
     ]
@@ -59,7 +60,7 @@ def write_latex(model: ExportModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _latex_cell(value: Value | None) -> str:
+def _latex_cell(value: Number | None) -> str:
     if value is None:
         return "--"
     if not value.std > 0.0:

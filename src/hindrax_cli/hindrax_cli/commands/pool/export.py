@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_analysis.screen_text import print_fitted
@@ -15,7 +16,6 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_core.yaml_text import read_yaml
 from hindrax_ros.frames import urdf_of
 
 NAME = "export"
@@ -76,33 +76,22 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
 
 def _model(file: Path, named: str | None) -> ExportModel:
     """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
-    document = _read(file)
+    saved = read_coefficients(file)
     vehicle = load_vehicle(named) if named else _vehicle_beside(file)
-    stranger = _unknown_format(document, vehicle)
+    stranger = _of_another(saved.conditions.vehicle, vehicle)
     if stranger and not named:
         raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
     if stranger:
         print_fitted(f"note: {stranger}", sys.stderr)
-    model = export_model(document, vehicle, str(file), complete=named is not None)
+    model = export_model(saved, vehicle, str(file), complete=named is not None)
     for note in model.notes:
         print_fitted(f"note: {note}", sys.stderr)
     return model
 
 
-def _unknown_format(document: object, vehicle: Vehicle) -> str:
+def _of_another(name: str, vehicle: Vehicle) -> str:
     """What is wrong where the results are of another vehicle than the file that is to complete them; else empty."""
-    conditions = document.get("conditions") if isinstance(document, dict) else None
-    name = conditions.get("vehicle") if isinstance(conditions, dict) else None
-    return (
-        f"the results are of {name}, the vehicle file is of {vehicle.name}" if name not in (None, vehicle.name) else ""
-    )
-
-
-def _read(file: Path) -> object:
-    try:
-        return read_yaml(file.read_text(encoding="utf-8"), str(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{file}: cannot be read ({error})") from error
+    return f"the results are of {name}, the vehicle file is of {vehicle.name}" if name not in ("", vehicle.name) else ""
 
 
 def _vehicle_beside(file: Path) -> Vehicle:
