@@ -212,14 +212,14 @@ def _pair(found: object, path: str) -> tuple[float, float]:
     return _finite(found[0], path), _finite(found[1], path)
 
 
-def _float(value: object, path: str) -> float:
+def _float(value: object, path: str, wanted: str = "a number") -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise HindraxError(f"{path}: found {value!r}, wanted a number")
+        raise HindraxError(f"{path}: found {value!r}, wanted {wanted}")
     return float(value)
 
 
 def _finite(value: object, path: str) -> float:
-    number = _float(value, path)
+    number = _float(value, path, "a finite number")
     if not math.isfinite(number):
         raise HindraxError(f"{path}: found {value!r}, wanted a finite number")
     return number
