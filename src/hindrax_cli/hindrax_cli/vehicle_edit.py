@@ -36,7 +36,7 @@ def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:
     found = _child(node, keys[-1])
     if found is not None:
         return text[: found.start_mark.index] + _in_the_style_of(found, value) + text[_end(text, found) :]
-    written = _on_one_line(value)
+    written = on_one_line(value)
     if node.flow_style:
         end = node.end_mark.index - 1
         separator = ", " if node.value else ""
@@ -53,13 +53,14 @@ def _child(node: Any, key: str) -> Any:
 def _in_the_style_of(node: Any, value: object) -> str:
     """The value as text: a block on lines of its own where it replaces a block, else on one line."""
     if not (isinstance(value, dict) and value and isinstance(node, yaml.MappingNode) and not node.flow_style):
-        return _on_one_line(value)
+        return on_one_line(value)
     lines = yaml.safe_dump(value, default_flow_style=None, sort_keys=False, width=10_000).splitlines()
     return f"\n{' ' * node.start_mark.column}".join(lines)
 
 
-def _on_one_line(value: object) -> str:
-    return yaml.safe_dump([value], default_flow_style=True, width=10_000).strip()[1:-1]
+def on_one_line(value: object) -> str:
+    """Return a value as YAML on one line, the keys of a mapping in their order."""
+    return yaml.safe_dump([value], sort_keys=False, default_flow_style=True, width=10_000).strip()[1:-1]
 
 
 def _end(text: str, node: Any) -> int:

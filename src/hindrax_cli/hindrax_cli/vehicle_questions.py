@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from hindrax_analysis.experiments.estimate import Dimensions, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
+from hindrax_cli.vehicle_edit import on_one_line
 from hindrax_cli.vehicle_review import MARGIN, upright_speed_mps
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import GRAVITY_mps2, Limits, Water, vehicle_from_text
 
 RIGHTING_ARM_m = 0.05
-SPREAD, UPRIGHT_SPREAD = 0.8, 0.8
+SPREAD = 0.8
 """Distance of thrusters on opposite sides over the size of the envelope, where nothing else is known."""
 STOP_us, DEAD_BAND_us, FULL_us = 1500.0, 25.0, 1100.0
 GAIN_SIGMA = 0.1
@@ -215,11 +214,7 @@ def _dump(block: dict[str, Any]) -> str:
 
 def _entry(key: str, value: Any) -> str:
     if isinstance(value, list) and isinstance(value[0], dict):
-        return f"{key}:\n" + "".join(f"  - {_flow(row)}\n" for row in value)
+        return f"{key}:\n" + "".join(f"  - {on_one_line(row)}\n" for row in value)
     if isinstance(value, dict) and isinstance(next(iter(value.values())), dict):
-        return f"{key}:\n" + "".join(f"  {name}: {_flow(row)}\n" for name, row in value.items())
-    return f"{key}: {_flow(value)}\n"
-
-
-def _flow(value: Any) -> str:
-    return yaml.safe_dump([value], sort_keys=False, width=10_000, default_flow_style=True).strip()[1:-1]
+        return f"{key}:\n" + "".join(f"  {name}: {on_one_line(row)}\n" for name, row in value.items())
+    return f"{key}: {on_one_line(value)}\n"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+from hindrax_cli.health_checks.check import Check, judged
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
@@ -21,21 +21,7 @@ UP, DOWN = "\u2299", "\u2297"
 WIDE, TALL = 45, 15
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One line of a check: what was looked at, what was found, whether it is good, else what to do."""
-
-    what: str
-    found: str
-    remedy: str = ""
-
-    @property
-    def good(self) -> bool:
-        """Whether nothing is to be done."""
-        return not self.remedy
-
-
-def findings(vehicle: Vehicle) -> list[Finding]:
+def findings(vehicle: Vehicle) -> list[Check]:
     """Every check of a valid file."""
     return [*_body(vehicle), *_thrusters(vehicle), *_sensors(vehicle), _truth(vehicle)]
 
@@ -53,29 +39,29 @@ def upright_speed_mps(vehicle: Vehicle) -> float:
     return math.sqrt(righting_Nm / (truth.added_mass[2] - truth.added_mass[0]))
 
 
-def _body(vehicle: Vehicle) -> list[Finding]:
+def _body(vehicle: Vehicle) -> list[Check]:
     net_N, weight_N = vehicle.net_buoyancy_N, vehicle.weight_N
     doubt = "" if abs(net_N) <= FLOATS_AT_MOST * weight_N else "weigh it again, dry and under water"
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
     return [
-        Finding("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
-        Finding("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
+        judged("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
+        judged("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
     ]
 
 
-def _thrusters(vehicle: Vehicle) -> list[Finding]:
+def _thrusters(vehicle: Vehicle) -> list[Check]:
     if not vehicle.thrusters:
-        return [Finding("thrusters", "none", "add thrusters and curves to fly; identification does without")]
+        return [judged("thrusters", "none", "add thrusters and curves to fly; identification does without")]
     motions = servable_motions(AXES, vehicle)
     found = [
-        Finding("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
-        *(Finding("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
+        judged("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
+        *(judged("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
     ]
-    found.append(Finding("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
+    found.append(judged("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
     far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
     found.append(
-        Finding(
+        judged(
             "thruster positions",
             "within the envelope" if not far else f"{', '.join(far)} far outside of it",
             "check unit and origin of position_m" if far else "",
@@ -83,13 +69,13 @@ def _thrusters(vehicle: Vehicle) -> list[Finding]:
     )
     reach_N, need_N = largest_wrench(vehicle)["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
-    found.append(Finding("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
+    found.append(judged("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
     if math.isfinite(upright := upright_speed_mps(vehicle)):
         most = vehicle.limits.speed_mps
         slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
-        found.append(Finding("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
+        found.append(judged("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
-    found += [Finding(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
+    found += [judged(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
 
 
@@ -105,21 +91,19 @@ def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:
     return any(abs(at) > 0.5 * OUTSIDE * size for at, size in zip(position_m, vehicle.envelope_m, strict=True))
 
 
-def _sensors(vehicle: Vehicle) -> list[Finding]:
+def _sensors(vehicle: Vehicle) -> list[Check]:
     return [
-        Finding(name, vehicle.sensors[name].port or "no port")
+        judged(name, vehicle.sensors[name].port or "no port")
         if name in vehicle.sensors
-        else Finding(name, "missing", f"add it to sensors: it measures {what}")
+        else judged(name, "missing", f"add it to sensors: it measures {what}")
         for name, what in NEEDED.items()
     ]
 
 
-def _truth(vehicle: Vehicle) -> Finding:
+def _truth(vehicle: Vehicle) -> Check:
     if vehicle.hydrodynamics is not None:
-        return Finding("hydrodynamics", "given: the mock can fly")
-    return Finding(
-        "hydrodynamics", "missing", "the mock needs it: `./hindrax estimate --vehicle FILE` prints the block"
-    )
+        return judged("hydrodynamics", "given: the mock can fly")
+    return judged("hydrodynamics", "missing", "the mock needs it: `./hindrax estimate --vehicle FILE` prints the block")
 
 
 def picture(vehicle: Vehicle) -> str:

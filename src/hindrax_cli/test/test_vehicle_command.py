@@ -49,7 +49,7 @@ def test_ten_answers_make_a_vehicle_that_passes_its_check_and_is_found_by_name(
     vehicle = load_vehicle(home / "myrov.yaml")
     assert vehicle.net_buoyancy_N == pytest.approx(2.0, abs=0.01)
     assert vehicle.hydrodynamics is not None
-    assert all(one.good for one in findings(vehicle))
+    assert all(one.ok for one in findings(vehicle))
     capsys.readouterr()
     assert main(["vehicle", "check", "myrov", "--json"]) == 0
     checks = {one["name"]: one["found"] for one in json.loads(capsys.readouterr().out)["checks"]}
@@ -127,7 +127,7 @@ def test_what_looks_wrong_is_named_with_a_remedy() -> None:
     thrusters[0]["position_m"] = [2.95, -2.35, 1.0]
     body = {"volume_m3": 0.02, "center_of_buoyancy_m": [0.0, 0.0, 0.02], "hydrodynamics": None}
     wrong = changed(thrusters=thrusters, sensors={}, **body)
-    remedies = {one.what for one in findings(wrong) if not one.good}
+    remedies = {one.name for one in findings(wrong) if not one.ok}
     assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "dvl75", "hydrodynamics"}
 
 

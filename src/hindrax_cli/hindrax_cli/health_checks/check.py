@@ -1,4 +1,4 @@
-"""One check of the doctor."""
+"""One check, of the doctor or of a vehicle file."""
 
 from __future__ import annotations
 
@@ -23,3 +23,8 @@ def good(name: str, found: str) -> Check:
 def bad(name: str, found: str, remedy: str) -> Check:
     """Make a failed check."""
     return Check(name, ok=False, found=found, remedy=remedy)
+
+
+def judged(name: str, found: str, remedy: str = "") -> Check:
+    """Make a check that has passed where there is nothing to be done."""
+    return Check(name, not remedy, found, remedy)

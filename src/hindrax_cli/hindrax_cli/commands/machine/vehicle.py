@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -88,22 +89,18 @@ def check(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(vehicle_file(arguments.vehicle))
     found = findings(vehicle)
     if arguments.json:
-        print(
-            json.dumps(
-                {"checks": [{"name": o.what, "ok": o.good, "found": o.found, "remedy": o.remedy} for o in found]}
-            )
-        )
+        print(json.dumps({"checks": [asdict(one) for one in found]}))
     else:
         _show_checks(vehicle)
-    return 0 if all(one.good for one in found) else 1
+    return 0 if all(one.ok for one in found) else 1
 
 
 def _show_checks(vehicle: Vehicle) -> None:
     found = findings(vehicle)
-    remedies = ["to do"] if not all(one.good for one in found) else []
+    remedies = ["to do"] if not all(one.ok for one in found) else []
     table = make_table(vehicle.name, ["check"], [], ["found", *remedies])
     for one in found:
-        table.add_row(one.what, one.found, *([one.remedy] if remedies else []))
+        table.add_row(one.name, one.found, *([one.remedy] if remedies else []))
     print_table(table)
 
 
