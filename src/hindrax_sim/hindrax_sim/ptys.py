@@ -34,11 +34,6 @@ class Pty:
                 os.close(end)
             self._ends = None
 
-    @property
-    def baud(self) -> int:
-        """Speed that the program at the far end has set, as a termios code (`termios.B115200`)."""
-        return int(termios.tcgetattr(self._ends[0])[5]) if self._ends else 0
-
     def write(self, data: bytes) -> None:
         """Send bytes to the far end. A full buffer was not read for seconds: its content is discarded.
 

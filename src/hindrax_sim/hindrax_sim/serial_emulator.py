@@ -11,10 +11,6 @@ class SerialEmulator(Protocol):
     """A device on the far end of a serial line. Time is an argument: seconds of the simulated world, never less."""
 
     @property
-    def baud(self) -> int:
-        """Line speed of the device."""
-
-    @property
     def next_due_s(self) -> float:
         """Time of the next output of the device by itself; before it, `step` returns nothing."""
 

@@ -178,7 +178,7 @@ def test_kalman_support_and_the_words_of_a_gps_come_when_switched_on() -> None:
 def test_a_line_speed_is_kept_and_the_pool_is_set_by_ten_numbers() -> None:
     device = told(Dvl75(), "BAUD-RATE 57600", "MANUAL-MODE 0.001,10.0,0.5,56,0.1,50,20.6,-0.671,100,100")
     device.power_cycle(1.0)
-    assert (device.baud, device.settings.pool_mode) == (57600, True)
+    assert (device.settings.baud, device.settings.pool_mode) == (57600, True)
     assert not told(device, "MANUAL-MODE OFF").settings.pool_mode
     for command in (b"SET-POOL-MODE ON\n", b"MANUAL-MODE 1,2,3\n", b"BAUD-RATE 1\n"):
         assert device.receive(command, 0.0) == b"Unrecognized command\r\n"

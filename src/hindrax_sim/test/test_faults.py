@@ -62,8 +62,6 @@ def test_the_registry_has_every_stream_fault_of_the_sweep() -> None:
 class Clockwork:
     """A device that says the same message every 0.1 s and writes down what is done to it."""
 
-    baud = 115200
-
     def __init__(self, message: bytes = b"0123456789") -> None:
         self.message = message
         self.done: list[str] = []
@@ -227,7 +225,6 @@ def test_only_the_faults_of_a_device_fall_on_it() -> None:
     faulty = with_faults("dvl75", device, specs, start_s=10.0)
     assert isinstance(faulty, FaultyLine)
     assert b"".join(chunk for _, chunk in chunks(faulty, 39.0)) == b"0123456789" * 390
-    assert faulty.baud == 115200
 
 
 def test_a_leak_reaches_the_probe_and_goes_with_the_water() -> None:

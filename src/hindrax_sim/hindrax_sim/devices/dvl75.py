@@ -150,11 +150,6 @@ class Dvl75(Part[DvlTruth]):
         self._gps_s = now_s
 
     @property
-    def baud(self) -> int:
-        """Line speed."""
-        return self.settings.baud
-
-    @property
     def next_due_s(self) -> float:
         """End of the running interval, or of the sentence on the wire."""
         return min(self._next_s, self._wire.next_s)

@@ -84,7 +84,6 @@ class Ping1d(Part[PingTruth]):
         self._continuous, self._supply_V = continuous, supply_V
         self._random = np.random.default_rng(seed)
         self._noise = noise
-        self._baud = baud
         self._wire = BaudRateLine(baud)
         self._stepped = False
         self._boot(0.0)
@@ -101,11 +100,6 @@ class Ping1d(Part[PingTruth]):
         self._begun_s = now_s
         scan_s = 2.0 * (settings.start_mm + settings.length_mm) / settings.speed_mmps
         self._done_s = now_s + scan_s + PROCESSING_S if settings.enabled else math.inf
-
-    @property
-    def baud(self) -> int:
-        """Line speed."""
-        return self._baud
 
     @property
     def next_due_s(self) -> float:

@@ -36,11 +36,6 @@ class Stm32(Part[SupplyTruth]):
         self.power_cycle(now_s)
 
     @property
-    def baud(self) -> int:
-        """Line speed of the board."""
-        return BAUD
-
-    @property
     def next_due_s(self) -> float:
         """Time of the next message, or of the next look at the clock."""
         return min(self._wire.next_s, self._next_tell_s)

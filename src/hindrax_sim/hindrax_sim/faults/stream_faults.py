@@ -231,11 +231,6 @@ class FaultyLine:
         self._late: list[bytes] = []
 
     @property
-    def baud(self) -> int:
-        """Line speed of the device."""
-        return self.device.baud
-
-    @property
     def connected(self) -> bool:
         """Whether the port is plugged in."""
         return all(fault.connected for fault in self._schedule.active)
