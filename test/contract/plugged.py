@@ -17,7 +17,7 @@ from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusOutput
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_sim.emulator_registry import EMULATORS
+from hindrax_sim.devices.emulator_registry import EMULATORS
 from hindrax_sim.faults.fault_registry import FaultSpec, with_bus_faults
 
 Truth = Callable[[float], Any]

@@ -22,7 +22,7 @@ READ = """
 import sys
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_sim.flights.lockstep_rigs import BytesRig
 from hindrax_core.topics import TOPICS
 
 assert {"lps22hb/pressure", "raw/lps22hb"} <= {topic.name for topic in TOPICS}

@@ -19,7 +19,7 @@ from hindrax_core.readings import DeviceText
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.testing import chunks
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_sim.emulator_registry import EMULATORS
+from hindrax_sim.devices.emulator_registry import EMULATORS
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
 
 GOLDEN = Path(__file__).parents[1] / "golden"

@@ -11,7 +11,7 @@ import pytest
 from hindrax_cli.command_line import main
 from hindrax_core.signals import Navigation
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
-from hindrax_sim.devices.imu_signal import ImuTruth
+from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ms5837 import WaterTruth
 from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar

@@ -12,7 +12,7 @@ from hindrax_control.maneuver.plan import PlanKnobs
 from hindrax_control.maneuver.servable import ServableMotions, motions_to_fly
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.pool_flight import fly
+from hindrax_sim.flights.pool_flight import fly
 
 FILES = sorted(default_vehicle().parent.glob("*.yaml"))
 SHORT = PlanKnobs(levels=1, turning_levels=1, repeats=(1, 1, 1, 1, 1, 1), plateau_s=6.0, hover_s=4.0)

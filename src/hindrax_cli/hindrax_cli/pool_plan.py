@@ -15,7 +15,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.aim import Aim, check_experiment
 from hindrax_sim.conditions.world_table import POOL, sizes_of
-from hindrax_sim.rehearsal import Rehearsal, rehearse
+from hindrax_sim.flights.rehearsal import Rehearsal, rehearse
 
 OF_THE_STACK = ("fault", "rate", "out", "params", "set")
 """Options of a stack, which a rehearsal does not start: to ignore one would show another plan than is flown."""

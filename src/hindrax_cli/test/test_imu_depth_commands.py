@@ -22,7 +22,7 @@ from hindrax_drivers.imu_calibration import Correction
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.icm20948 import Icm20948
-from hindrax_sim.devices.imu_signal import ImuTruth, SensorErrors
+from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors
 from hindrax_sim.devices.ms5837 import Ms5837, WaterTruth
 
 FIELD_T = np.array([20e-6, 5e-6, -15e-6])

@@ -12,7 +12,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.experiment import weigh
 from hindrax_core.vehicle import AxisGain, load_vehicle
-from hindrax_sim import weighing_flight
+from hindrax_sim.flights import weighing_flight
 
 COMMENT = "# Poses are not published"
 

@@ -9,12 +9,12 @@ from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.devices.emulator_registry import EMULATORS, SERIAL
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
+from hindrax_sim.devices.serial_emulator import SerialEmulator
 from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
-from hindrax_sim.emulator_registry import EMULATORS, SERIAL
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
 from hindrax_sim.faults.true_state import TrueState
-from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import Conditions, World
 
 START = stamp_from_s(10.0)

@@ -14,7 +14,7 @@ from hindrax_core.readings import Leak
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, parse_fault, with_faults
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import BitFlips, FaultyLine, StreamFault
-from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_sim.flights.lockstep_rigs import BytesRig
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,10 @@ from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.goal_pilot import GoalPilot
-from hindrax_sim.lockstep import Lockstep, LockstepCommand
-from hindrax_sim.lockstep_rigs import BytesRig, ReadingsRig
-from hindrax_sim.sensor_models import Noise
+from hindrax_sim.flights.goal_pilot import GoalPilot
+from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.flights.lockstep_rigs import BytesRig, ReadingsRig
+from hindrax_sim.flights.sensor_models import Noise
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 

@@ -17,8 +17,8 @@ from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.devices.register_emulator import NackError
 from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, frames_of
-from hindrax_sim.register_emulator import NackError
 
 MS = 1_000_000
 BAG = Path(__file__).parents[3] / "test" / "replay" / "bags" / "surge"

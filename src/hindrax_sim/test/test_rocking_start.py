@@ -9,7 +9,7 @@ import pytest
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import load_vehicle
-from hindrax_sim.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.physics.plant import LONGEST_STEP_S
 
 VEHICLE = load_vehicle(default_vehicle())

@@ -18,8 +18,8 @@ from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_sim.lockstep import Lockstep, LockstepCommand
-from hindrax_sim.pool_flight import calibrated
+from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.flights.pool_flight import calibrated
 
 SEED = 3
 READY_S, STEP_S, EACH_S = 8.0, 14.0, 14.0

@@ -14,8 +14,8 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Allocation, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_sim.lockstep import Lockstep, LockstepCommand
-from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.flights.lockstep_rigs import BytesRig
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, WRENCH, Cell, Judge
 
 READY_S = 4.0

@@ -17,7 +17,7 @@ from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import Output, Vehicle, load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.faults.fault_registry import FAULTS, FaultKind
-from hindrax_sim.lockstep_rigs import BytesRig
+from hindrax_sim.flights.lockstep_rigs import BytesRig
 from hindrax_tools.reference.knob_table import knob_table
 from hindrax_tools.reference.markdown import code, head, number, table
 

@@ -13,8 +13,8 @@ from hindrax_core.events import Stamped
 from hindrax_core.signals import Estimate
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.session import Session
-from hindrax_sim.goal_pilot import GoalPilot
-from hindrax_sim.lockstep import Lockstep
+from hindrax_sim.flights.goal_pilot import GoalPilot
+from hindrax_sim.flights.lockstep import Lockstep
 from hindrax_sim.world import Conditions
 
 LONGEST_S = 3600.0

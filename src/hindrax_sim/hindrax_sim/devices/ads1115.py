@@ -5,9 +5,9 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
+from hindrax_sim.devices.emulator import Emulator, Part
 from hindrax_sim.devices.ina226 import EMULATOR as SUPPLY
 from hindrax_sim.devices.ina226 import SupplyTruth
-from hindrax_sim.emulator import Emulator, Part
 
 CONVERSION, CONFIGURATION, LOW, HIGH = range(4)
 FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator, Part
+from hindrax_sim.devices.emulator import Emulator, Part
 
 CALIBRATION, CHIP_ID, RESET, CALIBRATION_H, CTRL_HUM, STATUS, CTRL_MEAS, CONFIG, DATA = (
     *(0x88, 0xD0, 0xE0, 0xE1, 0xF2),

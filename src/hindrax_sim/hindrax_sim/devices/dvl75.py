@@ -29,8 +29,8 @@ from hindrax_sim.devices.dvl75_sentences import (
     minimum,
     over_ground,
 )
-from hindrax_sim.emulator import Emulator, Part
-from hindrax_sim.serial_emulator import BaudRateLine
+from hindrax_sim.devices.emulator import Emulator, Part
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.world import Mounting, World
 
 __all__ = ["Dvl75", "DvlSettings", "DvlTruth"]

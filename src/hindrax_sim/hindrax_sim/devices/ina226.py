@@ -7,7 +7,7 @@ import random
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator, Part
+from hindrax_sim.devices.emulator import Emulator, Part
 
 CONFIGURATION, SHUNT, BUS, POWER, CURRENT, CALIBRATION, MASK_ENABLE, LIMIT = range(8)
 MANUFACTURER, DIE = 0xFE, 0xFF

@@ -11,7 +11,7 @@ import random
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from hindrax_sim.emulator import Emulator, Part
+from hindrax_sim.devices.emulator import Emulator, Part
 
 RESET, PROM_FIRST, PROM_LAST, ADC_READ = 0x1E, 0xA0, 0xAE, 0x00
 D1_FIRST, D1_LAST, D2_FIRST, D2_LAST = 0x40, 0x4A, 0x50, 0x5A

@@ -10,7 +10,7 @@ import struct
 from collections import deque
 from dataclasses import dataclass
 
-from hindrax_sim.register_emulator import NackError
+from hindrax_sim.devices.register_emulator import NackError
 
 CHANNELS = 16
 STEPS = 4096

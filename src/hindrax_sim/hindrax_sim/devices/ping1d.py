@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from hindrax_core.readings import DeviceText, Echo, SonarHealth
-from hindrax_sim.emulator import Emulator, Part
-from hindrax_sim.serial_emulator import BaudRateLine
+from hindrax_sim.devices.emulator import Emulator, Part
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 
 PROCESSING_S = 0.002
 SAMPLES = 200

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_sim.emulator import Emulator, Part
+from hindrax_sim.devices.emulator import Emulator, Part
 
 UNPOWERED_S = 0.15
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hindrax_sim.emulator import Part
+from hindrax_sim.devices.emulator import Part
+from hindrax_sim.devices.serial_emulator import BaudRateLine
 from hindrax_sim.firmware.controller import Controller
-from hindrax_sim.serial_emulator import BaudRateLine
 
 BAUD = 115200
 PINS = 16

@@ -10,8 +10,8 @@ import random
 from collections.abc import Sequence
 from typing import Any
 
+from hindrax_sim.devices.register_emulator import BusStuckError, NackError, RegisterEmulator
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
-from hindrax_sim.register_emulator import BusStuckError, NackError, RegisterEmulator
 
 
 class BusFault:

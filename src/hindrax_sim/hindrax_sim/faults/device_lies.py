@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from hindrax_core.readings import Vec3
 from hindrax_sim.devices.dvl75_sentences import DvlTruth
-from hindrax_sim.devices.imu_signal import ImuTruth
+from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ms5837 import WaterTruth
 from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled

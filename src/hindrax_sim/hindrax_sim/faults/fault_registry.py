@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
+from hindrax_sim.devices.serial_emulator import SerialEmulator
 from hindrax_sim.faults import bus_faults, stream_faults, world_faults
 from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
 from hindrax_sim.faults.device_lies import (
@@ -29,7 +30,6 @@ from hindrax_sim.faults.device_lies import (
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
 from hindrax_sim.faults.world_faults import FaultInjector, WorldFault
-from hindrax_sim.serial_emulator import SerialEmulator
 from hindrax_sim.world import World
 
 FaultT = TypeVar("FaultT")

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from hindrax_sim.devices.serial_emulator import SerialEmulator
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
-from hindrax_sim.serial_emulator import SerialEmulator
 
 
 class StreamFault:

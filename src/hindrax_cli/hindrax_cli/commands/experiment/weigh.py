@@ -101,7 +101,7 @@ def _holds(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[H
         return _from_bag(arguments, vehicle, axis)
     _check_load(arguments, vehicle)
     if arguments.mock:
-        from hindrax_sim.weighing_flight import fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
+        from hindrax_sim.flights.weighing_flight import fly_weighing  # noqa: PLC0415  # no simulator on the vehicle
 
         load = f"={arguments.load}" if arguments.load else ""
         world = f"{arguments.world},{MOCK_LOADS[arguments.axis]}{load}"

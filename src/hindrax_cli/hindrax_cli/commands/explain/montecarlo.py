@@ -19,7 +19,7 @@ from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
-from hindrax_sim.pool_flight import fly
+from hindrax_sim.flights.pool_flight import fly
 
 NAME = "montecarlo"
 HELP = "accuracy over many runs with the mock, against the Cramer-Rao bound"

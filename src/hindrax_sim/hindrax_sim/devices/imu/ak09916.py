@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 
 from hindrax_core.readings import Vec3
-from hindrax_sim.devices.imu_signal import ImuSignal
+from hindrax_sim.devices.imu.imu_signal import ImuSignal
 
 WIA1, WIA2, ST1, HXL, TMPS, ST2, CNTL2, CNTL3 = 0x00, 0x01, 0x10, 0x11, 0x17, 0x18, 0x31, 0x32
 ORDER = (0x00, 0x01, 0x02, 0x03, *range(ST1, ST2 + 1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 
 from hindrax_core.sensor_table import SENSORS
-from hindrax_sim.emulator import Emulator
+from hindrax_sim.devices.emulator import Emulator
 
 
 def _emulator(name: str) -> Emulator:

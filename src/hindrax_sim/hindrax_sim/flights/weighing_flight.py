@@ -13,8 +13,8 @@ from hindrax_core.signals import UNKNOWN6, Allocation, IdentEvent, Navigation, P
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.conditions.known_loads import KnownLoad
 from hindrax_sim.conditions.world_table import sizes_of
-from hindrax_sim.lockstep import Lockstep, LockstepCommand
-from hindrax_sim.pool_flight import calibrated
+from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
+from hindrax_sim.flights.pool_flight import calibrated
 from hindrax_sim.world import Conditions
 
 SETTLE_S, HOLD_S = 30.0, 20.0

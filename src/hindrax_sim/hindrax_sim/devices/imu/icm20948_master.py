@@ -5,7 +5,7 @@ Slaves 0 to 3 are served once per sample, slave 4 once per request. Source: TDK 
 
 from __future__ import annotations
 
-from hindrax_sim.devices.ak09916 import Ak09916
+from hindrax_sim.devices.imu.ak09916 import Ak09916
 
 MAG_ADDRESS = 0x0C
 SLV4_ADDR, SLV4_REG, SLV4_CTRL, SLV4_DO, SLV4_DI = 0x13, 0x14, 0x15, 0x16, 0x17

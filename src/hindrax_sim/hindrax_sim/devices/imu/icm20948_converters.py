@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterator
 
 from hindrax_core.vehicle import GRAVITY_mps2
-from hindrax_sim.devices.imu_signal import ImuSignal, LowPass
+from hindrax_sim.devices.imu.imu_signal import ImuSignal, LowPass
 
 GYRO_SMPLRT_DIV, GYRO_CONFIG_1, GYRO_CONFIG_2 = 0x00, 0x01, 0x02
 ACCEL_SMPLRT_DIV_1, ACCEL_CONFIG, ACCEL_CONFIG_2 = 0x10, 0x14, 0x15

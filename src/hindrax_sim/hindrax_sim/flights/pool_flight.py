@@ -22,8 +22,8 @@ from hindrax_ident.online.aim import Aim
 from hindrax_ident.online.experiment import Experiment
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_sim.conditions.world_table import IDEAL, sizes_of
-from hindrax_sim.goal_pilot import GoalPilot
-from hindrax_sim.lockstep import Lockstep
+from hindrax_sim.flights.goal_pilot import GoalPilot
+from hindrax_sim.flights.lockstep import Lockstep
 from hindrax_sim.world import Conditions, World
 
 LONGEST_S = 7200.0

@@ -11,7 +11,7 @@ from hindrax_control.pilot import Pilot, PilotKnobs
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
-from hindrax_sim.lockstep import IDLE, LockstepCommand
+from hindrax_sim.flights.lockstep import IDLE, LockstepCommand
 
 READY_S = 1.0
 """Time for which the guards must agree before arming."""

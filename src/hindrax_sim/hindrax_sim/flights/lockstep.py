@@ -27,8 +27,8 @@ from hindrax_drivers.output.output_guard import Command, OutputGuard, Refusal, R
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_sim.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
-from hindrax_sim.sensor_models import Noise
+from hindrax_sim.flights.lockstep_rigs import BytesRig, LockstepRig, ReadingsRig
+from hindrax_sim.flights.sensor_models import Noise
 from hindrax_sim.world import Conditions, World
 
 Write: TypeAlias = Callable[[Sequence[float]], tuple[float, ...]]

@@ -16,7 +16,7 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.online.aim import Aim
 from hindrax_sim.conditions.world_table import IDEAL
-from hindrax_sim.pool_flight import fly
+from hindrax_sim.flights.pool_flight import fly
 from hindrax_sim.world import World
 
 S_PER_H = 3600.0

@@ -22,8 +22,8 @@ from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
+from hindrax_sim.flights.sensor_models import Noise, SensorModel, sensors
 from hindrax_sim.hardware import START, Hardware, STEP_ns
-from hindrax_sim.sensor_models import Noise, SensorModel, sensors
 from hindrax_sim.world import Conditions, World
 
 SensorReading: TypeAlias = tuple[str, Stamped[Reading]]
