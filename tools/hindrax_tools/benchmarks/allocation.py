@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-import timeit
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +18,7 @@ from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_tools.benchmarks import median_us, row
 
 WRENCHES = 200
 REPEATS = 25
@@ -46,7 +45,7 @@ def _allocation(vehicle: Vehicle) -> list[dict[str, Any]]:
 
     def figures(call: Callable[[Vec6], Any]) -> tuple[float, int]:
         off = [np.max(np.abs(allocator.B @ np.array(call(w)) - it)) for w, it in zip(wrenches, best, strict=True)]
-        return _median_us(call, wrenches), sum(not one <= EXACT_N for one in off)
+        return _pass_us(call, wrenches), sum(not one <= EXACT_N for one in off)
 
     ours_us, ours_inexact = figures(allocator.forces)
     found = []
@@ -57,13 +56,9 @@ def _allocation(vehicle: Vehicle) -> list[dict[str, Any]]:
         ("scipy lsq_linear bvls", peers.by_lsq_linear),
     ):
         peer_us, inexact = figures(call)
-        row = _row(
-            f"allocation, 8 thrusters ({ours_inexact} of {WRENCHES} not exact)",
-            ours_us,
-            f"{name} ({inexact} of {WRENCHES} not exact)",
-            peer_us,
-        )
-        found.append({**row, "demands": WRENCHES, "inexact": ours_inexact, "peer_inexact": inexact})
+        ours_name = f"allocation, 8 thrusters ({ours_inexact} of {WRENCHES} not exact)"
+        compared = row(ours_name, ours_us, f"{name} ({inexact} of {WRENCHES} not exact)", peer_us)
+        found.append({**compared, "demands": WRENCHES, "inexact": ours_inexact, "peer_inexact": inexact})
     return found
 
 
@@ -178,23 +173,19 @@ def _inverse(vehicle: Vehicle) -> list[dict[str, Any]]:
         ends = branch.from_us, branch.to_us
         return [brentq(lambda pulse, force=force: branch.force_N(pulse) + abs(force), *ends) for force in forces]
 
-    ours = _median_us(lambda eight: [pulse(force) for pulse, force in eight], pairs)
+    ours = _pass_us(lambda eight: [pulse(force) for pulse, force in eight], pairs)
     name = "curve inverse, 8 thrusters"
     return [
-        _row(name, ours, "scipy brentq", _median_us(by_brentq, sets)),
-        _row(name, ours, "numpy roots", _median_us(by_roots, sets)),
+        row(name, ours, "scipy brentq", _pass_us(by_brentq, sets)),
+        row(name, ours, "numpy roots", _pass_us(by_roots, sets)),
     ]
 
 
-def _median_us(call: Callable[[Any], Any], arguments: list[Any]) -> float:
+def _pass_us(call: Callable[[Any], Any], arguments: list[Any]) -> float:
     """Median over repeats of the mean time of one call over all arguments [us]."""
 
     def one_pass() -> None:
         for argument in arguments:
             call(argument)
 
-    return statistics.median(timeit.repeat(one_pass, number=1, repeat=REPEATS)) / len(arguments) * 1e6
-
-
-def _row(name: str, ours_us: float, peer: str, peer_us: float) -> dict[str, Any]:
-    return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}
+    return median_us(one_pass, 1, REPEATS) / len(arguments)

@@ -16,6 +16,7 @@ from hindrax_core.events import Stamp
 from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_drivers.protocols.dvl75_protocol import position_delta
 from hindrax_drivers.protocols.nmea import split_verified
+from hindrax_tools.benchmarks import row
 
 LINES = 1000
 SPAN = 20
@@ -57,10 +58,10 @@ def rows() -> list[dict[str, Any]]:
     reading = "$DVPDL, bytes to stamped reading, whole driver"
     track = "$DVEXT, bytes to stamped reading, whole driver"
     return [
-        _row(numbers, _decode, deltas, f"{PEER}, to numbers", _peer_numbers),
-        _row(numbers, _decode, deltas, f"{PEER}, values left as text", _peer_text),
-        _row(reading, _driver(), deltas, f"{PEER}, to numbers", _peer_numbers),
-        _row(track, _driver(), tracks, f"{PEER}, to numbers", _peer_track),
+        _figure(numbers, _decode, deltas, f"{PEER}, to numbers", _peer_numbers),
+        _figure(numbers, _decode, deltas, f"{PEER}, values left as text", _peer_text),
+        _figure(reading, _driver(), deltas, f"{PEER}, to numbers", _peer_numbers),
+        _figure(track, _driver(), tracks, f"{PEER}, to numbers", _peer_track),
     ]
 
 
@@ -95,7 +96,7 @@ def _peer_track(line: bytes) -> object:
     return [getattr(found, name) for name in EXTENDED_NAMES]
 
 
-def _row(
+def _figure(
     name: str, ours: Callable[[bytes], object], lines: list[bytes], peer: str, theirs: Callable[[bytes], object]
 ) -> dict[str, Any]:
     pairs = [
@@ -104,7 +105,7 @@ def _row(
         for at in range(0, LINES, SPAN)
     ]
     ours_us, peer_us = (statistics.median(one) for one in zip(*pairs, strict=True))
-    return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}
+    return row(name, ours_us, peer, peer_us)
 
 
 def _span_us(call: Callable[[bytes], object], lines: list[bytes]) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions
 from hindrax_operator.pool_run import ABORT, PoolOptions, run_pool_test
+from hindrax_tools.benchmarks import row
 
 SEED = 7
 
@@ -34,5 +35,4 @@ def rows() -> list[dict[str, Any]]:
             )
         )
     factor = float(json.loads(said.getvalue())["real_time_factor"])
-    name = "surge run in mock: wall time of a second of the vehicle"
-    return [{"name": name, "ours_us": 1e6 / factor, "peer": "real time", "peer_us": 1e6, "ratio": factor}]
+    return [row("surge run in mock: wall time of a second of the vehicle", 1e6 / factor, "real time", 1e6)]

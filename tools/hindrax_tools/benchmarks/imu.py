@@ -26,6 +26,7 @@ from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 from hindrax_sim.buses.ioctl_seam import seam
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_tools.benchmarks import row
 
 RATE_Hz = 225.0
 BATCH = 5
@@ -49,9 +50,9 @@ def rows() -> list[dict[str, Any]]:
     with seam(PORT, _wires(batches)):
         fetched, polled = _best_us(_fetch()), _best_us(_poll)
     return [
-        _row("IMU decode, per sample", ours, "struct and a loop, no stamp and no check", struct_us),
-        _row("IMU decode, per sample", ours, f"numpy {np.__version__} per batch, no stamp and no check", numpy_us),
-        _row("IMU with its bus, per sample", fetched, f"smbus2 {smbus2_version}, polled sample by sample", polled),
+        row("IMU decode, per sample", ours, "struct and a loop, no stamp and no check", struct_us),
+        row("IMU decode, per sample", ours, f"numpy {np.__version__} per batch, no stamp and no check", numpy_us),
+        row("IMU with its bus, per sample", fetched, f"smbus2 {smbus2_version}, polled sample by sample", polled),
     ]
 
 
@@ -155,7 +156,3 @@ def _get(bus: SMBus, register: int, count: int) -> bytes:
 def _best_us(once: Callable[[], object]) -> float:
     """Time per sample [us] of a call that handles all batches."""
     return min(timeit.repeat(once, number=1, repeat=REPEATS)) / (BATCHES * BATCH) * 1e6
-
-
-def _row(name: str, ours_us: float, peer: str, peer_us: float) -> dict[str, Any]:
-    return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import statistics
-import timeit
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.steady_thrust import wrench_per_newton
+from hindrax_tools.benchmarks import median_us, row
 
 DT_S = 0.004
 PULSES = (1600.0, 1600.0, 1450.0, 1450.0, 1550.0, 1530.0, 1550.0, 1530.0)
@@ -25,14 +25,8 @@ Array = NDArray[np.float64]
 def rows() -> list[dict[str, Any]]:
     """One row: name, ours_us, peer, peer_us, ratio. Medians over repeats, both in the same run."""
     vehicle = load_vehicle(default_vehicle())
-    ours, peer = _median_us(_scalar(vehicle)), _median_us(_arrays(vehicle))
-    name = "6-DOF plant step, Euler"
-    return [{"name": name, "ours_us": ours, "peer": "numpy 6-DOF Euler", "peer_us": peer, "ratio": peer / ours}]
-
-
-def _median_us(step: Callable[[float], None]) -> float:
-    times = timeit.repeat("step(dt)", globals={"step": step, "dt": DT_S}, number=STEPS, repeat=REPEATS)
-    return statistics.median(times) / STEPS * 1e6
+    ours, peer = (median_us(partial(step, DT_S), STEPS, REPEATS) for step in (_scalar(vehicle), _arrays(vehicle)))
+    return [row("6-DOF plant step, Euler", ours, "numpy 6-DOF Euler", peer)]
 
 
 def _scalar(vehicle: Vehicle) -> Callable[[float], None]:

@@ -6,7 +6,6 @@ Beside it the plain MCAP writer and that of rosbags write the same messages in t
 from __future__ import annotations
 
 import importlib.metadata
-import os
 import statistics
 import tempfile
 import time
@@ -28,6 +27,7 @@ from hindrax_bringup.processes import RECORDER, Process
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.topics import IMU, resolved
+from hindrax_tools.benchmarks import cpu_s, row
 
 RATE_Hz, SECONDS, BYTES = 2000, 60.0, 300
 """The load that the recorder must bear."""
@@ -49,8 +49,8 @@ def rows() -> list[dict[str, Any]]:
         plain = _mcap(folder / "plain.mcap")
         alone = f"mcap {importlib.metadata.version('mcap')}, plain writer"
         return [
-            _row(ours, alone, plain),
-            _row(
+            _figure(ours, alone, plain),
+            _figure(
                 ours, f"rosbags {importlib.metadata.version('rosbags')}, no flush to disk", _rosbags(folder / "rosbags")
             ),
             _recorder(folder, alone, plain),
@@ -88,12 +88,11 @@ def _datas() -> list[bytes]:
     return [bytes((index * 31 + byte * 7) % 251 for byte in range(BYTES)) for index in range(SPAN)]
 
 
-def _row(ours: tuple[Write, Flush], peer: str, theirs: tuple[Write, Flush]) -> dict[str, Any]:
+def _figure(ours: tuple[Write, Flush], peer: str, theirs: tuple[Write, Flush]) -> dict[str, Any]:
     datas = _datas()
     pairs = [(_span_us(ours, datas), _span_us(theirs, datas)) for _ in range(SPANS)]
     ours_us, peer_us = (statistics.median(one) for one in zip(*pairs, strict=True))
-    name = f"record a message of {BYTES} bytes, chunk and flush included"
-    return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}
+    return row(f"record a message of {BYTES} bytes, chunk and flush included", ours_us, peer, peer_us)
 
 
 def _span_us(writer: tuple[Write, Flush], datas: list[bytes]) -> float:
@@ -125,11 +124,4 @@ def _recorder(folder: Path, peer: str, theirs: tuple[Write, Flush]) -> dict[str,
     peer_us = statistics.median(_span_us(theirs, _datas()) for _ in range(SPANS))
     share = f"{used_s / seconds:.0%} of a core, {SHARE_WANTED:.0%} allowed"
     name = f"recorder process, {sent / seconds:.0f} messages/s for {seconds:.0f} s: {share}; {lost} of {sent} lost"
-    ours_us = used_s / sent * 1e6
-    return {"name": name, "ours_us": ours_us, "peer": peer, "peer_us": peer_us, "ratio": peer_us / ours_us}
-
-
-def cpu_s(pid: int) -> float:
-    """CPU time that a process has used, in user and system mode [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return row(name, used_s / sent * 1e6, peer, peer_us)

@@ -14,6 +14,7 @@ from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import UsageError
 from hindrax_replay.bag_replay import replay
+from hindrax_tools.benchmarks import row
 
 PASSES = 5
 REAL_TIME_WANTED = 50.0
@@ -29,10 +30,7 @@ def rows() -> list[dict[str, Any]]:
     read, peer, again = (statistics.median(one) / seconds * 1e6 for one in zip(*passes, strict=True))
     name = f"mcap {importlib.metadata.version('mcap')}, reading alone"
     speed = f"replay one second of a bag and compare ({1e6 / again:.0f} times real time, {REAL_TIME_WANTED:.0f} wanted)"
-    return [
-        {"name": "read one second of a bag", "ours_us": read, "peer": name, "peer_us": peer, "ratio": peer / read},
-        {"name": speed, "ours_us": again, "peer": name, "peer_us": peer, "ratio": peer / again},
-    ]
+    return [row("read one second of a bag", read, name, peer), row(speed, again, name, peer)]
 
 
 def _timed(work: Any, bag: Path) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-import timeit
 from collections.abc import Callable
 from importlib.metadata import version
 from itertools import cycle
@@ -16,6 +14,7 @@ from sysidentpy.parameter_estimation import RecursiveLeastSquares
 
 from hindrax_ident.arrays import Array
 from hindrax_ident.online.rls import Rls
+from hindrax_tools.benchmarks import median_us, row
 
 SAMPLES = 400
 WINDOW = 100
@@ -24,7 +23,7 @@ SEED = 1
 
 def rows() -> list[dict[str, Any]]:
     """One row per number of parameters and peer: name, ours_us, peer, peer_us, ratio. Medians over repeats."""
-    return [row for n in (3, 6) for row in _compared(n)]
+    return [one for n in (3, 6) for one in _compared(n)]
 
 
 def _compared(n: int) -> list[dict[str, Any]]:
@@ -38,10 +37,7 @@ def _compared(n: int) -> list[dict[str, Any]]:
         f"sysidentpy {version('sysidentpy')} RecursiveLeastSquares": _sysidentpy_us(X, y),
         f"numpy lstsq, {WINDOW} samples again": _lstsq_us(X, y),
     }
-    return [
-        {"name": f"rls-{n}", "ours_us": ours, "peer": name, "peer_us": theirs, "ratio": theirs / ours}
-        for name, theirs in peers.items()
-    ]
+    return [row(f"rls-{n}", ours, name, theirs) for name, theirs in peers.items()]
 
 
 def _ours_us(X: Array, y: Array) -> float:
@@ -86,7 +82,6 @@ def _lstsq_us(X: Array, y: Array) -> float:
 
 
 def _median_us(call: Callable[[], object], number: int = SAMPLES) -> float:
-    """Median over repeats of the time of one call, in microseconds."""
+    """Median of nine after a first call, which may have to prepare something."""
     call()
-    times = timeit.repeat(call, number=number, repeat=9)
-    return statistics.median(times) / number * 1e6
+    return median_us(call, number, 9)

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,12 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.events import seconds_between
+from hindrax_tools.benchmarks import cpu_s
 
 SPAN_S = 20.0
 UP_S = 60.0
 DEPTH_m = 0.8
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-TICK_us = 1e6 / TICKS_PER_S / SPAN_S
+TICK_us = 1e6 / os.sysconf("SC_CLK_TCK") / SPAN_S
 """Resolution: a fork server that only waits uses less."""
 LISTENER = [sys.executable, "-m", "hindrax_tools.benchmarks.peers.listener"]
 
@@ -76,11 +75,11 @@ def _measure(supervisor: Supervisor, made: dict[str, str]) -> dict[str, tuple[fl
 
 def _shares(pids: dict[str, int], operator: Any) -> dict[str, tuple[float, float]]:
     """CPU time [us] per second of the vehicle, which on a busy machine is longer than one of the wall; memory [MB]."""
-    before, begin = {name: _ticks(pid) for name, pid in pids.items()}, operator.now()
+    before, begin = {name: _cpu_s(pid) for name, pid in pids.items()}, operator.now()
     operator.pause(SPAN_S)
-    spent = {name: _ticks(pid) - before[name] for name, pid in pids.items()}
+    spent = {name: _cpu_s(pid) - before[name] for name, pid in pids.items()}
     elapsed_s = seconds_between(begin, operator.now())
-    return {name: (spent[name] / TICKS_PER_S / elapsed_s * 1e6, _pss_MB(pid)) for name, pid in pids.items()}
+    return {name: (spent[name] / elapsed_s * 1e6, _pss_MB(pid)) for name, pid in pids.items()}
 
 
 def _pss_MB(pid: int) -> float:
@@ -89,10 +88,6 @@ def _pss_MB(pid: int) -> float:
     return sum(int(line.split()[1]) for text in rollups for line in text.splitlines() if line.startswith("Pss:")) / 1e3
 
 
-def _ticks(pid: int) -> int:
-    """User and system time of a process and its children."""
-    return sum(sum(map(int, _stat(one)[11:13])) for one in (pid, *descendants(pid)))
-
-
-def _stat(pid: int) -> Sequence[str]:
-    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+def _cpu_s(pid: int) -> float:
+    """CPU time of a process and its children [s]."""
+    return sum(cpu_s(one) for one in (pid, *descendants(pid)))
