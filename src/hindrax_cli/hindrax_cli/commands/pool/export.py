@@ -76,6 +76,8 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
 
 def _model(file: Path, named: str | None) -> ExportModel:
     """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
+    if not file.is_file():
+        raise UsageError(f"{file}: cannot be read, there is no such file")
     saved = read_coefficients(file)
     vehicle = load_vehicle(named) if named else _vehicle_beside(file)
     stranger = _of_another(saved.conditions.vehicle, vehicle)
