@@ -22,6 +22,7 @@ from hindrax_control.nodes.active_goal import result_of
 from hindrax_core.stamp_window import MOCK_ORDER
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier
+from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_ros.convert import stamp_to_msg
@@ -130,9 +131,7 @@ class Bench:
 
     def run(self, *motions: str, until: float = 0.0, minutes: float = 0.0) -> tuple[str, str]:
         """The operator's: why it was aborted, and what was reached."""
-        return self.operator.experiment(
-            list(motions), until=until, minutes=minutes, on_cancel="hold", seconds=PATIENT_S
-        )
+        return self.operator.fly(ExperimentGoal(motions, Aim(until, minutes)), PATIENT_S)
 
     def close(self) -> None:
         self.end_identifier()

@@ -22,6 +22,7 @@ from rclpy.parameter import Parameter
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_control.pool_bounds import PoolPosition
@@ -81,7 +82,7 @@ class Bench:
 
     def fly(self, motions: Sequence[str] = ("surge",), *, excitation: str = "plateaus") -> str:
         """The operator's last message."""
-        return self.operator.fly(list(motions), excitation=excitation, seed=1, on_cancel="neutral", seconds=PATIENT_S)
+        return self.operator.fly(Goal(tuple(motions), excitation, seed=1, on_cancel="neutral"), PATIENT_S)[0]
 
     def say_armed(self, *, armed: bool, reason: str = "") -> None:
         self.state.armed, self.state.reason = armed, reason

@@ -22,12 +22,12 @@ from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, prese
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import available_tether
-from hindrax_control.maneuver.goal import PLATEAUS
+from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ident.online.aim import Aim, check_experiment, plan_text
+from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress
 
 if TYPE_CHECKING:
@@ -163,32 +163,25 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
     tether = None if mock else available_tether(progress.report)
     made = stack_environment(mock=mock is not None, domain=domain, tether=tether)
     supervised = Supervisor(folder.logs, made, preload=modules(mock=mock is not None))
-    with tool_liveness() as beating, supervised as supervisor, adopted(made):
-        beating.beat(notes, STARTING)
+    with tool_liveness() as liveness, supervised as supervisor, adopted(made):
+        liveness.beat(notes, STARTING)
         stack = Stack(folder, supervisor, notes, options.tuning)
         progress.report(f"starting {'the mock vehicle and ' if mock else ''}the stack")
-        _operate(options, flight, stack, progress, Beating(beating, notes))
+        _operate(options, flight, stack, progress, liveness)
         supervisor.stop("recorder")
         flight.facts = stack.last_facts()
     return flight
 
 
-@dataclass(frozen=True, slots=True)
-class Beating:
-    """Tells `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
-
-    liveness: LivenessFile
-    notes: str
-
-    def beat(self, operator: Any) -> None:
-        """Say so, at most once a second."""
-        state = "starting" if operator.thrusters is None else operator.thrusters.state
-        self.liveness.beat(
-            f"{self.notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator))
-        )
+def beat(liveness: LivenessFile, notes: str, operator: Any) -> None:
+    """Tell `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
+    state = "starting" if operator.thrusters is None else operator.thrusters.state
+    liveness.beat(f"{notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator)))
 
 
-def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, beating: Beating) -> None:
+def _operate(
+    options: PoolOptions, flight: FlownManeuver, stack: Stack, progress: Progress, liveness: LivenessFile
+) -> None:
     """Start the stack, with the operator's node first: its imports take as long as those of the fork server."""
     from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment as it is imported
     from hindrax_operator.nodes.orders import recentre  # noqa: PLC0415  # as above
@@ -202,7 +195,7 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
             progress.report(sentence)
             deaths.append(sentence)
         supervisor.require(*([RECORDER.name] if options.without_record == CONTINUE else []))
-        beating.beat(operator)
+        beat(liveness, stack.notes, operator)
         if flight.armed:
             watch_record(operator, heard, progress, options.without_record)
         else:
@@ -249,21 +242,12 @@ def _operate(options: PoolOptions, flight: FlownManeuver, stack: Stack, progress
 
 def _fly_motions(options: PoolOptions, operator: Any, progress: Progress) -> str:
     """Have the identifier run the experiment that was asked for, else the pilot its plan; the guard's sentence."""
-    motions = list(options.motions)
-    if options.aim is None:
-        return str(
-            operator.fly(
-                motions,
-                excitation=options.excitation,
-                seed=options.seed,
-                on_cancel=options.on_cancel,
-                seconds=FLY_S,
-            )
-        )
-    aborted, reached = operator.experiment(
-        motions, until=options.aim.until, minutes=options.aim.minutes, on_cancel=options.on_cancel, seconds=FLY_S
-    )
-    progress.report(f"experiment: {reached}")
+    goal: Goal | ExperimentGoal = Goal(options.motions, options.excitation, options.seed, options.on_cancel)
+    if options.aim is not None:
+        goal = ExperimentGoal(options.motions, options.aim, options.on_cancel)
+    aborted, reached = operator.fly(goal, FLY_S)
+    if reached:
+        progress.report(f"experiment: {reached}")
     return str(aborted)
 
 

@@ -13,7 +13,7 @@ import pytest
 from hindrax_bringup.liveness import stacks_well, tool_liveness
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_core.errors import HindraxError
-from hindrax_operator.pool_run import ABORT, CONTINUE, Beating, report_devices, state_before_arming, watch_record
+from hindrax_operator.pool_run import ABORT, CONTINUE, beat, report_devices, state_before_arming, watch_record
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -36,8 +36,8 @@ def test_a_pool_test_is_felt(
     monkeypatch.setenv(FOLDER, str(tmp_path))
     one = SimpleNamespace(level=level, message="no bottom lock: too deep")
     operator = SimpleNamespace(thrusters=thrusters, diagnostics={"hindrax: dvl75": one})
-    with tool_liveness() as beating:
-        Beating(beating, "pool-test surge").beat(operator)
+    with tool_liveness() as liveness:
+        beat(liveness, "pool-test surge", operator)
         assert stacks_well(tmp_path, time.monotonic()) == found
 
 

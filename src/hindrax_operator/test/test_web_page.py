@@ -13,8 +13,7 @@ from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
-from hindrax_operator.camera_frame import Frame
-from hindrax_operator.monitor.snapshot import ManeuverView
+from hindrax_operator.monitor.snapshot import Frame, ManeuverView
 
 PROGRAM = browser_at_hand()
 

@@ -21,6 +21,7 @@ from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONI
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
 from hindrax_bringup.supervisor import Supervisor
+from hindrax_control.maneuver.goal import Goal
 from hindrax_core.bus_operations import Write
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import seconds_between, to_s
@@ -230,7 +231,7 @@ class FaultyStack:
         if mode == MANEUVER and self.last is not None:
             # What a person does before the first flight of a state that began anew.
             recentre(operator, *self.last.place_m, self.last.attitude_rad[2])
-            operator.fly(["surge"], excitation="plateaus", seed=seed, on_cancel="neutral", seconds=PATIENT_S)
+            operator.fly(Goal(("surge",), seed=seed, on_cancel="neutral"), PATIENT_S)
         elif mode == HOLD:
             for axis, value in HELD:
                 hold(operator, [axis], value, engaged=True)

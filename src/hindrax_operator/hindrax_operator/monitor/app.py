@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
@@ -11,25 +10,10 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Footer, Static
 
 from hindrax_operator.monitor import draw
-from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.monitor.snapshot import WatchedVehicle
 
 REFRESH_s = 0.2
 FRAMED = ("state", "thrusters", "holds", "health", "maneuver")
-
-
-class Vehicle(Protocol):
-    """What the view watches and may order. Orders return at once and on_done their outcome later, in one sentence."""
-
-    title: str
-
-    def snapshot(self) -> Snapshot:
-        """Return everything known now."""
-
-    def stop(self, on_done: Callable[[str, bool], None]) -> None:
-        """Neutral, disarm, cancel; then `on_done(sentence, went_well)`."""
-
-    def disarm(self, on_done: Callable[[str, bool], None]) -> None:
-        """Disarm; then `on_done(sentence, went_well)`."""
 
 
 class Monitor(App[None]):
@@ -58,7 +42,7 @@ class Monitor(App[None]):
             scrollbar-size-vertical: 1; }
     """
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: WatchedVehicle) -> None:
         super().__init__()
         self._vehicle = vehicle
         # Kept, not looked up: a snapshot may still arrive while the screen is being taken down.

@@ -12,7 +12,7 @@ from rich.text import Text
 from hindrax_analysis.digits import rounded
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.monitor.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.progress import units
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
@@ -24,7 +24,6 @@ BAND = 1.96
 """Standard deviations on each side of a 95 % band."""
 LEVEL_STYLES = {"ok": GOOD, "warning": WARN, "error": BAD, "stale": BAD}
 SHORT_NAMES = {"added_mass": "m_a"}
-ANGLES = ("heading", "roll", "pitch")
 
 
 def headline(view: Snapshot, title: str) -> Text:

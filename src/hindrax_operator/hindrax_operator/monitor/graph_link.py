@@ -15,9 +15,8 @@ from hindrax_control.maneuver.goal import Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
 from hindrax_ident.online.aim import ExperimentGoal
-from hindrax_operator.camera_frame import Frame
 from hindrax_operator.connection import joined
-from hindrax_operator.monitor.snapshot import Snapshot, snapshot
+from hindrax_operator.monitor.snapshot import Frame, OnDone, Snapshot, snapshot
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.cameras import Cameras
@@ -30,7 +29,6 @@ LOST_S = 30.0
 """Silence after which the end of a maneuver is no longer awaited."""
 CLOSE_S = 10.0
 
-OnDone = Callable[[str, bool], None]
 Order = Callable[["Operator"], str]
 
 
@@ -182,15 +180,7 @@ def _fly(operator: Operator, goal: Goal | ExperimentGoal) -> str:
     from hindrax_operator.nodes.orders import require_armed  # noqa: PLC0415  # rclpy is loaded by then
 
     require_armed(operator)
-    motions, reached = list(goal.motions), ""
-    if isinstance(goal, ExperimentGoal):
-        aborted, reached = operator.experiment(
-            motions, until=goal.aim.until, minutes=goal.aim.minutes, on_cancel=goal.on_cancel, seconds=FLY_S
-        )
-    else:
-        aborted = operator.fly(
-            motions, excitation=goal.excitation, seed=goal.seed, on_cancel=goal.on_cancel, seconds=FLY_S
-        )
+    aborted, reached = operator.fly(goal, FLY_S)
     if aborted:
         raise HindraxError("; ".join(filter(None, (f"the maneuver ended early, by {aborted}", reached))))
-    return "; ".join(filter(None, (f"flown: {', '.join(motions)}", reached)))
+    return "; ".join(filter(None, (f"flown: {', '.join(goal.motions)}", reached)))

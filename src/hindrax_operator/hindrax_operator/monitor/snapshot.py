@@ -1,15 +1,20 @@
-"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS."""
+"""What the live view shows, as values: copied from the messages once per snapshot, so that drawing needs no ROS.
+
+And what a view asks of the vehicle that it shows.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import NAN, Estimate, Navigation
 
+ANGLES = ("heading", "roll", "pitch")
+"""Holds whose values are angles."""
 LEVELS = {b"\x00": "ok", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
 
 
@@ -66,6 +71,33 @@ class Snapshot:
     cameras: tuple[str, ...] = ()
     plans: Mapping[str, str] = field(default_factory=dict)
     """What the pilot would fly of each motion, or why it cannot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture of a camera as it was sent, and a number that no other has."""
+
+    number: int
+    content: bytes
+
+
+OnDone: TypeAlias = Callable[[str, bool], None]
+"""Outcome of an order: a sentence, and whether the order succeeded."""
+
+
+class WatchedVehicle(Protocol):
+    """What a view shows and may always order. Orders return at once; `on_done` gets the outcome later."""
+
+    title: str
+
+    def snapshot(self) -> Snapshot:
+        """Return everything known now."""
+
+    def stop(self, on_done: OnDone) -> None:
+        """Neutral, disarm, cancel."""
+
+    def disarm(self, on_done: OnDone) -> None:
+        """Disarm."""
 
 
 def snapshot(operator: Any) -> Snapshot:

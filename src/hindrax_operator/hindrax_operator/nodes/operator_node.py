@@ -16,6 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.refusal import LATE
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
@@ -36,6 +37,7 @@ from hindrax_core.topics import (
     namespace_arguments,
 )
 from hindrax_drivers.output.output_guard import ASK_AGAIN
+from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat
 from hindrax_msgs.srv import Arm
@@ -253,28 +255,20 @@ class Operator:
             return "the thrusters to say anything"
         return f"the thrusters, which are {self.thrusters.state} ({self.thrusters.reason})"
 
-    def fly(self, motions: list[str], *, excitation: str, seed: int, on_cancel: str, seconds: float) -> str:
-        """Fly motions to their end; returns the guard's sentence, empty when all was flown. Ctrl-C cancels.
+    def fly(self, goal: Goal | ExperimentGoal, seconds: float) -> tuple[str, str]:
+        """Fly motions to their end, or have the identifier run an experiment. Ctrl-C cancels.
 
-        A goal that arrived too late is sent again: mock time runs so fast that a busy machine is late now and then.
+        Returns the guard's sentence, empty when all was flown, and what an experiment has reached. A goal that arrived
+        too late is sent again: mock time runs so fast that a busy machine is late now and then.
         """
-        self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
-        goal = FlyManeuver.Goal(motions=motions, excitation=excitation, seed=seed, on_cancel=on_cancel)
-        return self._asked(self._fly, goal, seconds)[0]
-
-    def experiment(
-        self,
-        motions: list[str],
-        *,
-        until: float,
-        minutes: float,
-        on_cancel: str,
-        seconds: float,
-    ) -> tuple[str, str]:
-        """Have the identifier run an experiment; returns the guard's sentence, as `fly`, and what was reached."""
+        words = {"motions": list(goal.motions), "on_cancel": goal.on_cancel}
+        if isinstance(goal, Goal):
+            self.wait(self._fly.server_is_ready, ANSWER_S, lambda: f"the pilot to offer maneuver/fly; {UP}")
+            asked = FlyManeuver.Goal(excitation=goal.excitation, levels=goal.levels, seed=goal.seed, **words)
+            return self._asked(self._fly, asked, seconds)[0], ""
         self.wait(self._run.server_is_ready, ANSWER_S, lambda: f"the identifier to offer ident/run; {UP}")
-        goal = RunExperiment.Goal(motions=motions, until=until, minutes=minutes, on_cancel=on_cancel)
-        aborted, result = self._asked(self._run, goal, seconds)
+        experiment = RunExperiment.Goal(until=goal.aim.until, minutes=goal.aim.minutes, **words)
+        aborted, result = self._asked(self._run, experiment, seconds)
         if result is None:
             return aborted or "identifier: its result was lost; see whether its process is up", ""
         rows = zip(result.known, result.noise, result.wanted, strict=True)

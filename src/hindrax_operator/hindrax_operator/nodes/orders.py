@@ -20,6 +20,7 @@ from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
+from hindrax_operator.monitor.snapshot import ANGLES
 from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
@@ -34,7 +35,6 @@ KEPT_S = 1.0
 """Time in which the safety monitor sends its list of thrusters out of use to a restarted pilot."""
 SLOWEST_PACE = 0.2
 """A mock that is slower than this against the wall clock is given up."""
-ANGLES = ("heading", "roll", "pitch")
 NEAR = 1e-6
 LIGHTS_PERIOD_S = 0.3
 

@@ -14,9 +14,8 @@ from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.refusal import check_goal
 from hindrax_core.errors import UsageError
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
-from hindrax_operator.camera_frame import Frame
 from hindrax_operator.monitor.draw import SILENT_s
-from hindrax_operator.monitor.snapshot import Snapshot
+from hindrax_operator.monitor.snapshot import Frame, OnDone, WatchedVehicle
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.summary import Chart, finite, summary
@@ -29,23 +28,9 @@ SEEDS = 1 << 32
 LARGEST = 1e9
 """No number of an order is as large."""
 
-OnDone = Callable[[str, bool], None]
-"""Outcome of an order: a sentence, and whether the order succeeded."""
 
-
-class OperatedVehicle(Protocol):
-    """What the page shows and may order. Orders return at once; `on_done` gets the outcome later."""
-
-    title: str
-
-    def snapshot(self) -> Snapshot:
-        """Return everything known now."""
-
-    def stop(self, on_done: OnDone) -> None:
-        """Neutral, disarm, cancel."""
-
-    def disarm(self, on_done: OnDone) -> None:
-        """Disarm."""
+class OperatedVehicle(WatchedVehicle, Protocol):
+    """What the page shows and may order."""
 
     def cancel(self, on_done: OnDone) -> None:
         """End what is being flown."""

@@ -11,8 +11,8 @@ from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, walls_a
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
-from hindrax_operator.monitor.draw import ANGLES, BAND
-from hindrax_operator.monitor.snapshot import ManeuverView, Snapshot, Thrusters
+from hindrax_operator.monitor.draw import BAND
+from hindrax_operator.monitor.snapshot import ANGLES, ManeuverView, Snapshot, Thrusters
 
 Json = dict[str, Any]
 LIMITS = ManeuverGuardKnobs()

@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import math
 
+from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
 from hindrax_operator.connection import add_stack, operator_of
+from hindrax_operator.monitor.snapshot import ANGLES
 
 NAME = "hold"
 HELP = "hold an axis where it is or at a value, or let go of it"
 EXAMPLE = "./hindrax hold heading 90     (also: hold depth, hold altitude 0.8, hold pitch -10, hold all off)"
 
-ANGLES = ("heading", "roll", "pitch")
-STATION = "station"
-AXES = (*ANGLES, "depth", "altitude", STATION)
 OFF = "off"
 
 
@@ -22,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Axis and value."""
     parser.add_argument(
         "axis",
-        choices=(*AXES, "all"),
+        choices=(*HOLDS, "all"),
         help="depth and altitude replace each other; station: the place in the pool, by the DVL",
     )
     parser.add_argument(
@@ -46,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 def parse(axis: str, text: str | None) -> tuple[tuple[str, ...], float, bool]:
     """Axes, value [rad or m] (NaN: where the vehicle is) and whether to engage. UsageError says what was wanted."""
     if text == OFF:
-        return (AXES if axis == "all" else (axis,)), math.nan, False
+        return (HOLDS if axis == "all" else (axis,)), math.nan, False
     if axis == "all":
         raise UsageError("hold all: only `off` goes for all; name one axis to hold it")
     if text is None:
