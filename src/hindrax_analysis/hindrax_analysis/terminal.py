@@ -30,6 +30,14 @@ def print_json(document: Mapping[str, object] | object) -> None:
     print(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
+def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> None:
+    """Print one JSON document, or what is said to a person."""
+    if as_json:
+        print_json(document)
+    else:
+        print(said)
+
+
 def console() -> Console:
     """Console of stdout; off a terminal as wide as what is printed, so that a pipe or a file gets whole lines."""
     return Console(width=None if sys.stdout.isatty() else UNBOUNDED)

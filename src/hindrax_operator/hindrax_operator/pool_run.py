@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import signal
 import sys
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hindrax_analysis.screen_text import print_fitted
+from hindrax_analysis.terminal import print_json
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
@@ -117,7 +117,7 @@ def run_pool_test(options: PoolOptions) -> int:
     document |= {"mock": flight.facts} if mock else {}
     document |= {"predicted": dict(options.predicted)} if options.predicted else {}
     if options.json:
-        print(json.dumps(document))
+        print_json(document)
     else:
         if identified.results.motions:
             show(identified)

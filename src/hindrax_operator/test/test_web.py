@@ -21,6 +21,7 @@ from typing import Any
 import pytest
 from web_rig import ADDRESS, ARMED, DISARMED, NAVIGATION, TOKEN, Page, served
 
+from hindrax_analysis.plain import plain
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
@@ -38,7 +39,7 @@ from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import Chart, finite, summary
+from hindrax_operator.web.summary import Chart, summary
 
 GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
 POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
@@ -434,11 +435,12 @@ def test_a_page_that_does_not_take_its_news_makes_room(tmp_path: Path, monkeypat
 
 
 def test_every_number_of_the_news_is_json() -> None:
-    found = finite(summary(replace(ARMED, navigation=replace(NAVIGATION, position_m=(math.inf, math.nan)))))
+    found: Any = plain(summary(replace(ARMED, navigation=replace(NAVIGATION, position_m=(math.inf, math.nan)))))
     text = json.dumps(found, allow_nan=False)
     assert json.loads(text)["navigation"]["heading"] == pytest.approx(30.0)
     assert found["holds"][0]["setpoint"] == pytest.approx(270.0)
-    assert finite(summary(Snapshot()))["silent"] is None
+    silent: Any = plain(summary(Snapshot()))
+    assert silent["silent"] is None
     (value, _) = found["estimates"][0]["values"]
     assert value == {"name": "k_q", "unit": "N s2/m2", "value": 66.1, "band": pytest.approx(1.96 * 0.4)}
 

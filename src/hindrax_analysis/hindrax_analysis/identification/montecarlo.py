@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
+from hindrax_analysis.plain import plain
 from hindrax_ident.assess.assessment import METHOD, Assessment
 from hindrax_ident.assess.results import DragBand, MotionResult
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
@@ -213,24 +214,15 @@ def summary(trials: Sequence[Trial]) -> dict[str, Any]:
     `ratio_by_chance` as `by_chance`.
     """
     cells = tabulate(trials)
-    others: dict[str, list[dict[str, Any]]] = {}
+    others: dict[str, list[object]] = {}
     for cell in cells:
         if cell.method != METHOD:
-            others.setdefault(cell.method, []).append(_plain(cell))
+            others.setdefault(cell.method, []).append(plain(cell))
     return {
         "runs": len(trials),
         "ratio_by_chance": list(by_chance(len(trials))),
-        "cells": [_plain(cell) for cell in cells if cell.method == METHOD],
+        "cells": [plain(cell) for cell in cells if cell.method == METHOD],
         "methods": others,
-        "drag": [_finite(row) for row in drag_bias(trials)],
+        "drag": plain(drag_bias(trials)),
         "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},
     }
-
-
-def _plain(cell: AccuracyCell) -> dict[str, Any]:
-    return _finite(asdict(cell))
-
-
-def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data for JSON, which has no NaN."""
-    return {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}

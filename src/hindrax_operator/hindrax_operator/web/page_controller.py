@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any, Protocol
 
+from hindrax_analysis.plain import plain
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.refusal import check_goal
 from hindrax_core.errors import UsageError
@@ -18,7 +19,7 @@ from hindrax_operator.monitor.draw import SILENT_s
 from hindrax_operator.monitor.snapshot import Frame, OnDone, WatchedVehicle
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import Chart, finite, summary
+from hindrax_operator.web.summary import Chart, summary
 
 PERIOD_S = 0.2
 VIEWER_LOST_S = 1.5
@@ -90,7 +91,7 @@ class PageController:
                     "pool": self._chart.step(view),
                     "outcomes": list(self._outcomes),
                 }
-                self._update = json.dumps(finite(found), allow_nan=False, separators=(",", ":"))
+                self._update = json.dumps(plain(found), allow_nan=False, separators=(",", ":"))
                 self._updated_s = time.monotonic()
             return self._update
 

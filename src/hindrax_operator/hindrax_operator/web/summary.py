@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 from hindrax_control.hold.holds import HoldState
@@ -72,15 +71,6 @@ def summary(view: Snapshot) -> Json:
         "estimates": [_estimate(motion, one) for motion, one in view.estimates.items()],
         "cameras": view.cameras,
     }
-
-
-def finite(value: Any) -> Any:
-    """Replace what JSON cannot represent (NaN, infinities) by null, at any depth."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: finite(one) for key, one in value.items()}
-    return [finite(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _navigation(found: Navigation | None) -> Json | None:

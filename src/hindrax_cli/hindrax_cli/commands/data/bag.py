@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 import shutil
 import sys
@@ -23,7 +22,7 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
@@ -64,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the subcommand and print its outcome."""
     document = WORDS[arguments.word][0](arguments)
     if arguments.json:
-        print(json.dumps(document))
+        print_json(document)
     return 0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from dataclasses import asdict, replace
@@ -23,14 +22,13 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.identification.result_files import bag_hash, traces_of, write_coefficients, write_report
-from hindrax_analysis.plain import plain
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport
 from hindrax_analysis.screen_text import print_fitted
-from hindrax_analysis.terminal import working
+from hindrax_analysis.terminal import print_json, working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
@@ -140,7 +138,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.coefficients:
         write_coefficients(arguments.coefficients, found.identified.results, conditions)
     if arguments.json:
-        print(json.dumps(plain(_document(arguments, sources, found, conditions, took_s)), allow_nan=False))
+        print_json(_document(arguments, sources, found, conditions, took_s))
     else:
         _show(arguments, found, conditions)
     return 0

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
-from hindrax_analysis.terminal import working
+from hindrax_analysis.terminal import print_json, working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_vehicle
@@ -53,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle_s, wall_s = sum(one.vehicle_s for one in done), sum(one.wall_s for one in done)
     factor = round(vehicle_s / wall_s, 1) if wall_s else 0.0
     if arguments.json:
-        print(json.dumps({"bags": [one.document() for one in done], "times_real_time": factor}))
+        print_json({"bags": [one.document() for one in done], "times_real_time": factor})
     else:
         _show(done, factor)
     differing = any(one.ledger.differences() for one in done)

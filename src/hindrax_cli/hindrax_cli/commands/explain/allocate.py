@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 from typing import Any
 
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
@@ -42,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     X, Y, Z, K, M, N = arguments.wrench
     allocation = allocator.allocate((X, Y, Z, K, M, N), disabled, supply_V=arguments.supply)
     if arguments.json:
-        print(json.dumps(document(allocator.names, allocation)))
+        print_json(document(allocator.names, allocation))
     else:
         explain(allocator.names, allocation)
     return 0

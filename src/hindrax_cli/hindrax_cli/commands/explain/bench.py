@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import pkgutil
 import sys
 from typing import Any
 
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_core.errors import UsageError
 
@@ -40,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)
         rows += developer_module(f"benchmarks.{name}").rows()
     if arguments.json:
-        print(json.dumps({"rows": rows}))
+        print_json({"rows": rows})
     else:
         show(rows)
     return 0

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_core.errors import UsageError
 
@@ -37,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     cells = table.fly(only, range(1, arguments.seeds + 1), arguments.workers)
     violated = [f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {why}" for one in cells for why in one.violated]
     if arguments.json:
-        print(json.dumps({"cells": [asdict(one) for one in cells], "violated": violated}))
+        print_json({"cells": [asdict(one) for one in cells], "violated": violated})
         return int(bool(violated))
     title = f"Time to neutral, the longest of {arguments.seeds} seeds"
     shown = make_table(title, ("who", "what", *table.MODES), (), ("said",))

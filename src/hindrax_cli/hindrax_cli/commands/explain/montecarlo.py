@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import dataclass
 from typing import Any
 
 from hindrax_analysis.identification.executor import executor_for
 from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import PLATEAUS
@@ -70,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
     if arguments.json:
-        print(json.dumps(document))
+        print_json(document)
     else:
         show(document)
     return 0

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
 import sys
 from pathlib import Path
 
+from hindrax_analysis.terminal import print_answer
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         "written": arguments.write,
     }
     kept = f"written to {arguments.vehicle}" if arguments.write else "not kept; --write puts it into the vehicle file"
-    print(json.dumps(report) if arguments.json else f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept}")
+    print_answer(report, f"surface pressure {mean:.1f} Pa (+/- {spread:.1f} Pa), {kept}", as_json=arguments.json)
     return 0
 
 

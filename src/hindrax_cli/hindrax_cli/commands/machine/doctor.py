@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
@@ -14,7 +13,7 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.terminal import console
+from hindrax_analysis.terminal import console, print_json
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
@@ -62,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         checks += wires.ports(vehicle, {}) + wires.devices(vehicle, {}, "system")
     if arguments.json:
-        print(json.dumps({"checks": [asdict(one) for one in checks]}))
+        print_json({"checks": [asdict(one) for one in checks]})
     else:
         show(checks)
     return 0 if all(one.ok for one in checks) else 1

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
+from hindrax_analysis.terminal import print_json
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise HindraxError(str(error)) from error
     finally:
         clock.close()
-    print(json.dumps(report) if arguments.json else "\n".join(lines(report)))
+    print_json(report) if arguments.json else "\n".join(lines(report))
     return 0
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from hindrax_analysis.terminal import print_answer, print_json
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         rounded = {key: [float(f"{one:.6g}") for one in values] for key, values in block.items()}
         set_key(Path(arguments.vehicle), ("sensors", name, "calibration"), rounded)
     if arguments.json:
-        print(json.dumps({"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)}))
+        print_json({"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)})
     else:
         print("\n".join([*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())]))
     return 0 if found else 1
@@ -109,7 +109,7 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
     print(run_once(port, sensor.configure()).text, file=sys.stderr)
     result = run_once(port, self_test(mount.address or 0x68))
-    print(json.dumps(asdict(result) | {"passed": result.passed}) if as_json else result)
+    print_answer(asdict(result) | {"passed": result.passed}, result, as_json=as_json)
     return 0 if result.passed else 1
 
 

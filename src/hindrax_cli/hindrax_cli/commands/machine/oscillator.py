@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 from hindrax_analysis.screen_text import print_fitted
+from hindrax_analysis.terminal import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_cli.vehicle_edit import set_key
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     }
     kept = f"written to {arguments.vehicle}" if arguments.write else "not kept; --write puts it into the vehicle file"
     said = f"oscillator {found_Hz / 1e6:.4f} MHz, {percent:+.2f} % of what the vehicle file has, {kept}"
-    print(json.dumps(report) if arguments.json else said)
+    print_answer(report, said, as_json=arguments.json)
     return 0
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, TypeVar
 
+from hindrax_analysis.plain import plain
+from hindrax_analysis.terminal import print_json
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
@@ -61,14 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
     sonar, order = Ping1d(knobs), number_order(arguments.device_id)
     if arguments.action == "profile":
         answer = ask(port, sonar, EchoProfile, order)
-        print(json.dumps(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer)))
+        print_json(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer))
         return 0
     health = ask(port, sonar, SonarHealth, order)
-    told = {
-        key: value if value is None or math.isfinite(value) else None for key, value in asdict(health.reading).items()
-    }
-    report = {"port": port, "identity": health.identity} | told
-    print(json.dumps(report) if arguments.json else "\n".join(f"{key}: {value}" for key, value in report.items()))
+    report: dict[str, object] = {"port": port, "identity": health.identity}
+    report |= {name: plain(value) for name, value in asdict(health.reading).items()}
+    print_json(report) if arguments.json else "\n".join(f"{key}: {value}" for key, value in report.items())
     return 0
 
 

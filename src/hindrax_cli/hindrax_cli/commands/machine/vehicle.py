@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.terminal import make_table, print_table
+from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.share_files import own_vehicles, vehicle_file
 from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
@@ -89,7 +88,7 @@ def check(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(vehicle_file(arguments.vehicle))
     found = findings(vehicle)
     if arguments.json:
-        print(json.dumps({"checks": [asdict(one) for one in found]}))
+        print_json({"checks": [asdict(one) for one in found]})
     else:
         _show_checks(vehicle)
     return 0 if all(one.ok for one in found) else 1
@@ -110,7 +109,7 @@ def show(arguments: argparse.Namespace) -> int:
     reach = largest_wrench(vehicle)
     reasons = dict(servable_motions(AXES, vehicle).left_out) if vehicle.thrusters else {}
     if arguments.json:
-        print(json.dumps(_document(vehicle, reach, reasons)))
+        print_json(_document(vehicle, reach, reasons))
         return 0
     print(picture(vehicle))
     table = make_table("Thrusters", ["name", "forward, starboard, down [m]"], ["points to [deg]", "force [N]"])

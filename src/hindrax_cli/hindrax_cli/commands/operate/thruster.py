@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 import yaml
 
+from hindrax_analysis.terminal import print_json
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
@@ -89,7 +89,7 @@ def _set_health(arguments: argparse.Namespace) -> int:
         left_out = set_health(operator, names, arguments.reason, usable=arguments.what == "enable")
         lost = list(operator.allocation.lost_axes)
     if arguments.json:
-        print(json.dumps({"disabled": left_out, "lost_axes": lost}))
+        print_json({"disabled": left_out, "lost_axes": lost})
         return 0
     print(f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else ""))
     return 0
