@@ -17,7 +17,7 @@ from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
-from hindrax_operator.monitor.snapshot import Frame, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
 from hindrax_operator.web.reports import Reports

@@ -24,7 +24,7 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.monitor import draw
 from hindrax_operator.monitor.app import Monitor
-from hindrax_operator.monitor.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
+from hindrax_operator.snapshot import ManeuverView, NodeHealth, Snapshot, Thrusters, snapshot
 
 NAVIGATION = Navigation(
     attitude_rad=(math.radians(1.2), math.radians(-3.4), math.radians(-90.0)),

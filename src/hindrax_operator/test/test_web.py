@@ -33,7 +33,7 @@ from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.monitor.snapshot import Frame, Snapshot
+from hindrax_operator.snapshot import Frame, Snapshot
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of

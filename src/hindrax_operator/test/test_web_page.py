@@ -13,7 +13,7 @@ from web_rig import ARMED, DISARMED, ESTIMATE, PLANS, TOKEN, served
 
 from hindrax_control.maneuver.goal import Goal
 from hindrax_ident.online.aim import Aim, ExperimentGoal
-from hindrax_operator.monitor.snapshot import Frame, ManeuverView
+from hindrax_operator.snapshot import Frame, ManeuverView
 
 PROGRAM = browser_at_hand()
 

@@ -10,7 +10,7 @@ from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import Footer, Static
 
 from hindrax_operator.monitor import draw
-from hindrax_operator.monitor.snapshot import WatchedVehicle
+from hindrax_operator.snapshot import WatchedVehicle
 
 REFRESH_s = 0.2
 FRAMED = ("state", "thrusters", "holds", "health", "maneuver")

@@ -12,8 +12,8 @@ from rich.text import Text
 from hindrax_analysis.digits import rounded
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_operator.monitor.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot, Thrusters
 from hindrax_operator.progress import units
+from hindrax_operator.snapshot import ANGLES, ManeuverView, NodeHealth, Snapshot, Thrusters
 
 GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
 SILENT_s = 2.0

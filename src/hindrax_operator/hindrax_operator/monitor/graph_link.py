@@ -16,7 +16,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_core.topics import NAMESPACE
 from hindrax_ident.online.aim import ExperimentGoal
 from hindrax_operator.connection import joined
-from hindrax_operator.monitor.snapshot import Frame, OnDone, Snapshot, snapshot
+from hindrax_operator.snapshot import Frame, OnDone, Snapshot, snapshot
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.cameras import Cameras

@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage
 
 from hindrax_core.topics import BY_HAND
-from hindrax_operator.monitor.snapshot import Frame
+from hindrax_operator.snapshot import Frame
 from hindrax_ros.graph import profile
 
 TYPE = "sensor_msgs/msg/CompressedImage"

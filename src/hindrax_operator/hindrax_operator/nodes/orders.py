@@ -20,8 +20,8 @@ from hindrax_core.signals import ZERO6
 from hindrax_core.topics import HOLD_SETPOINT, LIGHTS, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_HEALTH_ORDER
 from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
-from hindrax_operator.monitor.snapshot import ANGLES
 from hindrax_operator.nodes.operator_node import UP, Operator
+from hindrax_operator.snapshot import ANGLES
 from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
 SEEN_S = 5.0

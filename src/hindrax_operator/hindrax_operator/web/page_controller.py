@@ -16,7 +16,7 @@ from hindrax_control.maneuver.refusal import check_goal
 from hindrax_core.errors import UsageError
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.monitor.draw import SILENT_s
-from hindrax_operator.monitor.snapshot import Frame, OnDone, WatchedVehicle
+from hindrax_operator.snapshot import Frame, OnDone, WatchedVehicle
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.summary import Chart, summary

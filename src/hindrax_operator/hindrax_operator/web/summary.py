@@ -11,7 +11,7 @@ from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.monitor.draw import BAND
-from hindrax_operator.monitor.snapshot import ANGLES, ManeuverView, Snapshot, Thrusters
+from hindrax_operator.snapshot import ANGLES, ManeuverView, Snapshot, Thrusters
 
 Json = dict[str, Any]
 LIMITS = ManeuverGuardKnobs()

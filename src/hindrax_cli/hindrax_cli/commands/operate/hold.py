@@ -8,7 +8,7 @@ import math
 from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
 from hindrax_operator.connection import add_stack, operator_of
-from hindrax_operator.monitor.snapshot import ANGLES
+from hindrax_operator.snapshot import ANGLES
 
 NAME = "hold"
 HELP = "hold an axis where it is or at a value, or let go of it"
