@@ -26,13 +26,18 @@ UNFIT = f"look for another unit, or {OUTLIERS}"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The sweep and the rig."""
     add_record(parser, COLUMNS)
+    add_rig(parser)
+    add_output(parser)
+
+
+def add_rig(parser: argparse._ActionsContainer) -> None:
+    """What the sweep was measured with, and the name of its curve."""
     parser.add_argument("--lever-ratio", type=positive, default=1.0, metavar="RATIO", help="thrust over load [-]")
     parser.add_argument("--stop", type=positive, default=1500.0, metavar="US", help="pulse at rest [us]")
     parser.add_argument("--dead-band", type=positive, default=25.0, metavar="US", help="half width without thrust [us]")
     parser.add_argument("--supply", type=positive, metavar="V", help="supply voltage [V]; default: the column's mean")
     parser.add_argument("--load-cell-std", type=float, default=0.0, metavar="PART", help="deviation of its gain [-]")
     parser.add_argument("--name", default="main", help="name of the curve in the vehicle file")
-    add_output(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
