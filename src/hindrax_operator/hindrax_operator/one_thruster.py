@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from hindrax_bringup.liveness import tool_liveness
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, stack_environment
 from hindrax_bringup.stack_lock import StackLock, graph_settings, stacks
+from hindrax_bringup.stack_runner import report
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
@@ -158,8 +158,3 @@ def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
 def _node_problems(operator: Operator) -> str:
     found = [f"{name}: {one.message}" for name, one in operator.diagnostics.items() if one.level != b"\x00"]
     return "; ".join(found) or "their process says nothing, `./hindrax doctor` looks at the wires"
-
-
-def report(sentence: str) -> None:
-    """One line of progress."""
-    print(sentence, file=sys.stderr, flush=True)

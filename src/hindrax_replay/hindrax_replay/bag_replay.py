@@ -39,11 +39,6 @@ class Replayed:
     wall_s: float = 0.0
     samples: Samples = field(default_factory=dict)
 
-    @property
-    def times_real_time(self) -> float:
-        """Speed of the replay."""
-        return self.vehicle_s / self.wall_s if self.wall_s > 0.0 else 0.0
-
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
         differences = [one.document(self.begin) for one in self.ledger.differences()]

@@ -10,7 +10,8 @@ from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.buses import i2cdev_abi as abi
 from hindrax_sim.buses.ioctl_seam import seam
-from hindrax_sim.buses.virtual_i2c import BusStuckError, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.devices.register_emulator import BusStuckError
 
 
 class Memory:

@@ -63,11 +63,6 @@ class Judge:
         self._wrong_s = max(self._wrong_s, true.now_s - self._right_s)
 
     @property
-    def seen_s(self) -> float:
-        """Time since the fault."""
-        return self._last.now_s - self._begin.now_s
-
-    @property
     def flies_on(self) -> bool:
         """Whether there is thrust to the end."""
         return self._thrust_s > max(self._begin.now_s, self._last.now_s - AT_END_S)

@@ -9,9 +9,7 @@ from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.events import Stamp, to_s
 from hindrax_drivers.buses.clock import EPOCH
 from hindrax_drivers.buses.register_bus import wire_error
-from hindrax_sim.devices.register_emulator import BusStuckError, NackError, RegisterEmulator
-
-__all__ = ["BusStuckError", "LockStep", "Logged", "NackError", "RegisterEmulator", "VirtualI2c"]
+from hindrax_sim.devices.register_emulator import NackError, RegisterEmulator
 
 LOG_LENGTH = 4096
 

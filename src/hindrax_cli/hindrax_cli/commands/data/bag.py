@@ -227,13 +227,9 @@ class Ticker:
 
     def __call__(self, count: int) -> None:
         """Show the count so far."""
-        self.show(f"{count} {self._what}")
-
-    def show(self, text: str) -> None:
-        """Show a text, at most once a second."""
         if time.monotonic() - self._last >= 1.0:
             self._last = time.monotonic()
-            print(text, file=sys.stderr, flush=True)
+            print(f"{count} {self._what}", file=sys.stderr, flush=True)
 
 
 def _mb(size: int) -> str:

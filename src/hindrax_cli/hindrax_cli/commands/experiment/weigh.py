@@ -15,6 +15,7 @@ from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.terminal import make_table, print_json, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
+from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_vehicle, positive, seed
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_control.maneuver.servable import largest_wrench
@@ -133,21 +134,16 @@ def _guided(arguments: argparse.Namespace, vehicle: Vehicle, axis: int, loads: S
 
     def ask(load: float) -> None:
         what = "nothing but its tether" if load == 0.0 else f"{arguments.load:g} N: {ACTS[arguments.axis][load < 0.0]}"
-        say(f"on the vehicle: {what}. Let it go gently, then press Enter")
+        report(f"on the vehicle: {what}. Let it go gently, then press Enter")
 
     with operator_of(arguments) as operator:
         require_armed(operator)
-        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, say=say)
+        return weigh_on(operator, vehicle, axis, loads, ready=_entered, ask=ask, say=report)
 
 
 def _entered() -> bool:
     """Whether a line was entered; it does not wait, because the heartbeat of the operator must go on."""
     return bool(select.select([sys.stdin], [], [], 0.0)[0]) and bool(sys.stdin.readline() or True)
-
-
-def say(sentence: str) -> None:
-    """Tell the operator."""
-    print(sentence, file=sys.stderr, flush=True)
 
 
 def _from_bag(arguments: argparse.Namespace, vehicle: Vehicle, axis: int) -> list[Hold]:

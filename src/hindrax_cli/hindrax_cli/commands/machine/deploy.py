@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
+from hindrax_bringup.stack_runner import report
 from hindrax_bringup.tether import parse_tether
 from hindrax_cli.deployment.remote import looked, outline
 from hindrax_cli.deployment.remote import run as run_step
@@ -83,8 +83,3 @@ def left_behind(clone: Path) -> None:
     changed = subprocess.run(words, cwd=clone, capture_output=True, text=True, check=True).stdout.splitlines()  # noqa: S603  # our own words
     if changed:
         report(f"{len(changed)} changed files are not committed, so they are not sent")
-
-
-def report(sentence: str) -> None:
-    """One line of progress."""
-    print(sentence, file=sys.stderr, flush=True)
