@@ -23,8 +23,8 @@ class BusFault:
     def __init__(self, seed: int = 0) -> None:
         self._random = random.Random(seed)  # noqa: S311  # noise, not secrets
 
-    def begin(self, device: Any, now_s: float) -> None:
-        """Start the fault."""
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Act on the device as the fault starts, and as it ends."""
 
     def write(self, data: bytes) -> bytes:
         """Return the bytes that reach the device; raises OSError as a bus does."""
@@ -33,9 +33,6 @@ class BusFault:
     def read(self, data: bytes) -> bytes:
         """Return the bytes that reach the host; raises OSError as a bus does."""
         return data
-
-    def end(self, device: Any, now_s: float) -> None:
-        """End the fault."""
 
     def _chance(self, probability: float) -> bool:
         return self._random.random() < probability
@@ -53,9 +50,10 @@ class Absent(BusFault):
         """Refuse."""
         return self.write(data)
 
-    def end(self, device: Any, now_s: float) -> None:
-        """Reconnect, after a power cycle."""
-        device.power_cycle(now_s)
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Reconnect at the end, after a power cycle."""
+        if not on:
+            device.power_cycle(now_s)
 
 
 class Nack(BusFault):
@@ -116,51 +114,37 @@ class BitFlips(BusFault):
 class WrongIdentity(BusFault):
     """Another part answers at the address; the exchange interrupts its power."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Swap the parts."""
         device.power_cycle(now_s)
-        device.disguise(True)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Swap them back."""
-        device.disguise(False)
-        device.power_cycle(now_s)
+        device.disguise(on)
 
 
 class Reset(BusFault):
     """The device loses power briefly, at the start."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Cycle the power."""
-        device.power_cycle(now_s)
+        if on:
+            device.power_cycle(now_s)
 
 
 class Saturated(BusFault):
     """Measurements at the end of their scale."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Saturate the measurements."""
         del now_s
-        device.saturate(True)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Restore the measurements."""
-        del now_s
-        device.saturate(False)
+        device.saturate(on)
 
 
 class Repeated(BusFault):
     """The converters hang: they repeat the last values."""
 
-    def begin(self, device: Any, now_s: float) -> None:
-        """Hang."""
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Hang, or go on."""
         del now_s
-        device.hang(True)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Go on."""
-        del now_s
-        device.hang(False)
+        device.hang(on)
 
 
 class FaultyBus:
@@ -176,11 +160,8 @@ class FaultyBus:
 
     def active(self, now_s: float) -> list[BusFault]:
         """Start and end faults; return the active ones."""
-        begun, ended = self._schedule.advance(now_s)
-        for fault in begun:
-            fault.begin(self.device, now_s)
-        for fault in ended:
-            fault.end(self.device, now_s)
+        for fault, on in self._schedule.advance(now_s):
+            fault.switch(self.device, on, now_s)
         return self._schedule.active
 
 

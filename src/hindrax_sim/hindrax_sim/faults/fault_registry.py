@@ -161,11 +161,7 @@ def with_faults(
 
     Times of the specifications count from `start_s` of the world's time.
     """
-    schedule = [
-        _scheduled(make(seed * 1009 + number), spec, start_s)
-        for number, spec in enumerate(specs)
-        if name in spec.devices and (make := FAULTS[spec.name].make) is not None
-    ]
+    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.make(seed * 1009 + at) if kind.make else None)
     return FaultyLine(device, schedule) if schedule else device
 
 
@@ -176,11 +172,7 @@ def with_bus_faults(
 
     Attach `made.at(port)` for every address of the part. Times count from `start_s`.
     """
-    schedule = [
-        _scheduled(make(seed * 1009 + number), spec, start_s)
-        for number, spec in enumerate(specs)
-        if name in spec.devices and (make := FAULTS[spec.name].on_bus) is not None
-    ]
+    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus(seed * 1009 + at) if kind.on_bus else None)
     return FaultyBus(device, schedule)
 
 
@@ -198,12 +190,16 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
 def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> SensorFaultInjector:
     """What the device `name` takes for the truth. Times of the specifications count from `start_s`."""
     return SensorFaultInjector(
-        [
-            _scheduled(make(), spec, start_s)
-            for spec in specs
-            if name in spec.devices and (make := FAULTS[spec.name].on_truth) is not None
-        ]
+        _schedule(name, specs, start_s, lambda kind, _at: kind.on_truth() if kind.on_truth else None)
     )
+
+
+def _schedule(
+    name: str, specs: Sequence[FaultSpec], start_s: float, make: Callable[[FaultKind, int], FaultT | None]
+) -> list[Scheduled[FaultT]]:
+    """Those faults that fall on the device `name`; `make` is told the place of each in the list."""
+    made = [(make(FAULTS[spec.name], at), spec) for at, spec in enumerate(specs) if name in spec.devices]
+    return [_scheduled(fault, spec, start_s) for fault, spec in made if fault is not None]
 
 
 def _scheduled(fault: FaultT, spec: FaultSpec, start_s: float) -> Scheduled[FaultT]:

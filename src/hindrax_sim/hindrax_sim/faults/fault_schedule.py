@@ -36,11 +36,11 @@ class FaultSchedule(Generic[FaultT]):
         """Start time of the next fault; infinite when none is left."""
         return self._waiting[0].start_s if self._waiting else math.inf
 
-    def advance(self, now_s: float) -> tuple[list[FaultT], list[FaultT]]:
-        """Advance to now; return the faults that start, and those that end."""
+    def advance(self, now_s: float) -> list[tuple[FaultT, bool]]:
+        """Advance to now; return the faults that start (true), then those that end (false)."""
         begun = [one for one in self._waiting if one.start_s <= now_s]
         del self._waiting[: len(begun)]
         self._lasting += begun
         ended = [one for one in self._lasting if one.end_s <= now_s]
         self._lasting = [one for one in self._lasting if one.end_s > now_s]
-        return [one.fault for one in begun], [one.fault for one in ended]
+        return [*((one.fault, True) for one in begun), *((one.fault, False) for one in ended)]

@@ -25,8 +25,8 @@ class StreamFault:
     def __init__(self, seed: int = 0) -> None:
         self._random = np.random.default_rng(seed)
 
-    def begin(self, device: Any, now_s: float) -> None:
-        """Start the fault."""
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Act on the device as the fault starts, and as it ends."""
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
         """Return the chunks of the device's bytes that reach the host.
@@ -40,9 +40,6 @@ class StreamFault:
         """Return the bytes of the host that reach the device."""
         del now_s
         return data
-
-    def end(self, device: Any, now_s: float) -> None:
-        """End the fault."""
 
     def _chance(self, probability: float) -> bool:
         return bool(self._random.random() < probability)
@@ -70,45 +67,37 @@ class UnplugReplug(Absent):
 
     connected = False
 
-    def end(self, device: Any, now_s: float) -> None:
-        """Restore the power."""
-        device.power_cycle(now_s)
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Restore the power at the end."""
+        if not on:
+            device.power_cycle(now_s)
 
 
 class WrongIdentity(StreamFault):
     """Another device answers."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Swap the devices."""
         del now_s
-        device.disguise(True)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Swap them back."""
-        del now_s
-        device.disguise(False)
+        device.disguise(on)
 
 
 class Saturated(StreamFault):
     """Measurements at the end of their scale."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Saturate the measurements."""
         del now_s
-        device.saturate(True)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Restore the measurements."""
-        del now_s
-        device.saturate(False)
+        device.saturate(on)
 
 
 class Reset(StreamFault):
     """The device restarts in mid-stream; its current message is cut."""
 
-    def begin(self, device: Any, now_s: float) -> None:
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Cycle the power."""
-        device.power_cycle(now_s)
+        if on:
+            device.power_cycle(now_s)
 
 
 class ClockJump(StreamFault):
@@ -116,15 +105,10 @@ class ClockJump(StreamFault):
 
     LEAP_S = 1000.0
 
-    def begin(self, device: Any, now_s: float) -> None:
-        """Jump ahead."""
+    def switch(self, device: Any, on: bool, now_s: float) -> None:
+        """Jump ahead, or back."""
         del now_s
-        device.jump_clock(self.LEAP_S)
-
-    def end(self, device: Any, now_s: float) -> None:
-        """Jump back."""
-        del now_s
-        device.jump_clock(-self.LEAP_S)
+        device.jump_clock(self.LEAP_S if on else -self.LEAP_S)
 
 
 class CutFrames(StreamFault):
@@ -269,9 +253,7 @@ class FaultyLine:
 
     def _change(self, now_s: float) -> None:
         """Start and end faults."""
-        begun, ended = self._schedule.advance(now_s)
-        for fault in begun:
-            fault.begin(self.device, now_s)
-        for fault in ended:
-            self._late += fault.outgoing(b"", math.inf)
-            fault.end(self.device, now_s)
+        for fault, on in self._schedule.advance(now_s):
+            if not on:
+                self._late += fault.outgoing(b"", math.inf)
+            fault.switch(self.device, on, now_s)

@@ -46,8 +46,5 @@ class FaultInjector:
 
     def step(self, now_s: float) -> None:
         """Advance the faults to now."""
-        begun, ended = self._schedule.advance(now_s)
-        for fault, target in begun:
-            fault(self._world, target, True)
-        for fault, target in ended:
-            fault(self._world, target, False)
+        for (fault, target), on in self._schedule.advance(now_s):
+            fault(self._world, target, on)
