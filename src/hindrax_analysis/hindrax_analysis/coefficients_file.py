@@ -21,6 +21,8 @@ from hindrax_ident.assess.results import MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")
 """Names of coefficients, in display order."""
+TABULATED = ("k_q", "k_l", "b", "added_mass")
+"""Those that tables, figures and exports have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,8 @@ from rich.text import Text
 from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.plain import plain
+from hindrax_analysis.screen_text import UNBOUNDED
 
-UNBOUNDED = 100_000
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
 """Least width of a column of sentences."""

@@ -11,6 +11,7 @@ from rich.console import Console
 from hindrax_analysis import terminal
 from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Value
+from hindrax_analysis.screen_text import UNBOUNDED
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
@@ -25,7 +26,7 @@ class Screen(io.StringIO):
 
 
 def shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, width: int | None) -> str:
-    monkeypatch.setattr(terminal, "console", lambda: Console(width=width or terminal.UNBOUNDED, file=sys.stdout))
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=width or UNBOUNDED, file=sys.stdout))
     table = make_table("Title [m/s]", ("topic", "quantity"), ("value [N]", "+-"), ("note",))
     table.add_row(TOPIC, "k_q", "66.4801234", "10.2012345", NOTE)
     table.add_row("/short", "k_l", "1.25", "4.97", "")

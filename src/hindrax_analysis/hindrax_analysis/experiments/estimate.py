@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hindrax_core.errors import HindraxError
-from hindrax_core.vehicle import Drag, Hydrodynamics
+from hindrax_core.vehicle import Drag, GRAVITY_mps2, Hydrodynamics
 
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 
@@ -42,8 +42,6 @@ ROTATION_DAMPING_RATIO = 0.025
 """Damping ratio of the roll and pitch oscillation that gives their linear drag."""
 
 AREAS_ASSUMED = "projected areas not given: full boxes assumed, so added mass and drag are upper bounds"
-
-GRAVITY_mps2 = 9.80665
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,13 +24,13 @@ from hindrax_analysis.experiments.least_squares import (
     propagate,
 )
 from hindrax_core.errors import HindraxError
+from hindrax_core.vehicle import GRAVITY_mps2
 
 COLUMNS = (
     Column("time_s", "time [s], increasing"),
     Column("theta_rad", "angle from the vertical [rad]"),
 )
 
-GRAVITY_mps2 = 9.80665
 
 LARGEST_ANGLE_rad = math.pi
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import SavedCoefficients, SavedMotion
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
 from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 from hindrax_ident.assess.results import Number
 
-COEFFICIENTS = ("k_q", "k_l", "b", "added_mass")
 ROTATIONS = ("roll", "pitch", "yaw")
 UNITS = {
     "k_q": ("N s^2/m^2", "Nm s^2"),
@@ -82,7 +81,7 @@ def _joined(notes: Sequence[str]) -> list[str]:
 def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> list[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
     wide = {
-        name: [(key, motion.numbers[key]) for key in COEFFICIENTS if key in motion.numbers and key != "b"]
+        name: [(key, motion.numbers[key]) for key in TABULATED if key in motion.numbers and key != "b"]
         for name, motion in motions.items()
     }
     texts = {

@@ -6,8 +6,8 @@ import csv
 import io
 import math
 
-from hindrax_analysis.coefficients_file import SavedMotion
-from hindrax_analysis.exports.export_model import COEFFICIENTS, ExportModel, unit_of
+from hindrax_analysis.coefficients_file import TABULATED, SavedMotion
+from hindrax_analysis.exports.export_model import ExportModel, unit_of
 from hindrax_ident.assess.results import Number
 
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
@@ -18,10 +18,10 @@ def write_csv(model: ExportModel) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(
-        ["motion", *(f"{name}{part}" for name in COEFFICIENTS for part in ("", "_std", "_std_calibrated", "_unit"))]
+        ["motion", *(f"{name}{part}" for name in TABULATED for part in ("", "_std", "_std_calibrated", "_unit"))]
     )
     for motion, result in model.motions.items():
-        cells = [cell for name in COEFFICIENTS for cell in _csv_cells(motion, name, result)]
+        cells = [cell for name in TABULATED for cell in _csv_cells(motion, name, result)]
         writer.writerow([motion, *cells])
     return text.getvalue()
 
@@ -42,8 +42,7 @@ def write_latex(model: ExportModel) -> str:
     """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
-        " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in COEFFICIENTS)])
-        + r" \\"
+        " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in TABULATED)]) + r" \\"
         for motion, result in model.motions.items()
     ]
     caption = f"% {model.vehicle.name}, from {model.source}; N, Nm, kg, SI; one standard deviation"

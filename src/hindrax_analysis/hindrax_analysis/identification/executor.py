@@ -1,6 +1,7 @@
 """Executors for many runs: processes of this machine, or a running Dask cluster.
 
-Results are in the order of the items with every executor.
+Each has `map`, with results in the order of the items; the exception of an item is raised in its place. Function and
+items must be picklable: defined at the top of a module.
 """
 
 from __future__ import annotations
@@ -11,19 +12,12 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from hindrax_core.errors import HindraxError
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
-
-
-class Executor(Protocol):
-    """Applies a function to items. Function and items must be picklable: defined at the top of a module."""
-
-    def map(self, work: Callable[[ItemT], ResultT], items: Sequence[ItemT]) -> Iterator[ResultT]:
-        """Results in the order of the items; the exception of an item is raised in its place."""
 
 
 class InThisProcess:
@@ -104,7 +98,7 @@ class DaskCluster:
             self._client.close()
 
 
-def executor_for(cluster: str = "", workers: int = 0) -> Executor:
+def executor_for(cluster: str = "", workers: int = 0) -> InThisProcess | LocalProcesses | DaskCluster:
     """Cluster for an address, this process for one worker, otherwise processes."""
     if cluster:
         return DaskCluster(cluster)

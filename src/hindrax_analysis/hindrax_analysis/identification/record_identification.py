@@ -349,7 +349,7 @@ def _axis(
             names[reading.motion] = reading.names
             at_s = seconds_between(first, estimate.stamp)
             seen.setdefault(reading.motion, []).append((at_s, reading.values, reading.sigmas))
-    traces = {motion: _trace(names[motion], rows) for motion, rows in seen.items()}
+    traces = {motion: Trace.of(names[motion], *map(np.array, zip(*rows, strict=True))) for motion, rows in seen.items()}
     return session.finalize(), traces
 
 
@@ -358,12 +358,6 @@ def _concatenated(recordings: Sequence[Recording], axis: int) -> Iterator[Stampe
     for recording in recordings:
         yield from events(recording, axis, begin_s)
         begin_s += recording.duration_s + APART_S
-
-
-def _trace(names: tuple[str, ...], rows: list[tuple[float, tuple[float, ...], tuple[float, ...]]]) -> Trace:
-    times, values, stds = (np.array(part) for part in zip(*rows, strict=True))
-    columns = list(enumerate(names))
-    return Trace(times, {name: values[:, i] for i, name in columns}, {name: stds[:, i] for i, name in columns})
 
 
 def _session_over(found: Iterator[Stamped[IdentEvent]], vehicle: Vehicle, tuning: Tuning) -> Session:

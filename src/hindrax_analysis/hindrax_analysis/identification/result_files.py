@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,9 +83,4 @@ def _trace(times_s: list[float], estimates: list[Any]) -> Trace:
     values = np.array([estimates[index].values for index in same]).reshape(-1, n)
     squares = np.array([estimates[index].covariance for index in same]).reshape(-1, n, n)
     stds = np.sqrt(np.maximum(0.0, np.diagonal(squares, axis1=1, axis2=2)))
-    columns: Mapping[str, int] = {name: column for column, name in enumerate(names)}
-    return Trace(
-        t_s=np.array([times_s[index] for index in same]),
-        values={name: values[:, column] for name, column in columns.items()},
-        stds={name: stds[:, column] for name, column in columns.items()},
-    )
+    return Trace.of(names, np.array([times_s[index] for index in same]), values, stds)

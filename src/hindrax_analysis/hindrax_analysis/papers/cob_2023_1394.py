@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hindrax_analysis.papers.cells import Cell, Claim, Printed, Row, slips
+from hindrax_core.vehicle import GRAVITY_mps2
 
 PAPER = "A"
-GRAVITY_mps2 = 9.80665
 DENSITY_kgpm3 = 1000.0
 VISCOSITY_m2ps = 1.01e-6
 STOP_us = 1500.0

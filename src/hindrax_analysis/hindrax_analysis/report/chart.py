@@ -104,7 +104,7 @@ def figure(chart: Chart) -> str:
 
 def drawing(chart: Chart) -> str:
     """SVG of a chart."""
-    x_range = data_range([_xs(layer) for layer in chart.layers], margin=0.02)
+    x_range = data_range([xs(layer) for layer in chart.layers], margin=0.02)
     y_range = chart.y_range or data_range([_ys(layer) for layer in chart.layers])
     sx = Scale(*x_range, LEFT, WIDTH - RIGHT)
     sy = Scale(*y_range, HEIGHT - BOTTOM, TOP)
@@ -144,7 +144,7 @@ def _axes(chart: Chart, sx: Scale, sy: Scale) -> str:
     return "".join(parts)
 
 
-def _xs(layer: Layer) -> Array:
+def xs(layer: Layer) -> Array:
     """Coordinates along x: (n,), in the unit of the axis."""
     return layer.edges if isinstance(layer, Bars) else layer.x
 

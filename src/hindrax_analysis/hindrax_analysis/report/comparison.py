@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import SavedCoefficients, SavedMotion
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS, pretty_unit
 from hindrax_analysis.report.forest import Entry, forest
@@ -18,8 +18,6 @@ from hindrax_analysis.report.published import Published, published_of
 from hindrax_analysis.report.report_tables import HEADINGS, title_of
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import MOTIONS, coefficients
-
-FOREST = ("k_q", "k_l", "b", "added_mass")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,22 +105,22 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
     own = [(run.label, run.motions[motion]) for run in runs if motion in run.motions]
     vehicles = {run.conditions.vehicle for run in runs}
     paper = published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
-    plots = [plot for name in FOREST if (plot := _forest(motion, paper, name, own))]
+    plots = [plot for name in TABULATED if (plot := _forest(motion, paper, name, own))]
     return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own)}<div class="plots">{"".join(plots)}</div>'
 
 
 def _table(motion: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
     units = coefficients(MOTIONS[motion].axis)
-    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(FOREST, HEADINGS, strict=True)]
+    heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(TABULATED, HEADINGS, strict=True)]
     rows = []
     for label, found in own:
-        cells = [_cell(found.numbers.get(name)) for name in FOREST]
+        cells = [_cell(found.numbers.get(name)) for name in TABULATED]
         rows.append([escape(label), *cells, "identified" if found.identifiable else "not identifiable"])
     marked = []
     if len(own) > 1:
         marked = [len(rows)]
-        rows.append(["all, weighted", *(_pooled(name, own) for name in FOREST), ""])
-        rows.append(["scatter of the runs", *(_scatter(name, own) for name in FOREST), ""])
+        rows.append(["all, weighted", *(_pooled(name, own) for name in TABULATED), ""])
+        rows.append(["scatter of the runs", *(_scatter(name, own) for name in TABULATED), ""])
     return table(["run", *heads, "verdict"], rows, marked)
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems
+from hindrax_analysis.coefficients_file import TABULATED
+from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs
 from hindrax_analysis.report.published import published_of
 from hindrax_analysis.report.scale import data_range
 from hindrax_core.vehicle import Vehicle
@@ -35,6 +37,12 @@ class Trace:
     t_s: Array
     values: Mapping[str, Array]
     stds: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, names: Sequence[str], t_s: Array, values: Array, stds: Array) -> Self:
+        """Take the columns of arrays (n, k) of the coefficients `names`."""
+        columns = list(enumerate(names))
+        return cls(t_s, {name: values[:, i] for i, name in columns}, {name: stds[:, i] for i, name in columns})
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +117,7 @@ def _force_velocity(figures: MotionFigures) -> Chart:
 def _distance_from_fit(figures: MotionFigures) -> Chart:
     """The first chart minus the fitted curve: shows the bands of a good fit."""
     whole, numbers = _force_velocity(figures), figures.result.coefficients
-    layers = tuple(_minus_fit(layer, _steady(numbers, _xs(layer))) for layer in whole.layers)
+    layers = tuple(_minus_fit(layer, _steady(numbers, xs(layer))) for layer in whole.layers)
     close = [part for layer in layers if not _is_paper(layer) for part in _extent(layer)]
     return replace(
         whole,
@@ -129,11 +137,6 @@ def _minus_fit(layer: Layer, fitted: Array) -> Layer:
     if isinstance(layer, Band):
         return replace(layer, low=array(layer.low - fitted), high=array(layer.high - fitted))
     return replace(layer, y=array(layer.y - fitted)) if isinstance(layer, Line | Points) else layer
-
-
-def _xs(layer: Layer) -> Array:
-    """Coordinates along x: (n,) [m/s, rad/s]."""
-    return layer.edges if isinstance(layer, Bars) else layer.x
 
 
 def _extent(layer: Layer) -> tuple[Array, ...]:
@@ -284,7 +287,7 @@ def convergence(figures: MotionFigures) -> list[Chart]:
     trace = figures.trace
     if trace is None or len(trace.t_s) < 3:
         return []
-    names = [name for name in ("k_q", "k_l", "b", "added_mass") if name in trace.values]
+    names = [name for name in TABULATED if name in trace.values]
     return [_convergence_chart(figures, trace, name) for name in names]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.report.dimensionless import dimensionless, format_reynolds
 from hindrax_analysis.report.figures import (
     METHODS,
@@ -20,7 +21,6 @@ from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results
 from hindrax_ident.model.motion_model import MOTIONS, coefficients
 
-COLUMNS = ("k_q", "k_l", "b", "added_mass")
 HEADINGS = ("k<sub>q</sub>", "k<sub>l</sub>", "b", "added mass")
 CONTRIBUTIONS = (
     "A row is what the band would lose if its influence were known. Losses act one way and may all be large at once, "
@@ -46,19 +46,19 @@ def table_3(results: Results) -> str:
     own: list[int] = []
     for motion, result in results.motions.items():
         own += [len(rows)] if result.identifiable else []
-        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in COLUMNS), _verdict(result)])
+        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in TABULATED), _verdict(result)])
         if any(one.truth is not None for one in result.coefficients.values()):
             rows.append(["<small>truth of the mock</small>", *_truths(result), ""])
         paper = published_of(results.vehicle.name, motion)
         if paper is not None:
             pairs = paper.in_our_axes
-            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in COLUMNS]
+            printed = [as_printed(*pairs[name]) if name in pairs else "" for name in TABULATED]
             rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
     # Straight motions and turns have different units; the heading has those of what was flown.
     units = [units_of(motion) for motion in results.motions]
     heads = [
         f"{head} [{' or '.join(dict.fromkeys(one[name] for one in units))}]"
-        for name, head in zip(COLUMNS, HEADINGS, strict=True)
+        for name, head in zip(TABULATED, HEADINGS, strict=True)
     ]
     note = f'<p class="soft">{SIGN_OF_B}</p>' if _printed(results, "heave_up") else ""
     return _titled(TITLE_3, 3, results) + table(["motion", *heads, "verdict"], rows, own) + note
@@ -91,7 +91,7 @@ def _cell(found: Number | None) -> str:
 
 def _truths(result: MotionResult) -> list[str]:
     cells = []
-    for name in COLUMNS:
+    for name in TABULATED:
         found = result.coefficients.get(name)
         known = found is not None and found.truth is not None
         cells.append(f"<small>{number(found.truth, decimals(found.value, found.std))}</small>" if known else "")  # type: ignore[union-attr, arg-type]  # known says both
@@ -138,15 +138,17 @@ def table_predictions(assessments: Mapping[int, Assessment]) -> str:
 def table_methods(result: MotionResult) -> str:
     """The methods over the same record."""
     methods: Mapping[str, Mapping[str, Number]] = {result.method: result.coefficients, **comparable_methods(result)}
-    heads = [headings_of(result.motion)[name] for name in COLUMNS]
-    rows = [[METHODS.get(name, name), *(_plain(found.get(key)) for key in COLUMNS)] for name, found in methods.items()]
+    heads = [headings_of(result.motion)[name] for name in TABULATED]
+    rows = [
+        [METHODS.get(name, name), *(_plain(found.get(key)) for key in TABULATED)] for name, found in methods.items()
+    ]
     note = f'<p class="soft">{RIGHTING}</p>' if has_restoring_moment(result) else ""
     return table(["method", *heads], rows, own=(0,)) + note
 
 
 def headings_of(motion: str) -> dict[str, str]:
     """Heading with its unit of each coefficient of a motion, and of the drag at its highest speed."""
-    heads = dict(zip(COLUMNS, HEADINGS, strict=True)) | {"drag": "drag at the highest speed"}
+    heads = dict(zip(TABULATED, HEADINGS, strict=True)) | {"drag": "drag at the highest speed"}
     units = units_of(motion)
     return {name: f"{head} [{units[name]}]" for name, head in heads.items()}
 
@@ -163,7 +165,7 @@ def _plain(found: Number | None) -> str:
 
 def table_budget(result: MotionResult) -> str:
     """What each influence contributes to the drag at the highest speed and to each coefficient, and its remedy."""
-    columns = [name for name in ("drag", *COLUMNS) if name in result.budget]
+    columns = [name for name in ("drag", *TABULATED) if name in result.budget]
     shares = {name: {row.influence: row.std for row in result.budget[name]} for name in columns}
     remedies = {row.influence: row.remedy for name in columns for row in result.budget[name]}
     wide = {name: number.std_calibrated for name, number in result.coefficients.items()}

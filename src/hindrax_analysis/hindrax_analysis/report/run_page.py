@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients
+from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
 from hindrax_analysis.report.chart import Role, figure
 from hindrax_analysis.report.figures import (
     LABELS,
@@ -41,7 +41,6 @@ PREDICTED = (
     "was fitted to the rest and moves freely with the recorded thrust. Beside it two predictors that know nothing. "
     "<code>./hindrax predict</code> does the same for any other record.</p>"
 )
-FOREST = ("k_q", "k_l", "b", "added_mass")
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +214,7 @@ def _facts(result: MotionResult) -> str:
 
 def _forests(report: RunReport, result: MotionResult) -> list[str]:
     out = []
-    for name in FOREST:
+    for name in TABULATED:
         entries = _entries(report, result, name)
         if len(entries) < 2:
             continue
