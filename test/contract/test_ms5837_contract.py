@@ -12,7 +12,7 @@ from hindrax_core.bus_operations import Write
 from hindrax_core.events import seconds_between
 from hindrax_core.readings import Pressure
 from hindrax_drivers.devices.ms5837 import OSRS, Ms5837, Ms5837Knobs
-from hindrax_sim.devices.ms5837 import PROM_30BA_BARE, NOISE_Pa, WaterTruth
+from hindrax_sim.devices.ms5837 import PROM_30BA, NOISE_Pa, WaterTruth
 from hindrax_sim.devices.ms5837 import Ms5837 as Emulator
 
 STEPS_Pa = {"30BA": 10.0, "02BA": 1.0}
@@ -74,7 +74,7 @@ def test_the_model_is_found_and_told(model: str, c1: int) -> None:
 
 def test_a_30ba_without_product_number_is_not_taken_for_an_02ba() -> None:
     emulator = Emulator("30BA")
-    emulator.prom = PROM_30BA_BARE
+    emulator.prom = (0x2000, *PROM_30BA[1:])  # product number zero, as many in the field have it
     outputs = Rig(Ms5837(), {0x76: emulator}, lambda *_: None).run(0.2)
     assert identities(outputs) == ["MS5837-30BA at 0x76, C1 34982"]
 

@@ -28,8 +28,6 @@ NOISE_C = 0.002
 
 PROM_30BA = (0x9340, 0x88A6, 0x8E00, 0x4F68, 0x5752, 0x6816, 0x6622)
 """Calibration of the datasheet's example (C1 34982 ... C6 26146), product number 30BA26, with its checksum."""
-PROM_30BA_BARE = (0x2000, *PROM_30BA[1:])
-"""The same part with product number zero, as many are in the field."""
 PROM_02BA = (0x52A0, 0xB524, 0xABCD, 0x7183, 0x6CC2, 0x7B41, 0x6E05)
 """Calibration of the datasheet's example (C1 46372 ... C6 28165), product number 02BA21."""
 STRANGER = (0x1234, 0x5678, 0x9ABC, 0xDEF0, 0x1357, 0x9BDF, 0x2468, 0xACE0)

@@ -171,19 +171,6 @@ class Plant:
         cu, cv, cw = self._into_body(self._current)
         return (self.u + cu, self.v + cv, self.w + cw)
 
-    @property
-    def kinetic_energy_J(self) -> float:
-        """Energy of body and entrained water for the motion through the water (diagonal added mass only)."""
-        squares = (value * value for value in (self.u, self.v, self.w, self.p, self.q, self.r))
-        return 0.5 * sum(mass * square for mass, square in zip(self._inertia, squares, strict=True))
-
-    @property
-    def potential_energy_J(self) -> float:
-        """Energy of height and tilt, fully under water; zero for a level vehicle at the surface."""
-        _, net, bx, by, bz = self._statics
-        dx, dy, dz = self._into_body((0.0, 0.0, 1.0))
-        return bx * dx + by * dy + bz * (dz - 1.0) - net * self.z
-
     def _awash(self, emerged_m: float) -> tuple[float, float, float, float]:
         """Net weight [N] and buoyancy's moments per unit of "down" [Nm] with the top this far out of the water."""
         _, net, bx, by, bz = self._statics
