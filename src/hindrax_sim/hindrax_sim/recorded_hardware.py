@@ -8,11 +8,10 @@ in time.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.read.bag_reader import messages
 from hindrax_core.bus_operations import Transaction
@@ -29,7 +28,7 @@ IN_STEP_NS = 3 * NS_PER_S // 100
 """So far may the host's transactions be from the recorded ones before the nearest one is looked for."""
 OUTLIVED_NS = NS_PER_S // 4
 """So long after the last transaction of the record a part is still there."""
-Frame = tuple[Stamp, int, bytes]
+Frame = tuple[int, int, bytes]
 """Stamp [ns], direction, bytes."""
 
 
@@ -167,13 +166,9 @@ def frames_of(bag: Path) -> dict[str, list[Frame]]:
     names = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
     found: dict[str, list[Frame]] = {}
     for message in messages(bag, names):
-        found.setdefault(names[message.topic], []).extend(frames_in(message.decoded()))
+        batch, start = message.decoded(), 0
+        frames = found.setdefault(names[message.topic], [])
+        for stamp, direction, length in zip(batch.stamps, batch.directions, batch.lengths, strict=True):
+            frames.append((int(stamp), direction, bytes(batch.data[start : start + length])))
+            start += length
     return found
-
-
-def frames_in(batch: Any) -> Iterator[Frame]:
-    """Stamp, direction and bytes of every frame of a decoded RawFrames message."""
-    start, data = 0, bytes(batch.data)
-    for stamp, direction, length in zip(batch.stamps, bytes(batch.directions), batch.lengths, strict=True):
-        yield Stamp(int(stamp)), direction, data[start : start + length]
-        start += length

@@ -81,7 +81,7 @@ def test_a_line_says_its_bytes_when_their_time_has_come() -> None:
 
 def test_without_wire_frames_there_is_no_hardware(vehicle: Vehicle) -> None:
     with pytest.raises(UsageError, match="holds no wire frames"):
-        RecordedHardware(vehicle, {"thrusters": [(Stamp(1), 1, pack_transaction(START))]})
+        RecordedHardware(vehicle, {"thrusters": [(1, 1, pack_transaction(START))]})
 
 
 def test_the_real_driver_reads_the_recorded_part(vehicle: Vehicle) -> None:
