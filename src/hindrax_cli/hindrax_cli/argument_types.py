@@ -73,3 +73,13 @@ def add_tuning(parser: argparse.ArgumentParser) -> None:
 def tuning_of(arguments: argparse.Namespace) -> Tuning:
     """Read them back."""
     return Tuning(arguments.namespace, arguments.params, tuple(arguments.set))
+
+
+def add_json(parser: argparse._ActionsContainer) -> None:
+    """Whether a program reads the answer."""
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+
+
+def add_i2c_port(parser: argparse.ArgumentParser) -> None:
+    """Where a chip is, if not where the vehicle file says."""
+    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")

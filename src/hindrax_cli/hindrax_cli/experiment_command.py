@@ -14,6 +14,7 @@ import numpy as np
 from hindrax_analysis.experiments.experiment_record import Column, describe, read_columns
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.bag_reader import messages
+from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
@@ -22,7 +23,7 @@ PLOT_KINDS = (".png", ".svg", ".pdf")
 def add_output(parser: argparse.ArgumentParser) -> None:
     """Options of every experiment: --plot and --json."""
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"save a plot ({', '.join(PLOT_KINDS)})")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def add_record(parser: argparse.ArgumentParser, columns: Sequence[Column], nargs: str | None = None) -> None:

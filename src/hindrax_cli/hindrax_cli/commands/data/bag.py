@@ -26,6 +26,7 @@ from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
+from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError
 
@@ -56,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
         for names, options in arguments:
             one.add_argument(*names, **options)
-        one.add_argument("--json", action="store_true", help="one JSON document on stdout")
+        add_json(one)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -31,7 +31,7 @@ from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import print_json, working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
@@ -86,7 +86,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
     parser.add_argument("--coefficients", type=Path, metavar="FILE", help="write a coefficients.yaml")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def add_selection(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from hindrax_analysis.terminal import print_json, working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import load_vehicle
 from hindrax_replay.bag_replay import Replayed, replay
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser, "vehicle, for bags that have no file of it inside", default=False)
     parser.add_argument("--tolerances", type=Path, default=TOLERANCES, metavar="FILE", help="default: ours")
     parser.add_argument("--out", type=Path, metavar="DIR", help="with --ros and one bag: keep the bag that is made")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

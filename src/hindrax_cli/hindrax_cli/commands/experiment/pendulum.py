@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from hindrax_analysis.experiments.pendulum import COLUMNS, GRAVITY_mps2, Pendulum, PendulumFit, analyze
+from hindrax_analysis.experiments.pendulum import COLUMNS, Pendulum, PendulumFit, analyze
 from hindrax_analysis.terminal import print_json, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
+from hindrax_core.vehicle import GRAVITY_mps2
 
 NAME = "pendulum"
 HELP = "added mass and drag from a pendulum that comes to rest in water"

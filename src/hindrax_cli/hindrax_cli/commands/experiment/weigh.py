@@ -16,7 +16,7 @@ from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.terminal import make_table, print_json, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
-from hindrax_cli.argument_types import add_vehicle, positive, seed
+from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--one-way", action="store_true", help="only the first direction: no float, no second pulley")
     add_vehicle(parser)
     parser.add_argument("--write", action="store_true", help="put the gain into the vehicle file")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
     add_stack(parser)
     mock = parser.add_argument_group("in mock, in lock-step")
     mock.add_argument("--mock", action="store_true", help="the mock vehicle, and a mock operator")

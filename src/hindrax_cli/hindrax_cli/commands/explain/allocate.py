@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
 from hindrax_core.signals import Allocation
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--disable", action="extend", nargs="+", default=[], metavar="NAME", help="leave out thrusters")
     parser.add_argument("--supply", type=float, metavar="V", help="supply voltage; default: of the vehicle file")
     add_vehicle(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

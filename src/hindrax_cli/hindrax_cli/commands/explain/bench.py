@@ -9,6 +9,7 @@ from typing import Any
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.clone import developer_module
+from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError
 
 NAME = "bench"
@@ -19,7 +20,7 @@ EXAMPLE = "./hindrax bench rls allocation"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Which benchmarks, and how to print."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="which; the default is all of them")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def names() -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import asdict
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.clone import developer_module
+from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError
 
 NAME = "faults"
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="flights of each fault; default 3")
     parser.add_argument("--workers", type=int, default=0, metavar="N", help="processes; default: one per core")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

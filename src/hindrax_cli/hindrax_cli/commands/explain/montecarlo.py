@@ -10,7 +10,7 @@ from typing import Any
 from hindrax_analysis.identification.executor import executor_for
 from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
 from hindrax_analysis.terminal import make_table, print_json, print_table
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=0, metavar="N", help="local processes; default: one per core")
     add_vehicle(parser, "vehicle with its truth: file or name")
     parser.add_argument("--world", default=IDEAL, help=f"what the model does not know: {FORM}. Default: {IDEAL}")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

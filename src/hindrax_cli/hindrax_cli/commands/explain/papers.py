@@ -10,6 +10,7 @@ from rich.markup import escape
 from hindrax_analysis.papers import recompute
 from hindrax_analysis.papers.cells import Cell
 from hindrax_analysis.terminal import console, make_table, print_json, print_table
+from hindrax_cli.argument_types import add_json
 
 NAME = "papers"
 HELP = "every published table recomputed from its printed inputs, misprints named"
@@ -28,7 +29,7 @@ COLORS = {"agrees": "green", "misprint": "yellow", "does not follow": "red"}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Which papers, and how to print."""
     parser.add_argument("--paper", choices=sorted(TITLES), help="one paper; default all")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

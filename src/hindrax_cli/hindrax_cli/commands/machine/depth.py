@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from hindrax_analysis.terminal import print_answer
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Pressure
@@ -28,10 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the sensor is, and whether the vehicle file shall keep it."""
     parser.add_argument("action", choices=("tare",), help="the vehicle out of the water, or its sensor at the surface")
     add_vehicle(parser)
-    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+    add_i2c_port(parser)
     parser.add_argument("--seconds", type=float, default=3.0, metavar="S", help="how long to measure [s]")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

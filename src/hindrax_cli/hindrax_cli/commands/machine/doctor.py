@@ -19,7 +19,7 @@ from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_bringup.tether import add_tether, tether_setting
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check
 from hindrax_cli.health_checks.pi import board
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_tether(parser)
     add_vehicle(parser)
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hindrax_analysis.terminal import print_json
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.errors import HindraxError, UsageError
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reboot", action="store_true", help="restart the device in the end")
     parser.add_argument("--always", action="store_true", help="send also what holds already; wears the flash")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be sent")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

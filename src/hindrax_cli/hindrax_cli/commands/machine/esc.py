@@ -11,7 +11,7 @@ import signal
 import sys
 from dataclasses import dataclass
 
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_vehicle
 from hindrax_cli.commands.machine.oscillator import require_output_free
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     parser.add_argument("--thrusters", nargs="+", default=(), metavar="T1", help="default: all of the vehicle")
     parser.add_argument("--propellers-off", action="store_true", help="say that every propeller is off")
-    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+    add_i2c_port(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

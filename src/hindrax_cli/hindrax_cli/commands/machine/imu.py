@@ -11,7 +11,7 @@ from typing import Any
 
 from hindrax_analysis.terminal import print_answer, print_json
 from hindrax_bag.read.bag_reader import messages
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
@@ -34,11 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what to do, where the data come from, and whether the vehicle file shall keep the result."""
     parser.add_argument("action", choices=("calibrate", "self-test"), help="self-test: the vehicle must stand still")
     add_vehicle(parser)
-    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+    add_i2c_port(parser)
     parser.add_argument("--seconds", type=float, default=60.0, metavar="S", help="how long to turn [s]")
     parser.add_argument("--bag", metavar="BAG", help="calibrate from a recorded turn instead of a live one")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack_runner import asked_to_end
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.commands.operate.up import add_mock_options, mock_options
 from hindrax_cli.mock_devices import DeviceOptions, document, plain, serve, table
 
@@ -22,7 +22,7 @@ EXAMPLE = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Vehicle, behavior, and where the ports lie."""
     parser.add_argument("--print-paths", action="store_true", help="only `NAME PATH` lines on stdout, for scripts")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
     add_vehicle(parser)
     parser.add_argument(
         "--folder", type=Path, metavar="DIR", help="where ports and socket lie; default: stable, per user"

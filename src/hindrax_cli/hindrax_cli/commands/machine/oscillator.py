@@ -9,7 +9,7 @@ from pathlib import Path
 from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
@@ -32,10 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     parser.add_argument("--channel", type=int, default=15, metavar="N", help="spare channel of the PCA9685, 0 to 15")
     parser.add_argument("--gpio", default="pinctrl-bcm2711:17", metavar="CHIP:LINE", help="where it is wired to")
-    parser.add_argument("--port", metavar="PORT", help="I2C bus, or mock:SOCKET; default: of the vehicle file")
+    add_i2c_port(parser)
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to measure [s]")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

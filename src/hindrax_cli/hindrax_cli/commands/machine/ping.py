@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 
 from hindrax_analysis.plain import plain
 from hindrax_analysis.terminal import print_json
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
 from hindrax_core.errors import HindraxError, UsageError
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     parser.add_argument("--port", metavar="PATH", help="serial port; default: of the vehicle file")
     parser.add_argument("--device-id", type=int, metavar="N", help="give the sonar this number first, 0 to 254")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

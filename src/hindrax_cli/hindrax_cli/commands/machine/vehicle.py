@@ -11,6 +11,7 @@ from typing import Any
 
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.share_files import own_vehicles, vehicle_file
+from hindrax_cli.argument_types import add_json
 from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         if word == "new":
             one.add_argument("--out", type=Path, metavar="FILE", help="default: NAME.yaml in ~/.config/hindrax")
         else:
-            one.add_argument("--json", action="store_true", help="one JSON document on stdout")
+            add_json(one)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from hindrax_analysis.terminal import make_table, print_json, print_table
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
+from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import load_vehicle
 
@@ -37,7 +38,7 @@ class StackStatus:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Only the form of the answer."""
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 import yaml
 
 from hindrax_analysis.terminal import print_json
-from hindrax_cli.argument_types import add_vehicle, positive
+from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import UsageError
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
     sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
     sweep.add_argument("--field", action="append", default=[], help=argparse.SUPPRESS)
-    sweep.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(sweep)
 
 
 def run(arguments: argparse.Namespace) -> int:

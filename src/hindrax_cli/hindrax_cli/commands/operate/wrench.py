@@ -10,13 +10,12 @@ from typing import Any
 from hindrax_cli.argument_types import positive
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import WRENCH_SYMBOLS, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 
 NAME = "wrench"
 HELP = "push with a wrench for a while, added to the holds; it ends with this command"
 EXAMPLE = "./hindrax wrench 10 0 0 0 0 0 --for 2      (forward with 10 N for 2 s)"
-SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
 MEANINGS = (
     "forward [N]",
     "to starboard [N]",
@@ -29,7 +28,7 @@ MEANINGS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Wrench and time."""
-    for symbol, meaning in zip(SYMBOLS, MEANINGS, strict=True):
+    for symbol, meaning in zip(WRENCH_SYMBOLS, MEANINGS, strict=True):
         parser.add_argument(symbol, type=float, help=meaning)
     parser.add_argument(
         "--for", dest="seconds", type=positive, default=2.0, metavar="S", help="how long [s]; default 2"
@@ -39,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Repeat the wrench at 10 Hz until its time is over or Ctrl-C; the vehicle forgets it 0.5 s after the last."""
-    wrench = checked([getattr(arguments, symbol) for symbol in SYMBOLS])
+    wrench = checked([getattr(arguments, symbol) for symbol in WRENCH_SYMBOLS])
     found = presence_of(arguments)
     if found is not None:
         require_within(wrench, load_vehicle(found.vehicle).limits.wrench)
@@ -54,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def checked(values: Sequence[float]) -> Vec6:
     """Six finite numbers, or UsageError."""
-    for symbol, value in zip(SYMBOLS, values, strict=True):
+    for symbol, value in zip(WRENCH_SYMBOLS, values, strict=True):
         if not math.isfinite(value):
             raise UsageError(f"wrench {symbol}: found {value}, wanted a finite number")
     X, Y, Z, K, M, N = values
@@ -63,7 +62,7 @@ def checked(values: Sequence[float]) -> Vec6:
 
 def require_within(wrench: Vec6, limits: Vec6) -> None:
     """UsageError for an axis beyond the limits of the vehicle file: the vehicle would silently give less."""
-    for symbol, value, most in zip(SYMBOLS, wrench, limits, strict=True):
+    for symbol, value, most in zip(WRENCH_SYMBOLS, wrench, limits, strict=True):
         if abs(value) > most:
             raise UsageError(
                 f"wrench {symbol}: found {value:g}, wanted {-most:g} to {most:g} (limits of the vehicle file)"
@@ -73,7 +72,7 @@ def require_within(wrench: Vec6, limits: Vec6) -> None:
 def wrench_text(wrench: Sequence[float]) -> str:
     """Return the axes that are not zero, with their units."""
     units = ("N",) * 3 + ("Nm",) * 3
-    parts = [f"{s} {v:+.1f} {u}" for s, v, u in zip(SYMBOLS, wrench, units, strict=True) if abs(v) >= 0.05]
+    parts = [f"{s} {v:+.1f} {u}" for s, v, u in zip(WRENCH_SYMBOLS, wrench, units, strict=True) if abs(v) >= 0.05]
     return ", ".join(parts) or "nothing"
 
 

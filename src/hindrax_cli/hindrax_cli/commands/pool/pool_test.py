@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
-from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, seed, share, tuning_of
+from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle, pace, seed, share, tuning_of
 from hindrax_cli.commands.operate.recentre import PLACE_HELP, place_of
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import PLATEAUS
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     add_tuning(parser)
     parser.add_argument("--headless", action="store_true", help="no live progress, one line per phase")
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    add_json(parser)
 
 
 def aim_of(arguments: argparse.Namespace) -> Aim | None:
