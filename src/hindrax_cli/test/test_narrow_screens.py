@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
+from hindrax_analysis.screen_text import UNBOUNDED
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_line import main, modules
 
@@ -62,7 +63,7 @@ def test_every_command_that_prints_tables_is_here() -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_nothing_is_cut(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    wide = printed(COMMANDS[command], terminal.UNBOUNDED, monkeypatch, capsys)
+    wide = printed(COMMANDS[command], UNBOUNDED, monkeypatch, capsys)
     assert len(wide) > 10
     for width in (80, 60):
         assert not wide - printed(COMMANDS[command], width, monkeypatch, capsys), f"{width} columns"
