@@ -1,7 +1,8 @@
-"""Results as plain data, for JSON or YAML."""
+"""Results as plain data, for JSON or YAML, and printed as JSON."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -22,3 +23,16 @@ def plain(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def print_json(document: Mapping[str, object] | object) -> None:
+    """Print one JSON document; non-finite numbers are null."""
+    print(json.dumps(plain(document), indent=2, allow_nan=False))
+
+
+def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> None:
+    """Print one JSON document, or what is said to a person."""
+    if as_json:
+        print_json(document)
+    else:
+        print(said)

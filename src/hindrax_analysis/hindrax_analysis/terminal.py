@@ -1,11 +1,10 @@
-"""Results on the terminal: tables, one JSON document, values with their units."""
+"""Results on the terminal: tables, values with their units."""
 
 from __future__ import annotations
 
-import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import TextWrapper
 
@@ -17,25 +16,11 @@ from rich.text import Text
 
 from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.plain import plain
 from hindrax_analysis.screen_text import UNBOUNDED
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
 """Least width of a column of sentences."""
-
-
-def print_json(document: Mapping[str, object] | object) -> None:
-    """Print one JSON document; non-finite numbers are null."""
-    print(json.dumps(plain(document), indent=2, allow_nan=False))
-
-
-def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> None:
-    """Print one JSON document, or what is said to a person."""
-    if as_json:
-        print_json(document)
-    else:
-        print(said)
 
 
 def console() -> Console:

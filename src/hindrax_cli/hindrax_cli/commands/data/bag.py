@@ -22,7 +22,8 @@ from rich.progress import (
     TransferSpeedColumn,
 )
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.read.message_columns import Series, extract, series
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey

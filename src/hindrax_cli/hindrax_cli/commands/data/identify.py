@@ -22,13 +22,14 @@ from hindrax_analysis.identification.record_identification import (
     recorded_vehicle,
 )
 from hindrax_analysis.identification.result_files import bag_hash, traces_of, write_coefficients, write_report
+from hindrax_analysis.plain import print_json
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport
 from hindrax_analysis.screen_text import print_fitted
-from hindrax_analysis.terminal import print_json, working
+from hindrax_analysis.terminal import working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle

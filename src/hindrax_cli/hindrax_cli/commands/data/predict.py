@@ -13,8 +13,9 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
+from hindrax_analysis.plain import print_json
 from hindrax_analysis.records.prediction import predict_record
-from hindrax_analysis.terminal import make_table, print_json, print_table, working
+from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot

@@ -6,7 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from hindrax_analysis.terminal import print_json, working
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import working
 from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_rules
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, add_vehicle

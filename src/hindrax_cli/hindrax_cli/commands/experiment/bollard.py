@@ -9,7 +9,8 @@ import numpy as np
 import yaml
 
 from hindrax_analysis.experiments.bollard import COEFFICIENTS, COLUMNS, BollardCurve, Direction, fit, vehicle_block
-from hindrax_analysis.terminal import print_json, print_values
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 from hindrax_core.curves.curve_branches import Curve, problems_of

@@ -7,8 +7,9 @@ import sys
 
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
+from hindrax_analysis.plain import print_json
 from hindrax_analysis.screen_text import print_fitted
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import UsageError

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from hindrax_analysis.experiments.forced import COLUMNS, MOTIONS, Coefficient, Model, derivatives, run_from_columns
-from hindrax_analysis.terminal import cells_of, make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import cells_of, make_table, print_table
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 

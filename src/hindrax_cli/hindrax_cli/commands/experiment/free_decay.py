@@ -6,7 +6,8 @@ import argparse
 from typing import Literal
 
 from hindrax_analysis.experiments.free_decay import COLUMNS, Bench, FreeDecay, analyze
-from hindrax_analysis.terminal import print_json, print_values
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 from hindrax_core.errors import HindraxError

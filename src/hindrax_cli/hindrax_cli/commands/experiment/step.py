@@ -10,7 +10,8 @@ import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_analysis.experiments.step import COLUMNS, PAPER_THRUSTS_N, Plant, StepFit, fit, tests_from_columns
-from hindrax_analysis.terminal import make_table, print_json, print_table, print_values
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table, print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 from hindrax_core.errors import UsageError

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from hindrax_analysis.experiments.towing import COLUMNS, Towing, fit
-from hindrax_analysis.terminal import print_json, print_values
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
 

@@ -6,7 +6,8 @@ import argparse
 import re
 from typing import Any
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError

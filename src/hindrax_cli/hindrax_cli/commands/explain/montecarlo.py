@@ -9,7 +9,8 @@ from typing import Any
 
 from hindrax_analysis.identification.executor import executor_for
 from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import PLATEAUS

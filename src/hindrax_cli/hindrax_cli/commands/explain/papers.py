@@ -9,7 +9,8 @@ from rich.markup import escape
 
 from hindrax_analysis.papers import recompute
 from hindrax_analysis.papers.cells import Cell
-from hindrax_analysis.terminal import console, make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import console, make_table, print_table
 from hindrax_cli.argument_types import add_json
 
 NAME = "papers"

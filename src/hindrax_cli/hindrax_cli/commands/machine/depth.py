@@ -7,7 +7,7 @@ import statistics
 import sys
 from pathlib import Path
 
-from hindrax_analysis.terminal import print_answer
+from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError

@@ -13,7 +13,8 @@ from pathlib import Path
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.terminal import console, print_json
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import console
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks

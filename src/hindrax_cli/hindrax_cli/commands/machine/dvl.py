@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hindrax_analysis.terminal import print_json
+from hindrax_analysis.plain import print_json
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send

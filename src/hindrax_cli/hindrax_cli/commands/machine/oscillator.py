@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from hindrax_analysis.plain import print_answer
 from hindrax_analysis.screen_text import print_fitted
-from hindrax_analysis.terminal import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key

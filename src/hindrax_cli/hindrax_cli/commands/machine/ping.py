@@ -7,8 +7,7 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, TypeVar
 
-from hindrax_analysis.plain import plain
-from hindrax_analysis.terminal import print_json
+from hindrax_analysis.plain import plain, print_json
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble

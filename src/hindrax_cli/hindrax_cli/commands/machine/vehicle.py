@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.share_files import own_vehicles, vehicle_file
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.vehicle_questions import ask, file_text

@@ -6,7 +6,8 @@ import argparse
 import time
 from dataclasses import asdict, dataclass
 
-from hindrax_analysis.terminal import make_table, print_json, print_table
+from hindrax_analysis.plain import print_json
+from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_cli.argument_types import add_json

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_analysis.terminal import print_json
+from hindrax_analysis.plain import print_json
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
