@@ -9,7 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hindrax_analysis.plain import print_json
+from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise HindraxError(str(error)) from error
     finally:
         clock.close()
-    print_json(report) if arguments.json else "\n".join(lines(report))
+    print_answer(report, "\n".join(lines(report)), as_json=arguments.json)
     return 0
 
 

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, TypeVar
 
-from hindrax_analysis.plain import plain, print_json
+from hindrax_analysis.plain import plain, print_answer
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Send, Trouble
@@ -60,12 +60,12 @@ def run(arguments: argparse.Namespace) -> int:
     sonar, order = Ping1d(knobs), number_order(arguments.device_id)
     if arguments.action == "profile":
         answer = ask(port, sonar, EchoProfile, order)
-        print_json(document(port, answer)) if arguments.json else "\n".join(drawn(port, answer))
+        print_answer(document(port, answer), "\n".join(drawn(port, answer)), as_json=arguments.json)
         return 0
     health = ask(port, sonar, SonarHealth, order)
     report: dict[str, object] = {"port": port, "identity": health.identity}
     report |= {name: plain(value) for name, value in asdict(health.reading).items()}
-    print_json(report) if arguments.json else "\n".join(f"{key}: {value}" for key, value in report.items())
+    print_answer(report, "\n".join(f"{key}: {value}" for key, value in report.items()), as_json=arguments.json)
     return 0
 
 
