@@ -8,6 +8,7 @@ does not contradict it.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -41,7 +42,7 @@ def common_noise(fits: Mapping[int, OutputErrorFit]) -> dict[int, Noise]:
         if excess[worst] <= limit:
             thrust = _parabola_minimum(np.log(tried), total, best)
             return {
-                axis: _with_densities(fits[axis].noise, float(one.force[best]), thrust)
+                axis: replace(fits[axis].noise, force=float(one.force[best]), thrust=thrust)
                 for axis, one in profiles.items()
             }
         del profiles[worst]
@@ -59,7 +60,3 @@ def _parabola_minimum(x: Array, y: Array, at: int) -> float:
         return float(np.exp(x[at]))
     step, (before, here, after) = float(x[1] - x[0]), y[at - 1 : at + 2].tolist()
     return float(np.exp(x[at] + 0.5 * step * (before - after) / (before - 2.0 * here + after)))
-
-
-def _with_densities(noise: Noise, force: float, thrust: float) -> Noise:
-    return Noise(noise.velocity, noise.position, force, thrust)
