@@ -86,8 +86,9 @@ def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> lis
     wrap = TextWrapper(
         width, break_long_words=False, break_on_hyphens=False, initial_indent=indent, subsequent_indent=indent
     )
-    name = ["  ".join(words)] if words else []
-    return [*name, *(line.replace(NO_BREAK, " ") for line in wrap.wrap(";  ".join(glued)))]
+    # Names that are too long side by side stand below each other.
+    name = ["  ".join(words)] if len("  ".join(words)) <= width else words
+    return [*(one for one in name if one), *(line.replace(NO_BREAK, " ") for line in wrap.wrap(";  ".join(glued)))]
 
 
 def _plain(cell: RenderableType | None) -> str:

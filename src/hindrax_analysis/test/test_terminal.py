@@ -64,6 +64,17 @@ def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.Capt
         assert row.split("\u2502")[3:] == ([f" {remark} ", ""] if remark else [""])
 
 
+def test_names_that_are_too_long_side_by_side_stand_below_each_other(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=60, file=sys.stdout))
+    table = make_table("", ("topic", "type"), ("messages",))
+    table.add_row(TOPIC, "hindrax_msgs/msg/NavigationStatus", "605")
+    print_table(table)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == [TOPIC, "hindrax_msgs/msg/NavigationStatus"]
+
+
 def test_a_pipe_gets_whole_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert re.search(rf"{TOPIC}.*66.4801234.*{NOTE}", shown(capsys, monkeypatch, None))
 

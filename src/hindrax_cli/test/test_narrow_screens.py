@@ -12,6 +12,8 @@ from hindrax_analysis import terminal
 from hindrax_analysis.screen_text import UNBOUNDED
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_line import main, modules
+from hindrax_cli.commands.machine import doctor
+from hindrax_cli.health_checks.check import bad, good
 
 BAGS = clone_root() / "test" / "replay" / "bags"
 COMMANDS = {
@@ -67,3 +69,18 @@ def test_nothing_is_cut(command: str, monkeypatch: pytest.MonkeyPatch, capsys: p
     assert len(wide) > 10
     for width in (80, 60):
         assert not wide - printed(COMMANDS[command], width, monkeypatch, capsys), f"{width} columns"
+
+
+@pytest.mark.parametrize("width", [200, 80, 60, 40])
+def test_the_doctor_cuts_nothing(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(doctor, "console", lambda: Console(width=width, file=sys.stdout))
+    port, sentence = "mock:/tmp/hindrax-v7u9iiwn/of/some/length/i2c", "check cable and power; " * 4
+    doctor.show([good("ros", "ROS 2 jazzy"), good(port, "socket"), bad("dvl75", f"none at {port}", sentence.strip())])
+    said = capsys.readouterr().out
+    assert "\u2026" not in said
+    bare = "".join(said.split())
+    for words in (port, f"noneat{port}", "".join(f"-> {sentence}".split())):
+        assert words in bare
+    assert all(len(line) <= width for line in said.splitlines()[:-1])

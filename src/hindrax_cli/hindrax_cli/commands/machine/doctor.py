@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -31,6 +32,9 @@ from hindrax_operator.connection import joined
 NAME = "doctor"
 HELP = "look at buses, ports, devices, permissions, disk and time; name each problem and its remedy"
 EXAMPLE = "./hindrax doctor     (before the stack is up: asks the devices; while it is up: asks its nodes)"
+
+LEAST_FOUND = 30
+"""Characters a line in which what was found is readable beside the names."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,13 +105,18 @@ def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> li
 
 
 def show(checks: Sequence[Check]) -> None:
-    """Print what is well in one line each, and what is not with its remedy."""
+    """Print what was found, and for what is not well its remedy: beside the name, on a narrow screen below it."""
+    screen = console()
+    beside = screen.width >= max(len(check.name) for check in checks) + len("PROBLEM") + LEAST_FOUND
     table = Table.grid(padding=(0, 2, 0, 0))
+    for _ in range(3 if beside else 2):
+        # A path may be longer than the screen, and is not cut.
+        table.add_column(overflow="fold")
     for check in checks:
         mark = Text("ok", style="green") if check.ok else Text("PROBLEM", style="bold red")
-        table.add_row(mark, Text(check.name, style="bold"), Text(check.found))
-        if not check.ok:
-            table.add_row("", "", Text(f"-> {check.remedy}", style="yellow"))
-    console().print(table)
+        name, found = Text(check.name, style="bold"), [Text(check.found)]
+        found += [] if check.ok else [Text(f"-> {check.remedy}", style="yellow")]
+        table.add_row(mark, *([name, Group(*found)] if beside else [Group(name, *found)]))
+    screen.print(table)
     wrong = sum(not check.ok for check in checks)
     print(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks are well")
