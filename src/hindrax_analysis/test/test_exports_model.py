@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hindrax_analysis.coefficients_file import coefficients_of
 from hindrax_analysis.exports.export_model import ExportModel, direction, export_model, header
-from hindrax_analysis.exports.tables import write_csv, write_latex
+from hindrax_analysis.exports.tables import result_table, write_csv, write_latex
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Drag, Hydrodynamics, Vehicle
 
@@ -157,14 +157,20 @@ def test_a_results_file_of_the_session_is_understood() -> None:
 
 
 def test_tables_carry_values_deviations_and_units() -> None:
-    model = exported(results())
-    rows = list(csv.DictReader(io.StringIO(write_csv(model))))
+    table = result_table(coefficients_of(results(), "c.yaml"), "c.yaml")
+    rows = list(csv.DictReader(io.StringIO(write_csv(table))))
     assert [row["motion"] for row in rows][:2] == ["surge", "sway"]
     assert (rows[0]["k_q"], rows[0]["k_q_std"], rows[0]["k_q_unit"]) == ("66.48", "0.1", "N s^2/m^2")
     assert rows[4]["added_mass_unit"] == "kg m^2"
-    latex = write_latex(model)
+    latex = write_latex(table)
     assert r"surge & $66.48 \pm 0.10$ & $1.25 \pm 0.10$" in latex
     assert latex.count(r"\\") == 8
+
+
+def test_a_table_without_results_is_refused_with_how_the_flight_ended() -> None:
+    aborted = {"aborted": "pool_box: too near", "motions": {}}
+    with pytest.raises(HindraxError, match=r"c\.yaml: no motion is identifiable, aborted by pool_box: too near"):
+        result_table(coefficients_of(aborted, "c.yaml"), "c.yaml")
 
 
 def test_the_source_is_named_in_errors() -> None:

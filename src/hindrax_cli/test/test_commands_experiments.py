@@ -172,6 +172,19 @@ def test_export_writes_every_format(kind: str, tmp_path: Path, capsys: pytest.Ca
     assert capsys.readouterr().out == out.read_text()
 
 
+@pytest.mark.parametrize("kind", ["csv", "latex"])
+def test_a_table_of_one_motion_wants_no_other(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
+    document = {"conditions": {"vehicle": "other"}, "motions": {"surge": body}}
+    (tmp_path / "coefficients.yaml").write_text(yaml.safe_dump(document))
+    assert command_line.main(["export", str(tmp_path), "--to", kind]) == 0
+    said = capsys.readouterr()
+    assert "surge" in said.out
+    assert "sway" not in said.out
+    assert said.err == ""
+    assert command_line.main(["export", str(tmp_path), "--to", "gz"]) == 2
+
+
 def test_the_results_of_another_vehicle_are_not_put_on_ours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     body = {name: {"value": 1.0, "std": 0.1} for name in ("k_q", "k_l", "b", "added_mass")}
     names = ("surge", "sway", "heave_down", "heave_up", "roll", "pitch", "yaw")

@@ -95,6 +95,17 @@ def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> list[str]:
     return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]
 
 
+def identified(saved: SavedCoefficients) -> dict[str, SavedMotion]:
+    """Results of the motions that were identified."""
+    return {name: motion for name, motion in saved.motions.items() if motion.identifiable}
+
+
+def abort_notes(saved: SavedCoefficients) -> list[str]:
+    """Note on a flight that was aborted, if it was."""
+    aborted = saved.conditions.aborted
+    return [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
+
+
 def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, complete: bool = False) -> ExportModel:
     """Make an export model of the results of a file.
 
@@ -102,14 +113,13 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     coefficient, which would drive a simulated vehicle, is folded into the other one at the same force at the largest
     tested speed.
     """
-    motions = {name: motion for name, motion in saved.motions.items() if motion.identifiable}
+    motions = identified(saved)
     unidentified = {
         name: next(iter(motion.reasons), "no reason given")
         for name, motion in saved.motions.items()
         if not motion.identifiable
     }
-    aborted, assumptions = saved.conditions.aborted, saved.conditions.assumptions
-    notes = [f"aborted by {aborted}; the results are of what was flown until then"] if aborted else []
+    assumptions, notes = saved.conditions.assumptions, abort_notes(saved)
     if notes and not motions and not complete:
         raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
     prior = vehicle.hydrodynamics if complete else None

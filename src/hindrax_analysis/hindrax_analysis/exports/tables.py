@@ -5,22 +5,44 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-from hindrax_analysis.coefficients_file import TABULATED, SavedMotion
-from hindrax_analysis.exports.export_model import ExportModel, unit_of
+from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
+from hindrax_analysis.exports.export_model import abort_notes, identified, unit_of
+from hindrax_core.errors import HindraxError
 from hindrax_ident.assess.results import Number
 
 SYMBOLS = {"k_q": "$k_q$", "k_l": "$k_l$", "b": "$b$", "added_mass": "$m_a$"}
 
 
-def write_csv(model: ExportModel) -> str:
+@dataclass(frozen=True, slots=True)
+class ResultTable:
+    """Identified motions of a vehicle as they are: a table wants no others, and nothing made passive."""
+
+    vehicle: str
+    source: str
+    motions: Mapping[str, SavedMotion]
+    notes: tuple[str, ...] = ()
+
+
+def result_table(saved: SavedCoefficients, source: str) -> ResultTable:
+    """Table of the results of a file; HindraxError when it holds none."""
+    motions, aborted = identified(saved), abort_notes(saved)
+    if not motions:
+        raise HindraxError(f"{source}: no motion is identifiable{f', {aborted[0]}' if aborted else ''}; fly it again")
+    assumed = (f"assumed: {one}" for one in saved.conditions.assumptions)
+    return ResultTable(saved.conditions.vehicle, source, motions, (*aborted, *assumed))
+
+
+def write_csv(table: ResultTable) -> str:
     """One line per motion: value, standard deviation and unit of each coefficient; empty where missing."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(
         ["motion", *(f"{name}{part}" for name in TABULATED for part in ("", "_std", "_std_calibrated", "_unit"))]
     )
-    for motion, result in model.motions.items():
+    for motion, result in table.motions.items():
         cells = [cell for name in TABULATED for cell in _csv_cells(motion, name, result)]
         writer.writerow([motion, *cells])
     return text.getvalue()
@@ -38,14 +60,14 @@ def _known(std: float) -> str:
     return "" if math.isnan(std) else f"{std:.9g}"
 
 
-def write_latex(model: ExportModel) -> str:
+def write_latex(table: ResultTable) -> str:
     """A tabular that needs no package: values with one standard deviation, rounded to its second digit."""
     head = " & ".join(["motion", *SYMBOLS.values()])
     rows = [
         " & ".join([motion.replace("_", " "), *(_latex_cell(result.numbers.get(name)) for name in TABULATED)]) + r" \\"
-        for motion, result in model.motions.items()
+        for motion, result in table.motions.items()
     ]
-    caption = f"% {model.vehicle.name}, from {model.source}; N, Nm, kg, SI; one standard deviation"
+    caption = f"% {table.vehicle}, from {table.source}; N, Nm, kg, SI; one standard deviation"
     lines = [
         caption,
         r"\begin{tabular}{lrrrr}",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from hindrax_analysis.coefficients_file import read_coefficients
+from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_analysis.screen_text import print_fitted
@@ -30,9 +30,9 @@ FORMATS: dict[str, Callable[[ExportModel], str]] = {
     "uuv": uuv.write,
     "python": python_model.write,
     "vehicle": vehicle_block.write,
-    "csv": tables.write_csv,
-    "latex": tables.write_latex,
 }
+TABLES: dict[str, Callable[[tables.ResultTable], str]] = {"csv": tables.write_csv, "latex": tables.write_latex}
+"""They show what was identified, and want nothing that completes it."""
 URDF = "urdf"
 """Needs no results: the vehicle as on `robot_description`."""
 
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="COEFFICIENTS",
         help="coefficients.yaml, or a run's folder; not needed for urdf",
     )
-    parser.add_argument("--to", choices=[*FORMATS, URDF], required=True, help="format")
+    parser.add_argument("--to", choices=[*FORMATS, *TABLES, URDF], required=True, help="format")
     parser.add_argument("--out", type=Path, metavar="FILE", help="default: stdout")
     add_vehicle(parser, "vehicle; also fills in what the results lack, and says so", default=False)
 
@@ -71,23 +71,37 @@ def _text(path: Path | None, to: str, named: str | None) -> str:
     file = RunFolder(path).coefficients if path is not None and path.is_dir() else path
     if file is None or (to == URDF and named):
         return urdf_of(load_vehicle(named or default_vehicle()))
-    return urdf_of(_vehicle_beside(file)) if to == URDF else FORMATS[to](_model(file, named))
+    if to == URDF:
+        return urdf_of(_vehicle_beside(file))
+    saved = _results(file)
+    if to in TABLES:
+        table = tables.result_table(saved, str(file))
+        _note(table.notes)
+        return TABLES[to](table)
+    return FORMATS[to](_model(saved, file, named))
 
 
-def _model(file: Path, named: str | None) -> ExportModel:
-    """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
+def _results(file: Path) -> SavedCoefficients:
     if not file.is_file():
         raise UsageError(f"{file}: cannot be read, there is no such file")
-    saved = read_coefficients(file)
+    return read_coefficients(file)
+
+
+def _note(notes: Iterable[str]) -> None:
+    for note in notes:
+        print_fitted(f"note: {note}", sys.stderr)
+
+
+def _model(saved: SavedCoefficients, file: Path, named: str | None) -> ExportModel:
+    """Results, completed by the vehicle file that is named or lies beside them; says what was assumed."""
     vehicle = load_vehicle(named) if named else _vehicle_beside(file)
     stranger = _of_another(saved.conditions.vehicle, vehicle)
     if stranger and not named:
         raise UsageError(f"{file}: {stranger}; name the vehicle file with --vehicle")
     if stranger:
-        print_fitted(f"note: {stranger}", sys.stderr)
+        _note([stranger])
     model = export_model(saved, vehicle, str(file), complete=named is not None)
-    for note in model.notes:
-        print_fitted(f"note: {note}", sys.stderr)
+    _note(model.notes)
     return model
 
 
