@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import signal
 import subprocess
 import sys
 import threading
@@ -13,7 +12,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
@@ -22,7 +20,7 @@ from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
-from hindrax_bringup.supervisor import Supervisor, last_words
+from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import load_vehicle
@@ -164,14 +162,8 @@ def _require_same(tether: Tether | None, address: str) -> None:
 def asked_to_end() -> Iterator[Callable[[], bool]]:
     """Only note SIGINT and SIGTERM, however often they come; yields the question whether one has come."""
     asked = threading.Event()
-    before: dict[int, Any] = {
-        number: signal.signal(number, lambda _number, _frame: asked.set()) for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
+    with stop_signals(lambda _number, _frame: asked.set()):
         yield asked.is_set
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def report(sentence: str) -> None:

@@ -17,11 +17,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from hindrax_bringup.fork_server import ForkedProcess, ForkServer, NoAnswerError, in_a_group_of_its_own
 from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
@@ -209,10 +210,14 @@ class Supervisor:
             _end([child])
 
     def close(self) -> None:
-        """End all processes, the vehicle's before the mock's, and leave none behind.
+        """End all processes, the vehicle's before the mock's, and leave none behind, however often Ctrl-C is pressed.
 
         HindraxError when a process that drives an output has not left it safe, and nobody could in its place.
         """
+        with stop_signals(lambda _number, _frame: None):
+            self._close()
+
+    def _close(self) -> None:
         children = list(self.children.values())
         self.children.clear()
         hardware = [child for child in children if not child.process.restart]
@@ -228,6 +233,19 @@ class Supervisor:
                 self.fork_server.close()
                 self.fork_server = None
             shutil.rmtree(self._heartbeats, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def stop_signals(handler: Callable[[int, Any], object]) -> Iterator[None]:
+    """Have SIGINT and SIGTERM handled like this meanwhile; in another thread than the main one nothing changes."""
+    main = threading.current_thread() is threading.main_thread()
+    numbers = (signal.SIGINT, signal.SIGTERM) if main else ()
+    before: dict[int, Any] = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, one in before.items():
+            signal.signal(number, one)
 
 
 def _heartbeat_folder() -> Path:

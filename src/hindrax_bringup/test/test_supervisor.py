@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -205,6 +206,23 @@ def test_the_budget_of_restarts_refills_after_a_good_time(
         child.handle.kill()
         assert "started again" in told(supervisor)[0]
     assert child.restarts == restarts
+
+
+def test_who_hears_no_signal_is_killed_however_often_the_end_is_interrupted(
+    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second Ctrl-C ended the end: a process that would not go stayed behind."""
+    ignore = "".join(f"    signal.signal({number:d}, signal.SIG_IGN)\n" for number in (signal.SIGINT, signal.SIGTERM))
+    deaf = BEATS.replace("def main():\n", f"import signal\ndef main():\n{ignore}")
+    (tmp_path / "lamps.py").write_text(deaf)
+    monkeypatch.setattr(module, "PATIENCE_S", (0.5, 0.5, 2.0))
+    pid = start(supervisor).handle.pid
+    again = [threading.Timer(after_s, os.kill, (os.getpid(), signal.SIGINT)) for after_s in (0.2, 0.4, 0.7)]
+    for one in again:
+        one.start()
+    supervisor.close()
+    assert not Path("/proc", str(pid)).exists()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_an_output_that_was_not_left_safe_is_made_safe_in_its_place(

@@ -20,7 +20,7 @@ from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import announced
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.supervisor import Supervisor, stop_signals
 from hindrax_bringup.tether import available_tether
 from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.plan import plans_of
@@ -274,12 +274,8 @@ def deferred_interrupt() -> Iterator[None]:
         if count == 1:
             signal.default_int_handler(number, frame)
 
-    before: dict[int, Any] = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with stop_signals(interrupt):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def state_before_arming(heard: Mapping[str, str]) -> str:
