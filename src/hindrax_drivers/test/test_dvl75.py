@@ -406,6 +406,12 @@ def test_only_settings_that_differ_are_sent() -> None:
     assert orders({**CURRENT, "DVPDL messages": "ON"}) == ()
 
 
+@pytest.mark.parametrize(("found", "sent"), [("1.0004", False), ("0.9996", False), ("1.001", True), ("0.5", True)])
+def test_a_number_is_the_same_where_its_last_digit_is(found: str, sent: bool) -> None:
+    current = {**CURRENT, "DVPDL messages": "ON", "Velocity adjustment": found}
+    assert orders(current) == ((b"SET-VELOCITY-ADJUSTMENT 1.000\n",) if sent else ())
+
+
 def test_all_settings_are_sent_on_request_and_to_a_device_that_did_not_report() -> None:
     wanted = (
         b"SEND-DVPDL ON\n",

@@ -317,6 +317,15 @@ def test_a_magnetometer_that_hangs_is_set_up_again() -> None:
     assert "no sample for 0.5 s" in silent.reason  # type: ignore[union-attr]
 
 
+def test_a_magnetometer_that_pauses_now_and_then_is_heard() -> None:
+    mag = Ak09916(Correction())
+    rehearse(mag.configure(), SET_UP)
+    for turn in range(10):
+        block = bytes(9) if turn % 2 else b"\x01" + struct.pack("<3h", turn, 0, 50) + bytes(2)
+        outputs = rehearse(mag.read(after(START, 0.3 * turn)), [(BLOCK, block)])
+        assert [type(one) for one in outputs] == ([] if turn % 2 else [Stamped])
+
+
 def test_a_turn_between_two_fields_that_lie_far_apart_is_believed() -> None:
     for span_s, believed in ((0.04, False), (0.2, True)):
         mag = Ak09916(Correction())

@@ -111,6 +111,13 @@ def test_orders_are_given_one_by_one_and_proved() -> None:
     assert driver.round_trip_s == 0.0
 
 
+def test_a_setting_is_followed_by_a_question_for_it_unless_pings_tell_or_nothing_does() -> None:
+    for continuous, number in ((True, protocol.CONTINUOUS_START), (False, protocol.CONTINUOUS_STOP)):
+        *others, last = device_settings(Ping1dKnobs(continuous=continuous))
+        assert last.frames == encode(number, struct.pack("<H", protocol.PROFILE))
+        assert all(one.frames == encode(one.message, one.payload) + request(one.proof) for one in others)
+
+
 def test_range_and_gain_are_ordered_by_hand_only() -> None:
     by_hand = Ping1dKnobs(mode_auto=False, range_start_m=0.1, range_length_m=5.0, gain=3)
     frames = b"".join(order.frames for order in device_settings(by_hand))

@@ -139,8 +139,9 @@ def test_in_progress_is_no_refusal_and_is_waited_for() -> None:
 def test_an_answer_to_another_host_is_not_ours() -> None:
     device = ready()
     device.arm(at(0.0))
-    assert heard(device, CommandAck(400, 4, 255, 190), 0.1) == []
-    assert device.asking
+    for system, component in ((255, 190), (1, 190), (255, 191)):
+        assert heard(device, CommandAck(400, 4, system, component), 0.1) == []
+        assert device.asking
     assert heard(device, CommandAck(400, 0, 1, 191), 0.1) == []
     assert device.armed
 

@@ -48,6 +48,7 @@ def test_the_coefficients_that_share_a_byte() -> None:
     assert found.t == tuple(SHEET["t"])
     assert found.p == tuple(SHEET["p"])
     assert found.h == (75, *CASES["shared_byte"]["h"])
+    assert calibration_of(LOW, b"") == Calibration(found.t, found.p, ()), "a BMP280"
 
 
 def test_the_conversation() -> None:

@@ -9,7 +9,7 @@ import yaml
 from hindrax_core.bus_operations import DeviceError, Read, Write
 from hindrax_core.events import Rejected, Stamp
 from hindrax_core.testing import rehearse
-from hindrax_drivers.devices.sos_leak import SosLeak, SosLeakKnobs
+from hindrax_drivers.devices.sos_leak import RESTLESS_LOOKS, SosLeak, SosLeakKnobs
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
 LINE = CASES["line"]
@@ -45,5 +45,7 @@ def test_a_splash_of_noise_is_no_leak_and_water_is() -> None:
 
 
 def test_a_line_that_never_rests_is_no_probe() -> None:
+    sensor, patience = configured(), RESTLESS_LOOKS + 3
+    looks(sensor, (patience * "01")[:patience])
     with pytest.raises(DeviceError, match="line 27: changes all the time"):
-        looks(configured(), 20 * "01")
+        looks(sensor, str(patience % 2))
