@@ -262,6 +262,25 @@ def test_a_bag_that_has_used_its_budget_does_not_go_on_for_want_of_room_before(t
     bag.close()
 
 
+def test_what_is_to_outlast_a_power_cut_is_given_to_the_disk_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag, synced, fsync = writer(tmp_path / "bag"), list[int](), os.fsync
+
+    def watched(descriptor: int) -> None:
+        fsync(descriptor)
+        if Path(f"/proc/self/fd/{descriptor}").readlink() == bag.path:
+            synced.append(os.fstat(descriptor).st_size)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    _record(bag, 1)
+    assert synced == []
+    bag.flush(sync=True)
+    assert synced == [bag.path.stat().st_size]
+    bag.close()
+    assert synced[1:] == [bag.path.stat().st_size]
+
+
 def test_a_disk_that_refuses_the_end_of_a_file_is_told_and_what_was_flushed_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
