@@ -1,0 +1,36 @@
+"""Files of a bag: their order, whether they are whole, what their channels are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mcap.records import Channel as ChannelRecord
+from mcap.records import Schema
+
+from hindrax_bag.bag_index import channel_of, is_whole, parts
+from hindrax_core.topics import IMU, Quality, resolved
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+@pytest.mark.parametrize(("data", "whole"), [(b"", False), (MAGIC[:5], False), (MAGIC, True), (b"x" + MAGIC, True)])
+def test_a_whole_file_ends_with_the_magic_bytes(tmp_path: Path, data: bytes, whole: bool) -> None:
+    (tmp_path / "bag_0.mcap").write_bytes(data)
+    assert is_whole(tmp_path / "bag_0.mcap") is whole
+
+
+def test_files_are_in_the_order_of_their_numbers_and_one_without_comes_first(tmp_path: Path) -> None:
+    names = ["old.mcap", "bag_2.mcap", "bag_10.mcap"]
+    for name in reversed(names):
+        (tmp_path / name).write_bytes(b"")
+    assert [one.name for one in parts(tmp_path)] == names
+
+
+def test_a_channel_that_tells_nothing_has_no_type_and_the_quality_of_our_table() -> None:
+    record = ChannelRecord(id=1, topic="/somebody/else", message_encoding="cdr", metadata={}, schema_id=0)
+    found = channel_of(record, None)
+    assert (found.type, found.offered, found.type_hash) == ("", (Quality(),), "")
+    ours = ChannelRecord(id=2, topic=resolved(IMU), message_encoding="cdr", metadata={}, schema_id=1)
+    found = channel_of(ours, Schema(id=1, name="sensor_msgs/msg/Imu", encoding="ros2msg", data=b""))
+    assert (found.type, found.offered) == ("sensor_msgs/msg/Imu", (IMU.quality,))
