@@ -257,6 +257,8 @@ def test_the_pulse_is_felt_while_it_beats(tmp_path: Path) -> None:
         assert stacks_well(path.parent, at_s + 1.0) == (True, "up")
         dead = f"process {os.getpid()}: no pulse for 60 s; end it and start it again"
         assert stacks_well(path.parent, at_s + 60.0) == (False, dead)
+        beating.beat("too soon", {})
+        assert stacks_well(path.parent, at_s + 1.0) == (True, "up")
         beating._next_s = 0.0
         beating.beat("up", {"pilot": "", "dvl75": "silence"})
         assert stacks_well(path.parent, at_s + 1.0) == (False, "dvl75: silence")

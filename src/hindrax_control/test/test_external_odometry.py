@@ -94,6 +94,9 @@ def test_a_position_that_becomes_known_where_it_began_is_no_jump() -> None:
     flight.step(replace(LEVEL, position_m=(math.nan, math.nan)))
     flight.step(LEVEL)
     assert flight.odometry.breaks == 0
+    flight.step(replace(LEVEL, position_m=(math.nan, math.nan)))
+    flight.step(replace(LEVEL, position_m=(5.0, 0.0)))
+    assert flight.odometry.breaks == 1
 
 
 def test_a_late_one_is_refused_and_what_comes_too_often_is_left_out() -> None:
