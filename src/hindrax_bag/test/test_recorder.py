@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import select
 import signal
 import subprocess
 import sys
@@ -29,6 +29,7 @@ from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.read.recovery import recover
 from hindrax_bag.software_version import software_version
 from hindrax_bag.write.publication_gaps import PublicationGaps
+from hindrax_bringup.stack import environment
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import JOYSTICK, SENSOR, Quality, resolved
 
@@ -96,7 +97,9 @@ class Rig:
         self.bag = folder / "bag"
         parameters = folder / "parameters.yaml"
         parameters.write_text("/**:\n  ros__parameters:\n    notes: a test\n")
-        self.environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+        self.environment = environment(
+            mock=True, domain=domain
+        )  # no shared memory: what the killed leave there hangs others
         words = ["--ros-args", "--params-file", str(parameters), "-p", f"bag:={self.bag}", "--", str(folder / "stuck")]
         self._start = partial(subprocess.Popen, [sys.executable, *recorder, *words], env=self.environment)
         self.recorder = self._start()
@@ -126,6 +129,8 @@ class Rig:
 
     def published(self) -> list[bytes]:
         """What was published of an order, once it is done."""
+        ready, _, _ = select.select([self._answers], (), (), PATIENT_S)
+        assert ready, "the publisher hangs"
         return [bytes.fromhex(word) for word in self._answers.readline().split()]
 
     def end(self, number: int) -> None:
