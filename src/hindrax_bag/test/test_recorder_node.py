@@ -30,7 +30,6 @@ from hindrax_bag.bag_index import is_whole
 from hindrax_bag.nodes.recorder import QUEUE, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.software_version import software_version
-from hindrax_bringup.stack import environment
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import DIAGNOSTICS, IMU, LIGHTS, NAMESPACE, ROSOUT, STATE, THRUSTER_COMMAND, Topic, resolved
 from hindrax_ros.batched_node import SpinLoop, events_executor
@@ -98,8 +97,8 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path, ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Bench]]:
-    for key, value in environment(mock=True, domain=ros_domain).items():
-        monkeypatch.setenv(key, value)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     monkeypatch.setattr(sys, "argv", ["recorder"])
     made: list[Bench] = []
 
