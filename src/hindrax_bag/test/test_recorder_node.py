@@ -116,7 +116,8 @@ def told(status: DiagnosticStatus) -> dict[str, str]:
 
 
 def said_by(bench: Bench) -> list[str]:
-    """What is in the bag of the log."""
+    """What is in the bag of the log, which the recorder finds in the graph like any other topic."""
+    bench.report()
     return [one.decoded().msg for one in bench.recorded(ROSOUT)]
 
 
