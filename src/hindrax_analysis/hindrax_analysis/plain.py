@@ -9,6 +9,8 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
+from hindrax_core.screen_text import print_fitted, print_whole
+
 
 def plain(value: object) -> object:
     """Dataclasses become mappings, arrays and tuples lists, numpy numbers Python's; non-finite numbers None."""
@@ -27,7 +29,7 @@ def plain(value: object) -> object:
 
 def print_json(document: Mapping[str, object] | object) -> None:
     """Print one JSON document; non-finite numbers are null."""
-    print(json.dumps(plain(document), indent=2, allow_nan=False))
+    print_whole(json.dumps(plain(document), indent=2, allow_nan=False))
 
 
 def print_answer(document: Mapping[str, object] | object, said: object, *, as_json: bool) -> None:
@@ -35,4 +37,4 @@ def print_answer(document: Mapping[str, object] | object, said: object, *, as_js
     if as_json:
         print_json(document)
     else:
-        print(said)
+        print_fitted(said)

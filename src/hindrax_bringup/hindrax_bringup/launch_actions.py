@@ -24,6 +24,7 @@ from hindrax_bringup.stack import stack_environment
 from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
 from hindrax_bringup.tether import tether_setting
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
@@ -83,7 +84,7 @@ def stack(
             more=remaps or {},
         )
         for sentence in options.strange_blocks():
-            print(sentence, file=sys.stderr)
+            print_fitted(sentence, sys.stderr)
         file = _parameter_file(options)
         _announce(options, made)
         chosen = [one for one in options.processes if one in onboard or one not in ONBOARD]

@@ -25,6 +25,7 @@ from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros import stack_time
 
@@ -84,7 +85,7 @@ class Stack:
             self.mock_facts if mock is not None else None,
         )
         for sentence in options.strange_blocks():
-            print(sentence, file=sys.stderr)
+            print_fitted(sentence, sys.stderr)
         words = write_parameters(self.folder, options.parameters())
         for process in options.processes if onboard is None else onboard:
             self.supervisor.start(process, [*words, *options.arguments(process)])

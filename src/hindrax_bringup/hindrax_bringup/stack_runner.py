@@ -23,6 +23,7 @@ from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, sta
 from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.stack_time import STEP_S, StackTime
 
@@ -82,7 +83,7 @@ def _run(options: UpOptions, run: int, domain: int | None, over: Callable[[], bo
         stack.start(options.mock, record=options.record, without_operator=without_operator)
         presence = presence_of(stack)
         with announced(presence):
-            print(startup_text(presence, folder, record=options.record), flush=True)
+            print_fitted(startup_text(presence, folder, record=options.record))
             clock = ClockStep(StackTime.of(made))
             _look_after(supervisor, lambda: over() or clock.followed(), options.tether, address, beating)
         report("ending; the thrusters go neutral and disarm")
@@ -168,16 +169,16 @@ def asked_to_end() -> Iterator[Callable[[], bool]]:
 
 def report(sentence: str) -> None:
     """One line to the operator; stdout is for what scripts may want."""
-    print(sentence, file=sys.stderr, flush=True)
+    print_fitted(sentence, sys.stderr)
 
 
 def startup_text(presence: StackLock, folder: RunFolder, *, record: bool) -> str:
     """Return how to reach the stack."""
-    settings = " ".join(f"{key}={value}" for key, value in sorted(presence.graph.items()) if _shown(key))
     lines = [
         f"up: {presence.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",
-        f"  with ROS 2 tools:  export {settings}",
+        "  with ROS 2 tools:",
+        *(f"    export {key}={value}" for key, value in sorted(presence.graph.items()) if _shown(key)),
         f"  processes:         {', '.join(process.name for process in ONBOARD)}; logs in {folder.logs}",
     ]
     lines += [f"  bag:               {folder.bag}"] if record else []

@@ -29,6 +29,7 @@ from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_ros.heartbeat import VARIABLE, beaten_s
 
 PATIENCE_S = (5.0, 2.0, 2.0)
@@ -117,7 +118,7 @@ class Supervisor:
                     return self.fork_server.start(process.module, arguments, variables, outputs, pipe=pipe)
                 except NoAnswerError as error:
                     self.fork_server = None
-                    print(f"fork server: {error}; processes start without it", file=sys.stderr, flush=True)
+                    print_fitted(f"fork server: {error}; processes start without it", sys.stderr)
             return subprocess.Popen(  # noqa: S603  # our own interpreter and our own modules
                 [sys.executable, "-m", process.module, *arguments],
                 stdin=subprocess.DEVNULL,
@@ -226,7 +227,7 @@ class Supervisor:
         try:
             if all(one.handle.poll() is None for one in hardware):  # without a mock there is no wire either
                 for sentence in filter(None, map(self._secure, vehicle)):
-                    print(sentence, file=sys.stderr, flush=True)
+                    print_fitted(sentence, sys.stderr)
         finally:
             _end(hardware)
             if self.fork_server is not None:

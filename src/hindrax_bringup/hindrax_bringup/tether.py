@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 
 SETTING = "HINDRAX_TETHER"
 INTERFACES = Path("/sys/class/net")
@@ -140,7 +141,7 @@ def main() -> int:
     """Wait for the tether that this terminal names, for launch files."""
     tether = tether_setting()
     if tether is not None:
-        wait_for_address(tether, FOREVER_S, lambda: False, lambda sentence: print(sentence, file=sys.stderr))
+        wait_for_address(tether, FOREVER_S, lambda: False, lambda sentence: print_fitted(sentence, sys.stderr))
     return 0
 
 

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hindrax_analysis.screen_text import screen_width
 from hindrax_cli import command_line as cli
 from hindrax_cli import command_page
+from hindrax_core.screen_text import print_whole, screen_width
 
 
 def main(root: Path, words: Sequence[str]) -> int:
@@ -19,5 +19,5 @@ def main(root: Path, words: Sequence[str]) -> int:
     text = command_page.help_of(command_page.page_of(root), asked, screen_width(sys.stdout))
     if text is None:
         return cli.main(words)
-    print(text, end="")
+    print_whole(text, end="")
     return 0

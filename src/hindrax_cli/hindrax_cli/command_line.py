@@ -17,10 +17,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn, Protocol
 
-from hindrax_analysis.screen_text import fitted, fitted_description, print_fitted, screen_width
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
+from hindrax_core.screen_text import fitted, fitted_description, print_fitted, screen_width
 
 GROUPS = {
     "pool": ("the main job", ("pool-test", "report", "export")),
@@ -114,7 +114,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
     except KeyboardInterrupt:  # a command stops by itself; this is for what it imports
-        print("hindrax: stopped by Ctrl-C", file=sys.stderr)
+        print_fitted("hindrax: stopped by Ctrl-C", sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader closed the pipe; do not flush the rest into it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -127,11 +127,13 @@ def _main(words: list[str]) -> int:
         print_overview()
         return 0 if words else 2
     if words[0] == "--version":
-        print(software_version())
+        print_fitted(software_version())
         return 0
     known = {name.replace("_", "-"): name for name in module_names()}
     if words[0] not in known:
-        print(f"hindrax: no command {words[0]!r}{meant(words[0], known)}; ./hindrax --help lists all", file=sys.stderr)
+        print_fitted(
+            f"hindrax: no command {words[0]!r}{meant(words[0], known)}; ./hindrax --help lists all", sys.stderr
+        )
         return UsageError.exit_code
     return run_command(load(known[words[0]]), words[1:])
 
@@ -160,19 +162,19 @@ def run_command(command: ModuleType, words: list[str]) -> int:
         print_fitted(f"hindrax {command.NAME}: {why}", sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print(f"hindrax {command.NAME}: stopped by Ctrl-C", file=sys.stderr)
+        print_fitted(f"hindrax {command.NAME}: stopped by Ctrl-C", sys.stderr)
         return INTERRUPTED
 
 
 def print_overview() -> None:
     """Print every command with its one line of help."""
-    print("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)")
+    print_fitted("usage: ./hindrax COMMAND [OPTIONS]   (./hindrax COMMAND --help shows an example)")
     width = screen_width(sys.stdout)
     for title, names in grouped():
-        print(f"\n{title}")
+        print_fitted(f"\n{title}")
         for name in names:
-            print(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
-    print("\n./hindrax --version says which software this is")
+            print_fitted(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
+    print_fitted("\n./hindrax --version says which software this is")
     print_fitted("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
 
 

@@ -16,6 +16,7 @@ from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 
@@ -113,4 +114,4 @@ def save_plot(path: Path | None, name: str, *data: Any) -> None:
         figure.savefig(path)
     except OSError as error:
         raise UsageError(f"--plot {path}: cannot be written ({error})") from error
-    print(f"plot: {path}", file=sys.stderr)
+    print_fitted(f"plot: {path}", sys.stderr)

@@ -12,6 +12,7 @@ from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.aim import Aim, check_experiment
@@ -30,7 +31,7 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     vehicle, world = load_vehicle(Path(arguments.vehicle)), arguments.world or POOL
     sizes_of(world, arguments.seed)
     servable = motions_to_fly(arguments.dof, vehicle)
-    print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
+    print_fitted(f"{vehicle.name} {servable}", sys.stderr)
     if aim is not None:
         check_experiment(servable.flown, aim)
     with working("rehearsing in lock-step"):
@@ -42,9 +43,9 @@ def rehearse_and_show(arguments: argparse.Namespace, aim: Aim | None) -> int:
     else:
         show(found)
     if found.ended and not arguments.json:
-        print(f"ended: {found.ended}")
+        print_fitted(f"ended: {found.ended}")
     if found.aborted:
-        print(f"aborted by {found.aborted}", file=sys.stderr)
+        print_fitted(f"aborted by {found.aborted}", sys.stderr)
     return 1 if found.aborted else 0
 
 
@@ -53,28 +54,30 @@ def predicted_of(arguments: argparse.Namespace, aim: Aim) -> Mapping[str, float]
     vehicle = load_vehicle(Path(arguments.vehicle))
     motions = motions_to_fly(arguments.dof, vehicle).flown
     check_experiment(motions, aim)
-    print("rehearsing in lock-step what to expect", file=sys.stderr, flush=True)
+    print_fitted("rehearsing in lock-step what to expect", sys.stderr)
     with working("rehearsing"):
         found = rehearse(motions, arguments.seed, vehicle=vehicle, aim=aim)
     bands = {motion: band.calibrated for motion, band in found.bands.items() if math.isfinite(band.calibrated)}
     told = ", ".join(f"{motion} {share:.1%}" for motion, share in bands.items())
     ended = f"aborted by {found.aborted}" if found.aborted else found.ended
     text = f"predicted: {found.seconds:.0f} s in the water; deviation of the drag at the highest speed: {told}; {ended}"
-    print(text, file=sys.stderr, flush=True)
+    print_fitted(text, sys.stderr)
     return bands
 
 
 def show(found: Rehearsal) -> None:
     """Print plan, timetable and bands."""
     for plan in found.plans:
-        print(plan)
+        print_fitted(plan)
     numbers = ("from [s]", "to [s]", "wall [m]", "floor [m]", "charge [Ah]")
     table = make_table(f"Timetable of {found.vehicle} in the world {found.world}", ("motion",), numbers)
     for one in found.flown:
         cells = (one.wall_m, one.floor_m, one.charge_Ah)
         table.add_row(one.motion, f"{one.begin_s:.0f}", f"{one.end_s:.0f}", *(f"{cell:.2f}" for cell in cells))
     print_table(table)
-    print(f"{found.seconds:.0f} s in the water; the thrusters draw {found.charge_Ah:.2f} Ah (by momentum theory)")
+    print_fitted(
+        f"{found.seconds:.0f} s in the water; the thrusters draw {found.charge_Ah:.2f} Ah (by momentum theory)"
+    )
     bands = make_table(
         "Standard deviations to be expected: of the drag at the highest speed, and of the added mass",
         ("motion",),

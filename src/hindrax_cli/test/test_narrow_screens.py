@@ -9,11 +9,11 @@ import pytest
 from rich.console import Console
 
 from hindrax_analysis import terminal
-from hindrax_analysis.screen_text import UNBOUNDED
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_line import main, modules
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.health_checks.check import bad, good
+from hindrax_core.screen_text import UNBOUNDED
 
 BAGS = clone_root() / "test" / "replay" / "bags"
 COMMANDS = {

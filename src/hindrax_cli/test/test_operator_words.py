@@ -26,6 +26,7 @@ from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import hold, lights, recentre, wrench
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of
@@ -314,6 +315,20 @@ def test_up_says_how_to_reach_it(tmp_path: Path) -> None:
     assert "export ROS_DOMAIN_ID=7\n" in said
     assert str(tmp_path / "bag") in said
     assert "bag" not in startup_text(presence, RunFolder(Path("x")), record=False)
+
+
+def test_settings_of_up_can_be_copied_from_a_narrow_screen() -> None:
+    settings = {
+        "ROS_DOMAIN_ID": "117",
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": "/run/user/1000/hindrax/tether-of-some-length/eth0/profiles.xml",
+    }
+    said = startup_text(StackLock(5, True, "v", "f", settings), RunFolder(Path("x")), record=True)
+    lines = fitted(said, 60).splitlines()
+    for key, value in settings.items():
+        assert f"export {key}={value}" in [line.strip() for line in lines]
+    assert all(len(line) <= 60 for line in lines if "PROFILES" not in line)
 
 
 def test_a_signal_is_noted_and_interrupts_nothing() -> None:

@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
 from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros.stack_time import StackTime
 
@@ -77,7 +77,7 @@ def joined(
 def _graph_of_this_terminal() -> dict[str, str]:
     tether = tether_setting()
     if tether is not None:
-        wait_for_address(tether, TETHER_S, lambda: False, lambda sentence: print(sentence, file=sys.stderr))
+        wait_for_address(tether, TETHER_S, lambda: False, lambda sentence: print_fitted(sentence, sys.stderr))
     return environment(mock=False, domain=None, tether=tether)
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hindrax_analysis.plain import print_json
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
@@ -26,6 +25,7 @@ from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress
@@ -139,20 +139,22 @@ def planned(vehicle: Vehicle, options: PoolOptions) -> list[str]:
 def finish(identified: IdentifiedBag, folder: RunFolder, flight: FlownManeuver) -> None:
     """Print how a run went, below its results."""
     if flight.aborted:
-        print(f"aborted by {flight.aborted}", file=sys.stderr)
+        print_fitted(f"aborted by {flight.aborted}", sys.stderr)
         for line in flight.node_problems:
-            print(f"  {line}", file=sys.stderr)
+            print_fitted(f"  {line}", sys.stderr)
         if not identified.results.motions:
-            print("nothing was flown: there is no data, so there are no coefficients", file=sys.stderr)
+            print_fitted("nothing was flown: there is no data, so there are no coefficients", sys.stderr)
     if world := flight.facts.get("world"):
         units = flight.facts["world_units"]
         sizes = (f"{name} {size:.3g} {units[name]}".removesuffix(" -") for name, size in world.items())
         print_fitted(f"the mock's world: {', '.join(sizes)}")
     if flight.facts.get("wall_hits"):
-        print(f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", file=sys.stderr)
-    print(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
+        print_fitted(
+            f"the mock vehicle ran into a wall of its pool (contacts: {flight.facts['wall_hits']})", sys.stderr
+        )
+    print_fitted(f"flown at {flight.real_time_factor:.1f} times real time ({flight.vehicle_s:.0f} s of vehicle time)")
     for path in (folder.report, folder.coefficients, folder.bag):
-        print(f"  {path}")
+        print_fitted(f"  {path}")
 
 
 def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: Progress) -> FlownManeuver:

@@ -12,9 +12,9 @@ from rich.live import Live
 from rich.table import Table
 
 from hindrax_analysis.digits import measured
-from hindrax_analysis.screen_text import fitted, screen_width
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
+from hindrax_core.screen_text import fitted, screen_width
 from hindrax_core.signals import Estimate
 
 REFRESH_S = 0.2

@@ -15,10 +15,10 @@ from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of
 from hindrax_analysis.report.published import CITATION, PAPER
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import DragBand, MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS
@@ -88,7 +88,7 @@ def show(identified: IdentifiedBag) -> None:
         for warning in result.warnings:
             print_fitted(f"{motion}: {warning}")
         if not result.identifiable:
-            print(f"{motion}: not identifiable")
+            print_fitted(f"{motion}: not identifiable")
             for reason in result.reasons:
                 print_fitted(f"  {reason}")
             if result.drag is not None:

@@ -22,6 +22,7 @@ from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonit
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.stamp_window import TIMELESS, order_window
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm
@@ -75,7 +76,7 @@ class SafetyMonitor(BatchedNode):
 
     def report(self, sentence: str) -> None:
         """Write a sentence for the operator."""
-        print(sentence, file=sys.stderr, flush=True)
+        print_fitted(sentence, sys.stderr)
 
     def drain(self) -> None:
         """Read what waits; then the list that came before the time was known."""

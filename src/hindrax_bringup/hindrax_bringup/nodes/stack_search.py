@@ -8,6 +8,8 @@ import time
 
 import rclpy
 
+from hindrax_core.screen_text import print_whole
+
 STACK_NODES = ("thrusters", "pilot")
 LOOK_S = 1.5
 """Longest wait for these nodes; participants announce themselves every 0.1 s to a new one."""
@@ -29,4 +31,4 @@ def stack_nodes(space: str) -> list[str]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(stack_nodes(sys.argv[1])))
+    print_whole(json.dumps(stack_nodes(sys.argv[1])))

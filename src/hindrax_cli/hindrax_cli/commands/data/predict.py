@@ -20,6 +20,7 @@ from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction
 
@@ -100,4 +101,4 @@ def _show(found: list[Prediction], reasons: list[str], window_s: float) -> None:
         table.add_row(AXES[one.axis], str(one.windows), *(f"{error:.3g}" for error in one.errors.values()), one.unit)
     print_table(table)
     for reason in reasons:
-        print(f"left out: {reason}")
+        print_fitted(f"left out: {reason}")

@@ -12,6 +12,7 @@ from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_ru
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_replay.bag_replay import Replayed, replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
@@ -74,7 +75,7 @@ def _reference_bags() -> list[Path]:
 
 
 def _one(bag: Path, arguments: argparse.Namespace) -> Replayed:
-    print(f"replaying {bag} ...", file=sys.stderr, flush=True)
+    print_fitted(f"replaying {bag} ...", sys.stderr)
     with working("comparing with the record"):
         return _replayed(bag, arguments)
 
@@ -109,9 +110,9 @@ def _update(replayed: Replayed, file: Path) -> None:
         )
         check_reference(changes, file)
         found = changes.ledger.differences()
-        print(f"{file.name}: {len(found)} fields changed", file=sys.stderr)
+        print_fitted(f"{file.name}: {len(found)} fields changed", sys.stderr)
         for one in found:
-            print(f"  {one.sentence(replayed.begin)}", file=sys.stderr)
+            print_fitted(f"  {one.sentence(replayed.begin)}", sys.stderr)
         if not found:
             return
     write_reference(replayed, file)
@@ -121,11 +122,11 @@ def _show(done: list[Replayed], factor: float) -> None:
     for one in done:
         found = one.ledger.differences()
         verdict = f"{len(found)} fields differ" if found else "no difference"
-        print(f"{one.bag}: {one.ledger.fields_compared} fields compared, {verdict}")
+        print_fitted(f"{one.bag}: {one.ledger.fields_compared} fields compared, {verdict}")
         for sentence in one.ledger.explanations():
-            print(f"  {sentence}")
+            print_fitted(f"  {sentence}")
         for difference in found[:SHOWN]:
-            print(f"  {difference.sentence(one.begin)}")
+            print_fitted(f"  {difference.sentence(one.begin)}")
         if len(found) > SHOWN:
-            print(f"  and {len(found) - SHOWN} more; --json lists them")
-    print(f"replayed at {factor:.0f} times real time")
+            print_fitted(f"  and {len(found) - SHOWN} more; --json lists them")
+    print_fitted(f"replayed at {factor:.0f} times real time")

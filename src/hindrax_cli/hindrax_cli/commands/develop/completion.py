@@ -6,6 +6,7 @@ import argparse
 
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_page import SHELLS, completion, page_of
+from hindrax_core.screen_text import print_whole
 
 NAME = "completion"
 HELP = "print the completion of commands and options for a shell; its first line says where to keep it"
@@ -19,5 +20,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the script."""
-    print(completion(page_of(clone_root()), arguments.shell), end="")
+    print_whole(completion(page_of(clone_root()), arguments.shell), end="")
     return 0

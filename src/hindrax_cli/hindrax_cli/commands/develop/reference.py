@@ -11,6 +11,7 @@ from hindrax_bringup.clone import clone_root, developer_module
 from hindrax_bringup.security import policies
 from hindrax_bringup.share_files import share_folder
 from hindrax_core.errors import HindraxError
+from hindrax_core.screen_text import print_fitted
 
 NAME = "reference"
 HELP = "write the reference pages in docs/reference from the code, or check that they are up to date"
@@ -38,14 +39,14 @@ def run(arguments: argparse.Namespace) -> int:
     folder = arguments.out or docs / "reference"
     if arguments.write:
         for name in reference.write(folder):
-            print(folder / name)
+            print_fitted(folder / name)
         if arguments.out is None:
             _write_policies(share_folder("security") / "policies.xml")
         return 0
     stale = reference.stale(folder)
     if stale:
         raise HindraxError(f"{folder}: stale are {', '.join(stale)}; `{reference.COMMAND}` writes them")
-    print(f"{folder}: up to date", file=sys.stderr)
+    print_fitted(f"{folder}: up to date", sys.stderr)
     return 0
 
 
@@ -54,7 +55,7 @@ def _write_policies(file: Path) -> None:
     text = policies()
     if file.read_text(encoding="utf-8") != text:
         file.write_text(text, encoding="utf-8")
-        print(file.resolve())
+        print_fitted(file.resolve())
 
 
 def _draw(folder: Path, *, again: bool) -> int:
@@ -64,10 +65,10 @@ def _draw(folder: Path, *, again: bool) -> int:
         flights = developer_module("reference.flights")
         flown = []
         for flight in flights.FLIGHTS:
-            print(f"flying {flight}", file=sys.stderr)
+            print_fitted(f"flying {flight}", sys.stderr)
             flown.append(flights.flown(flight))
         kept = [flown[0], *({key: one[key] for key in one if key != "online"} for one in flown[1:])]
         (folder / figures.FLIGHTS_FILE).write_text(json.dumps(kept) + "\n", encoding="utf-8")
     for file in figures.draw(folder):
-        print(file)
+        print_fitted(file)
     return 0

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted, print_whole
 
 NAME = "test"
 HELP = "all checks and tests, on all cores; with arguments only pytest, with those"
@@ -46,21 +47,21 @@ def run(arguments: argparse.Namespace) -> int:
         return 0 if good("tests", [*PYTEST, *words], root) else 1
     passed = [good(name, command, root) for name, command in QUICK]
     with tempfile.TemporaryFile("w+") as said:
-        print("== types: checked beside the tests", flush=True)
+        print_fitted("== types: checked beside the tests")
         types = subprocess.Popen(TYPES, cwd=root, stdin=subprocess.DEVNULL, stdout=said, stderr=said)  # noqa: S603  # our own command
         passed.append(good("tests", ALL, root))
         passed.append(code_of(types) == 0)
         said.seek(0)
-        print(f"{said.read()}== types: {'good' if passed[-1] else 'FAILED'}", flush=True)
+        print_whole(f"{said.read()}== types: {'good' if passed[-1] else 'FAILED'}")
     return 0 if all(passed) else 1
 
 
 def good(name: str, command: list[str], root: Path) -> bool:
     """Run one check to its end, and say how it went."""
     begin = time.monotonic()
-    print(f"== {name}", flush=True)
+    print_fitted(f"== {name}")
     code = code_of(subprocess.Popen(command, cwd=root, stdin=subprocess.DEVNULL))  # noqa: S603  # our own commands
-    print(f"== {name}: {'good' if code == 0 else 'FAILED'} ({time.monotonic() - begin:.0f} s)", flush=True)
+    print_fitted(f"== {name}: {'good' if code == 0 else 'FAILED'} ({time.monotonic() - begin:.0f} s)")
     return code == 0
 
 

@@ -16,6 +16,7 @@ from hindrax_cli.experiment_command import add_output, add_record, read_record, 
 from hindrax_core.curves.curve_branches import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
+from hindrax_core.screen_text import print_fitted
 
 NAME = "bollard"
 HELP = "thrust curve from a bollard-pull sweep, with the block for the vehicle file"
@@ -84,19 +85,19 @@ def print_curve(arguments: argparse.Namespace, curve: BollardCurve, block: str) 
     for direction, name in ((curve.negative, "negative"), (curve.positive, "positive")):
         if not direction.monotone:
             low, high = direction.monotone_from_us, direction.monotone_to_us
-            print(f"warning: the {name} cubic rises only from {low:.0f} to {high:.0f} us", file=sys.stderr)
+            print_fitted(f"warning: the {name} cubic rises only from {low:.0f} to {high:.0f} us", sys.stderr)
     if arguments.json:
         print_json({"curve": curve, "block": block})
     else:
         show(curve)
-        print(block, end="")
+        print_fitted(block, end="")  # a list that goes on below is YAML still
 
 
 def show(curve: BollardCurve) -> None:
     """Print both directions."""
     for name, direction in (("negative", curve.negative), ("positive", curve.positive)):
         print_values(f"{name}: {direction.from_us:.0f} to {direction.to_us:.0f} us", _rows(direction))
-    print(f"gain deviation at full thrust: {100.0 * curve.gain_sigma:.2f} %")
+    print_fitted(f"gain deviation at full thrust: {100.0 * curve.gain_sigma:.2f} %")
 
 
 def _rows(direction: Direction) -> list[tuple[str, object, str]]:

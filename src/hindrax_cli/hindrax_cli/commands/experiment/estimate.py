@@ -8,11 +8,11 @@ import sys
 from hindrax_analysis.experiments.estimate import Dimensions, EmpiricalModel, empirical, hydrodynamics_of
 from hindrax_analysis.exports.vehicle_block import block_text
 from hindrax_analysis.plain import print_json
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
 
 NAME = "estimate"
@@ -50,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(model)
     else:
         show(model)
-        print(f"\nfor the vehicle file (prior of plans, truth of the mock):\n\n{block_text(hydrodynamics_of(model))}")
+        print_fitted("\nfor the vehicle file (prior of plans, truth of the mock):\n")
+        print_whole(block_text(hydrodynamics_of(model)))
     return 0
 
 
@@ -97,4 +98,6 @@ def show(model: EmpiricalModel) -> None:
             values += [model.inertia_kgm2[index - 3]] if title == "rotation" else []
             table.add_row(AXES[index], *(f"{value:.3g}" for value in values))
         print_table(table)
-    print(f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}")
+    print_fitted(
+        f"scale from two to three dimensions: added mass {model.scale_added_mass:.3f}, drag {model.scale_drag:.3f}"
+    )

@@ -9,6 +9,7 @@ from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import GRAVITY_mps2
 
 NAME = "pendulum"
@@ -60,4 +61,4 @@ def show(fit: PendulumFit) -> None:
             ("gamma", found.gamma, ""),
         ]
         print_values(title, rows)
-    print(f"{fit.samples} samples, residual {1e3 * fit.residual_rad:.3g} mrad")
+    print_fitted(f"{fit.samples} samples, residual {1e3 * fit.residual_rad:.3g} mrad")

@@ -23,6 +23,7 @@ from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of
 
@@ -87,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         show(found)
         where = f"thrust_gain.{arguments.axis} of {arguments.vehicle}"
-        print(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
+        print_fitted(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
     return 0
 
 
@@ -189,7 +190,7 @@ def show(found: Weighing) -> None:
         budget.add_row(name, f"{100.0 * part:.2f}")
     print_table(budget)
     if found.misfit > 3.0:
-        print(
+        print_fitted(
             f"warning: the holds contradict each other by {found.misfit:.1f} deviations; look at line and pulley",
-            file=sys.stderr,
+            sys.stderr,
         )

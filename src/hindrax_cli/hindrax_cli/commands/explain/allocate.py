@@ -11,6 +11,7 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, load_vehicle
 
@@ -78,4 +79,4 @@ def explain(names: tuple[str, ...], allocation: Allocation) -> None:
         axes.add_row(f"{axis} {symbol}", *(f"{value:z.3f}" for value in (wanted, achieved, missing)), lost)
     print_table(axes)
     for refusal in allocation.refused:
-        print(f"refused: {refusal}")
+        print_fitted(f"refused: {refusal}")

@@ -12,6 +12,7 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 
 NAME = "bench"
 HELP = "speed, each figure beside a peer in the same run"
@@ -38,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"no benchmark {unknown[0]!r}; there are {', '.join(names())}")
     rows: list[dict[str, Any]] = []
     for name in wanted:
-        print(f"measuring {name} ...", file=sys.stderr, flush=True)
+        print_fitted(f"measuring {name} ...", sys.stderr)
         rows += developer_module(f"benchmarks.{name}").rows()
     if arguments.json:
         print_json({"rows": rows})

@@ -10,6 +10,7 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 
 NAME = "faults"
 HELP = "every process and device fails in mock: how long until neutral"
@@ -46,5 +47,5 @@ def run(arguments: argparse.Namespace) -> int:
         shown.add_row(*row)
     print_table(shown)
     for sentence in violated:
-        print(f"violated: {sentence}")
+        print_fitted(f"violated: {sentence}")
     return int(bool(violated))

@@ -17,6 +17,7 @@ from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly
@@ -59,13 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     if vehicle.hydrodynamics is None:
         raise UsageError(f"{arguments.vehicle}: has no block `hydrodynamics`, wanted the truth to compare with")
     servable = motions_to_fly(arguments.dof, vehicle)
-    print(f"{vehicle.name} {servable}", file=sys.stderr, flush=True)
+    print_fitted(f"{vehicle.name} {servable}", sys.stderr)
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle, arguments.world) for seed in seeds]
     trials: list[Trial] = []
     for one in executor_for(arguments.cluster, arguments.workers).map(trial, jobs):
         trials.append(one)
-        print(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", file=sys.stderr, flush=True)
+        print_fitted(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", sys.stderr)
     document = summary(trials)
     if not document["cells"]:
         raise HindraxError(f"none of {len(trials)} runs gave a result: {trials[0].trouble}")
@@ -97,7 +98,7 @@ def show(document: dict[str, Any]) -> None:
         table.add_row(*_row(cell), *(_ratio(document["methods"][method], cell) for method in methods))
     print_table(table)
     low, high = document["ratio_by_chance"]
-    print(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
+    print_fitted(f"{document['runs']} runs at the bound give {low:.2f} to {high:.2f} by chance, 95 times in 100")
     title = "Drag force at shares of the tested speed: relative error, percent"
     drag = make_table(title, ("motion",), ("share", "bias", "RMSE", "in the calibrated 95 % band", "RMSE / band"))
     for row in document["drag"]:
@@ -107,7 +108,7 @@ def show(document: dict[str, Any]) -> None:
         drag.add_row(row["motion"], f"{row['share_of_speed']:.0%}", *percents, held, per_band)
     print_table(drag)
     for seed, trouble in document["troubles"].items():
-        print(f"seed {seed}: {trouble}")
+        print_fitted(f"seed {seed}: {trouble}")
 
 
 def _row(cell: dict[str, Any]) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.connection import joined
 
@@ -92,7 +93,7 @@ def of_stack(presence: StackLock) -> list[Check]:
 
 def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
     """Start the mock's devices without a stack, and ask them as real ones are asked."""
-    print("asking the devices of a mock vehicle", file=sys.stderr)
+    print_fitted("asking the devices of a mock vehicle", sys.stderr)
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
         folder = RunFolder(Path(place))
         shutil.copyfile(vehicle_file, folder.vehicle)
@@ -119,4 +120,4 @@ def show(checks: Sequence[Check]) -> None:
         table.add_row(mark, *([name, Group(*found)] if beside else [Group(name, *found)]))
     screen.print(table)
     wrong = sum(not check.ok for check in checks)
-    print(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks are well")
+    print_fitted(f"{wrong} of {len(checks)} checks found a problem" if wrong else f"all {len(checks)} checks are well")

@@ -15,6 +15,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line
@@ -190,7 +191,7 @@ class DvlConversation:
         return report | {"sent": True, "verified": not unverified, "unverified": unverified, "settings": settings}
 
     def _send(self, order: bytes) -> None:
-        print(f"sending {order.decode().strip()}", file=sys.stderr, flush=True)
+        print_fitted(f"sending {order.decode().strip()}", sys.stderr)
         self._port.send(Send(order))
         self._listen(FLASH_S)
         word, _, speed = order.decode().strip().partition(" ")

@@ -8,6 +8,7 @@ import time
 from hindrax_bringup.liveness import stacks_well
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError
+from hindrax_core.screen_text import print_fitted
 
 NAME = "health"
 HELP = "one line about every stack on this machine; exit 1 unless all are up and well (`doctor` finds out why)"
@@ -26,5 +27,5 @@ def run(_arguments: argparse.Namespace) -> int:
         raise HindraxError(f"no stack of this user can be up here: {error}") from error
     if not well:
         raise HindraxError(sentence)
-    print(sentence)
+    print_fitted(sentence)
     return 0

@@ -18,6 +18,7 @@ from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 NAME = "vehicle"
@@ -66,15 +67,15 @@ def new(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise UsageError(f"{out}: cannot be written ({error})") from error
     _show_checks(vehicle)
-    print(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
+    print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0
 
 
 def _line(prompt: str) -> str:
-    print(prompt, end="", file=sys.stderr, flush=True)
+    print_fitted(prompt, sys.stderr, end="")
     line = sys.stdin.readline()
     if not sys.stdin.isatty():
-        print(line.strip(), file=sys.stderr)
+        print_fitted(line.strip(), sys.stderr)
     return line
 
 
@@ -82,7 +83,7 @@ def _say_or_end(error: UsageError) -> None:
     """Tell a person, who is asked again; a script that answers wrongly ends."""
     if not sys.stdin.isatty():
         raise error
-    print(error, file=sys.stderr)
+    print_fitted(error, sys.stderr)
 
 
 def check(arguments: argparse.Namespace) -> int:
@@ -113,7 +114,7 @@ def show(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json(_document(vehicle, reach, reasons))
         return 0
-    print(picture(vehicle))
+    print_whole(picture(vehicle))
     table = make_table("Thrusters", ["name", "forward, starboard, down [m]"], ["points to [deg]", "force [N]"])
     for one, curve in zip(vehicle.thrusters, thrust_curves(vehicle), strict=True):
         low, high = curve.range_N

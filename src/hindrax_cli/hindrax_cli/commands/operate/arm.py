@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from hindrax_core.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "arm"
@@ -21,7 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Request arming and wait until the thrusters report it."""
     with operator_of(arguments) as operator:
         operator.wait_for_thrusters()
-        print("arming; keep hands off the thrusters", flush=True)
+        print_fitted("arming; keep hands off the thrusters")
         operator.arm(seconds=ARMING_S)
-        print(f"armed ({operator.thrusters.output}); `./hindrax stop` ends it at any time")
+        print_fitted(f"armed ({operator.thrusters.output}); `./hindrax stop` ends it at any time")
     return 0

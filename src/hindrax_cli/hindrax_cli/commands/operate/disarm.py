@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from hindrax_core.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "disarm"
@@ -20,5 +21,5 @@ def run(arguments: argparse.Namespace) -> int:
     """Request disarming and wait until the thrusters report it."""
     with operator_of(arguments) as operator:
         operator.arm(arm=False)
-        print(f"disarmed ({operator.thrusters.output})")
+        print_fitted(f"disarmed ({operator.thrusters.output})")
     return 0

@@ -7,6 +7,7 @@ import math
 
 from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 from hindrax_operator.snapshot import ANGLES
 
@@ -38,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     with operator_of(arguments) as operator:
         found = hold(operator, axes, value, engaged=engaged)
     for axis in axes:
-        print(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"let go of {axis}")
+        print_fitted(f"holding {axis} at {shown(axis, found[axis])}" if engaged else f"let go of {axis}")
     return 0
 
 

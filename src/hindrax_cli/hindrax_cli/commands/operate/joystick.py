@@ -14,6 +14,7 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.topics import namespace_arguments
 from hindrax_operator.connection import add_stack, told_presence
 
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import spin  # noqa: PLC0415  # as above
 
-        print("hold the dead-man button and steer; Ctrl-C ends it", flush=True)
+        print_fitted("hold the dead-man button and steer; Ctrl-C ends it")
         return spin(make_nodes, words)
 
 

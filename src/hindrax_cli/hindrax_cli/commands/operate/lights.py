@@ -6,6 +6,7 @@ import argparse
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 
@@ -30,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
         from hindrax_operator.nodes.orders import set_lights  # noqa: PLC0415  # arguments are checked first
 
         set_lights(operator, levels)
-    print(f"lights at {', '.join(f'{level:g}' for level in levels)}")
+    print_fitted(f"lights at {', '.join(f'{level:g}' for level in levels)}")
     return 0
 
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "recentre"
@@ -28,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     with operator_of(arguments) as operator:
         recentre(operator, x_m, y_m, turned_rad)
-    print(f"the vehicle is {shown(x_m, y_m)}")
+    print_fitted(f"the vehicle is {shown(x_m, y_m)}")
     return 0
 
 

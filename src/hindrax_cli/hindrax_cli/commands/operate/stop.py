@@ -6,12 +6,12 @@ import argparse
 import sys
 import time
 
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_drivers.nodes.deadman import write_neutral
 from hindrax_drivers.nodes.thruster_settings import read_settings
 from hindrax_operator.connection import add_stack, joined
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
             wrong = [str(error)]
         failed += [f"{title}: {sentence}" for sentence in (*wrong, *([on_the_wire(one)] if wrong else []))]
         if not wrong:
-            print(f"stopped and disarmed: {title}")
+            print_fitted(f"stopped and disarmed: {title}")
     for sentence in failed:
         print_fitted(f"hindrax stop: {sentence}", sys.stderr)
     return 1 if failed else 0

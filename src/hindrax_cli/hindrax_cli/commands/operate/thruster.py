@@ -12,6 +12,7 @@ from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "thruster"
@@ -55,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hindrax_operator.one_thruster import ThrusterRun, run_one  # noqa: PLC0415  # fitting does without the stack
 
     wanted = ThrusterRun(arguments.what, arguments.force, arguments.seconds, Path(arguments.vehicle), arguments.mock)
-    print(run_one(wanted))
+    print_fitted(run_one(wanted))
     return 0
 
 
@@ -70,7 +71,7 @@ def _fit(arguments: argparse.Namespace) -> int:
     bollard.print_curve(arguments, curve, block)
     if not arguments.json:
         where = f"curves.{arguments.name} of {arguments.vehicle}"
-        print(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
+        print_fitted(f"written to {where}" if arguments.write else f"not kept; --write puts it into {where}")
     return 0
 
 
@@ -86,5 +87,5 @@ def _set_health(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"disabled": left_out, "lost_axes": lost})
         return 0
-    print(f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else ""))
+    print_fitted(f"out of use: {', '.join(left_out) or 'none'}" + (f"; lost axes: {', '.join(lost)}" if lost else ""))
     return 0

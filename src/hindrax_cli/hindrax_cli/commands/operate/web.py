@@ -10,11 +10,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, presence_of
 from hindrax_operator.web.access import Access, hosts_of
@@ -101,7 +101,7 @@ def _serve(
         server.start()
         print_fitted(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only))
         if sys.stdout.isatty() and "localhost" not in access.hosts:
-            print(qr_code(page_url(arguments.address, server.port, access.token)), flush=True)
+            print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
         while not over() and link.is_alive():
             # Also while no page is open: who opens one later has to know how the vehicle lay before it was armed.
             controller.update()

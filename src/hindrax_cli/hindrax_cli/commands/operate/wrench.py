@@ -10,6 +10,7 @@ from typing import Any
 from hindrax_cli.argument_types import positive
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import WRENCH_SYMBOLS, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 
@@ -46,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     with operator_of(arguments) as operator:
         require_armed(operator)
-        print(f"pushing {wrench_text(wrench)} for {arguments.seconds:g} s; Ctrl-C ends it", flush=True)
-        print(outcome_text(apply_wrench(operator, wrench, arguments.seconds)))
+        print_fitted(f"pushing {wrench_text(wrench)} for {arguments.seconds:g} s; Ctrl-C ends it")
+        print_fitted(outcome_text(apply_wrench(operator, wrench, arguments.seconds)))
     return 0
 
 

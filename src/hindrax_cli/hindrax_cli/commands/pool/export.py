@@ -10,11 +10,11 @@ from pathlib import Path
 from hindrax_analysis.coefficients_file import SavedCoefficients, read_coefficients
 from hindrax_analysis.exports import gz, python_model, stonefish, tables, uuv, vehicle_block
 from hindrax_analysis.exports.export_model import ExportModel, export_model
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.frames import urdf_of
 
@@ -55,13 +55,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Read, convert, write; notes on what was assumed go to stderr too."""
     text = _text(arguments.coefficients, arguments.to, arguments.vehicle)
     if arguments.out is None:
-        print(text, end="")
+        print_whole(text, end="")
         return 0
     try:
         arguments.out.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"--out {arguments.out}: cannot be written ({error})") from error
-    print(f"written: {arguments.out}", file=sys.stderr)
+    print_fitted(f"written: {arguments.out}", sys.stderr)
     return 0
 
 

@@ -13,7 +13,9 @@ from typing import TextIO
 
 UNBOUNDED = 100_000
 COMMAND = "./hindrax "
-"""A line with it is to be copied."""
+"""A line of a description with it is to be copied."""
+COPIED = (COMMAND, "export ")
+"""A line of any text that begins with one of them is to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
 
@@ -32,7 +34,7 @@ def screen_width(stream: TextIO) -> int:
 def fitted(text: str, width: int, hang: int | None = None) -> str:
     """Break the lines that are too long between words; what follows is indented by `hang`, or 2 more than its line.
 
-    A word that is longer than the screen, such as a path, stays in one piece.
+    A word that is longer than the screen, such as a path, stays in one piece, and so does a line to be copied.
     """
     return "\n".join(_broken(line, width, hang) for line in text.split("\n"))
 
@@ -70,7 +72,7 @@ def _fitted_prose(line: str, width: int) -> str:
 
 
 def _broken(line: str, width: int, hang: int | None) -> str:
-    if len(line) <= width:
+    if len(line) <= width or line.lstrip().startswith(COPIED):
         return line
     begin = len(line) - len(line.lstrip())
     rest = " " * (begin + 2 if hang is None else hang)
@@ -88,7 +90,12 @@ def _broken(line: str, width: int, hang: int | None) -> str:
     return "\n".join(found)
 
 
-def print_fitted(text: str, stream: TextIO | None = None) -> None:
+def print_fitted(text: object, stream: TextIO | None = None, end: str = "\n") -> None:
     """Print sentences, on a screen broken between words; default: to stdout."""
     to = sys.stdout if stream is None else stream
-    print(fitted(text, screen_width(to)), file=to, flush=True)
+    print_whole(fitted(str(text), screen_width(to)), to, end)
+
+
+def print_whole(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
+    """Print what is no prose, as it is: a document, a block to copy, a picture; default: to stdout."""
+    print(text, end=end, file=sys.stdout if stream is None else stream, flush=True)

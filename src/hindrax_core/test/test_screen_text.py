@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_analysis.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
+from hindrax_core.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
 
 WORDS = st.lists(st.text("abc-/.", min_size=1, max_size=12), min_size=1, max_size=40)
 
@@ -27,6 +27,11 @@ def test_a_path_stays_whole_and_what_follows_hangs() -> None:
     path = "/" + "x" * 40
     assert fitted(f"  see {path} now", 20) == f"  see\n    {path}\n    now"
     assert fitted("  --seed    of the noise", 20, hang=12) == "  --seed    of the\n            noise"
+
+
+def test_a_line_to_be_copied_stays_whole() -> None:
+    lines = "written:\n  ./hindrax vehicle show some_name\n  export SOME_VARIABLE=/some/path/to/a/file"
+    assert fitted(lines, 20) == lines
 
 
 def test_a_file_gets_whole_lines(tmp_path: Path) -> None:
