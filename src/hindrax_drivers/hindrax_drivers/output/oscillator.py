@@ -25,6 +25,12 @@ Edge = tuple[int, int]
 """Number of an edge on its line, and its time [ns]."""
 
 
+def look(address: int, chip: str, line: int) -> Program[None]:
+    """Find chip and GPIO line, and change nothing. DeviceError where one of them is missing."""
+    yield WriteRead(address, bytes([MODE1]), 1)
+    yield Write(EDGES + line, chip.encode())
+
+
 def begin(address: int, channel: int) -> Program[int]:
     """Put pulses of half a period on a channel; returns PRE_SCALE. DeviceError where the chip sleeps."""
     mode = (yield WriteRead(address, bytes([MODE1]), 1))[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import sys
+from functools import partial
 from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
@@ -12,6 +13,7 @@ from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Pressure
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of
 from hindrax_drivers.devices.ms5837 import Ms5837
@@ -39,8 +41,9 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(arguments.vehicle)
     _, mount = mount_of(vehicle, "ms5837")
     port = arguments.port or mount.port
-    print(f"measuring the air pressure for {arguments.seconds:g} s", file=sys.stderr)
-    heard = capture(port, Ms5837(address=mount.address), arguments.seconds, lambda _: None)
+    sensor = Ms5837(address=mount.address)
+    told = partial(print_fitted, f"measuring the air pressure for {arguments.seconds:g} s", sys.stderr)
+    heard = capture(port, sensor, arguments.seconds, lambda _: None, told)
     mean, spread = judged([one.pressure_Pa for one in heard.of(Pressure)])
     if arguments.write:
         set_key(Path(arguments.vehicle), ("water", "surface_pressure_Pa"), round(mean, 1))

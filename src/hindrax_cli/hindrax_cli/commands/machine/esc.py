@@ -15,6 +15,7 @@ from hindrax_cli.argument_types import add_i2c_port, add_vehicle
 from hindrax_cli.commands.machine.oscillator import require_output_free
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX
@@ -94,16 +95,21 @@ def run(arguments: argparse.Namespace) -> int:
     bench = _Bench(vehicle, arguments.port or vehicle.output.port, names)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
-    if vehicle.output.clock_Hz == type(vehicle.output)().clock_Hz and not vehicle.output.external_clock:
-        print("output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range is off as far as it is")
     with outputs_enabled(vehicle.output, bench.port):
         _calibrate(bench)
-    print(f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; look at one with `./hindrax thruster`")
+    print_fitted(
+        f"calibrated to {LEAST_us:g} and {FULL_us:g} us: {', '.join(names)}; look at one with `./hindrax thruster`"
+    )
     return 0
 
 
 def _calibrate(bench: _Bench) -> None:
     run_once(bench.port, bench.chip.configure())
+    output = bench.vehicle.output
+    if output.clock_Hz == type(output)().clock_Hz and not output.external_clock:
+        print_fitted(
+            "output.clock_Hz is the nominal one: `./hindrax oscillator` first, or the range is off as far as it is"
+        )
     if _ask(OFF) != "off":
         raise HindraxError("wanted the word off; nothing but neutral was put out")
     bench.require_no_supply()
@@ -117,7 +123,7 @@ def _calibrate(bench: _Bench) -> None:
 
 
 def _ask(question: str) -> str:
-    print(question, end="", file=sys.stderr, flush=True)
+    print_fitted(question, sys.stderr, end="")
     line = sys.stdin.readline()
     if not line:
         raise HindraxError("the input ended, wanted an answer at each step; the pulses are neutral")

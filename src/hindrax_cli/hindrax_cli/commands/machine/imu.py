@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from hindrax_cli.vehicle_edit import set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Inertial, Magnetic, Vec3
+from hindrax_core.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
@@ -59,15 +61,18 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"calibration": found, "remarks": remarks, "written": arguments.write and bool(found)})
     else:
-        print("\n".join([*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())]))
+        print_fitted(
+            "\n".join([*remarks, *(f"{key}: {[float(f'{v:.6g}') for v in one]}" for key, one in found.items())])
+        )
     return 0 if found else 1
 
 
 def live(port: str, mount: Mount, seconds: float) -> tuple[list[Vec3], list[Vec3]]:
     """Raw forces while turning slowly, and raw fields, heard from the sensor itself."""
-    print(f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s", file=sys.stderr)
-    sensor = Icm20948(Icm20948Knobs(), mount.address)
-    heard = capture(port, sensor, seconds, _progress)
+    told = partial(
+        print_fitted, f"turn the vehicle slowly about each axis, all the way round: {seconds:g} s", sys.stderr
+    )
+    heard = capture(port, Icm20948(Icm20948Knobs(), mount.address), seconds, _progress, told)
     slow = [one for one in heard.of(Inertial) if max(abs(rate) for rate in one.rate_radps) < SLOW_radps]
     return [one.specific_force_mps2 for one in slow], [one.field_T for one in heard.of(Magnetic)]
 
@@ -107,7 +112,7 @@ def calibration(
 
 def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), mount.address)
-    print(run_once(port, sensor.configure()).text, file=sys.stderr)
+    print_fitted(run_once(port, sensor.configure()).text, sys.stderr)
     result = run_once(port, self_test(mount.address or 0x68))
     print_answer(asdict(result) | {"passed": result.passed}, result, as_json=as_json)
     return 0 if result.passed else 1
@@ -115,7 +120,7 @@ def _self_test(port: str, mount: Mount, *, as_json: bool) -> int:
 
 def _progress(share: float) -> None:
     if sys.stderr.isatty():
-        print(f"\r{share:4.0%}", end="", file=sys.stderr, flush=True)
+        print_whole(f"\r{share:4.0%}", sys.stderr, end="")
 
 
 def _vector(message: Any) -> Vec3:

@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_bringup.stack_lock import vehicle_stack
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
 from hindrax_drivers.bus_capture import run_once
 from hindrax_drivers.devices.pca9685 import pca9685_of
@@ -44,13 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     chip, line = _gpio(arguments.gpio)
     _require_channel(vehicle, arguments.channel)
     require_output_free(vehicle)
-    print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
     output, port = vehicle.output, arguments.port or vehicle.output.port
+    run_once(port, oscillator.look(output.address, chip, line))
+    print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
     with outputs_enabled(output, port):
         identity = run_once(port, pca9685_of(vehicle).configure()).text
         prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
         try:
-            print(f"measuring for {arguments.seconds:g} s", file=sys.stderr, flush=True)
+            print_fitted(f"measuring for {arguments.seconds:g} s", sys.stderr)
             edges = run_once(port, oscillator.edges(chip, line, arguments.seconds))
             found_Hz = oscillator.clock_Hz(edges, prescale)
         except DeviceError as error:
