@@ -6,6 +6,7 @@ import functools
 import json
 import math
 import re
+import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from mcap_ros2.writer import Writer
 from synthetic_runs import Flight, back_and_forth, fly
 from ulog import ulog
 
+from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bringup.clone import clone_root
@@ -770,6 +772,19 @@ def test_a_span_beyond_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[
     code, said = refused(capsys, as_csv(tmp_path / "a.csv", *flown(end_s=5.0)), "--from", 50)
     assert code == 2
     assert "the record lasts" in said
+
+
+def test_an_aborted_run_says_so_whoever_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = tmp_path / "run" / "bag"
+    shutil.copytree(clone_root() / "test" / "replay" / "bags" / "surge", bag)
+    assert main(["identify", str(tmp_path / "run")]) == 0
+    assert "aborted" not in capsys.readouterr().err
+    (tmp_path / "run" / "coefficients.yaml").write_text("aborted: 'operator: stopped by Ctrl-C'\nmotions: {}\n")
+    assert main(["identify", str(tmp_path / "run"), "--coefficients", str(tmp_path / "again.yaml")]) == 0
+    said = "aborted by operator: stopped by Ctrl-C; the results are of what was flown until then\n"
+    assert said in capsys.readouterr().err
+    assert read_coefficients(tmp_path / "again.yaml").conditions.aborted == "operator: stopped by Ctrl-C"
+    assert identified(capsys, bag)["aborted"] == "operator: stopped by Ctrl-C"
 
 
 def test_a_span_of_our_own_bag_in_which_nothing_was_flown(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of
+from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of, read_coefficients
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.report import RunReport, Trace, run_page
 from hindrax_bag.read.bag_reader import bag_files, messages
+from hindrax_bag.run_folder import RunFolder
 from hindrax_bag.software_version import software_version
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
@@ -35,12 +37,22 @@ def bag_hash(bag: Path) -> str:
 
 
 def bag_conditions(bag: Path, vehicle: Vehicle, results: Results, *, mock: bool, aborted: str = "") -> Conditions:
-    """Conditions of a result over one bag; `aborted` is an end that the bag does not hold, such as a Ctrl-C."""
+    """Conditions of a result over one bag; `aborted` is an end that neither the bag nor its run tells yet."""
     conditions = conditions_of(vehicle, mock=mock, motions=tuple(results.motions))
     flown = maneuver_record(bag)
-    conditions = replace(conditions, aborted=aborted or flown.aborted)
+    conditions = replace(conditions, aborted=aborted or told_end(bag) or flown.aborted)
     conditions = replace(conditions, flown_s=flown.flown_s, blocked_s=flown.blocked_s)
     return replace(conditions, date=date_of(bag), bag=str(bag), bag_sha256=bag_hash(bag), software=software_version())
+
+
+def told_end(bag: Path) -> str:
+    """By what a run was aborted, as the coefficients beside its bag tell: a Ctrl-C or a refused start is in no bag."""
+    run = RunFolder(bag.parent)
+    if bag.name != run.bag.name or not run.coefficients.is_file():
+        return ""
+    with contextlib.suppress(HindraxError):  # a file of somebody else's
+        return read_coefficients(run.coefficients).conditions.aborted
+    return ""
 
 
 def write_coefficients(file: Path, results: Results, conditions: Conditions) -> None:

@@ -21,19 +21,19 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.identification.result_files import bag_hash, traces_of, write_coefficients, write_report
+from hindrax_analysis.identification.result_files import bag_hash, told_end, traces_of, write_coefficients, write_report
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport
-from hindrax_analysis.screen_text import print_fitted
 from hindrax_analysis.terminal import working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS
@@ -131,7 +131,7 @@ def run(arguments: argparse.Namespace) -> int:
     tuning = Tuning(wrench_gain_sigma=gain_sigma)
     task = IdentificationTask(axes, span, mass_known=NO_VEHICLE not in said, tuning=tuning)
     with working(f"identifying over {', '.join(str(path) for path in arguments.records)}"):
-        found = identify_sources(sources, vehicle, task, lambda text: print(text, file=sys.stderr, flush=True))
+        found = identify_sources(sources, vehicle, task, lambda text: print_fitted(text, sys.stderr))
     took_s = time.monotonic() - began
     conditions = _conditions(vehicle, sources, found, said)
     if arguments.report:
@@ -169,7 +169,9 @@ def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: Identified
     results = found.identified.results
     conditions = conditions_of(vehicle, mock=found.identified.mock, motions=tuple(results.motions))
     assumed = tuple(dict.fromkeys([*said, *(one for source in sources for one in source.assumptions)]))
-    ended = [maneuver_record(source.path) for source in sources if source.recording is None]
+    ours = [source.path for source in sources if source.recording is None]
+    ended = [maneuver_record(path) for path in ours]
+    ends = [told_end(path) or one.aborted for path, one in zip(ours, ended, strict=True)]
     is_bag = sources[0].path.is_dir() or sources[0].path.suffix in (".mcap", ".db3")
     return replace(
         conditions,
@@ -178,7 +180,7 @@ def _conditions(vehicle: Vehicle, sources: list[RecordSource], found: Identified
         bag_sha256=", ".join(bag_hash(file) for source in sources for file in source.files),
         software=software_version(),
         assumptions=assumed,
-        aborted="; ".join(dict.fromkeys(one.aborted for one in ended if one.aborted)),
+        aborted="; ".join(dict.fromkeys(filter(None, ends))),
         flown_s={motion: sum(one.flown_s.get(motion, 0.0) for one in ended) for one in ended for motion in one.flown_s},
     )
 
@@ -240,9 +242,11 @@ def _delays(lag_s: float, latency_s: float) -> str:
 def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: Conditions) -> None:
     for assumption in conditions.assumptions:
         print_fitted(f"assumed: {assumption}", sys.stderr)
+    if conditions.aborted:
+        print_fitted(f"aborted by {conditions.aborted}; the results are of what was flown until then", sys.stderr)
     show(found.identified)
     if not found.identified.results.motions:
-        print("no motion was flown in this record; `./hindrax bag info` tells what it holds", file=sys.stderr)
+        print_fitted("no motion was flown in this record; `./hindrax bag info` tells what it holds", sys.stderr)
     foreign = not conditions.mock and found.identified.origin is None
     for motion, result in found.identified.results.motions.items() if foreign else ():
         if result.quality:
@@ -251,7 +255,7 @@ def _show(arguments: argparse.Namespace, found: IdentifiedRecords, conditions: C
     for motion, spreads in found.spreads.items():
         for key, one in spreads.items():
             times = f"{one.ratio:.1f} times their deviations, expected 1"
-            print(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
+            print_fitted(f"{motion} {key}: {one.runs} runs differ by {times}; by {one.between:.3g} from run to run")
     for path in (arguments.report, arguments.coefficients):
         if path:
-            print(f"  {path}")
+            print_fitted(f"  {path}")

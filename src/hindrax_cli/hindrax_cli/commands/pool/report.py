@@ -16,6 +16,7 @@ from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
+from hindrax_core.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 
 NAME = "report"
@@ -43,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         out = arguments.out or Path("comparison.html")
         write(out, comparison_page(_labelled([*runs, *arguments.earlier])))
-    print(out)
+    print_fitted(out)
     return 0
 
 
@@ -63,12 +64,11 @@ def _labelled(paths: list[Path]) -> list[SavedCoefficients]:
     return [_saved(path, name) for path, name in zip(paths, names, strict=True)]
 
 
-def _with_told(conditions: Conditions, folder: RunFolder) -> Conditions:
-    """With what only the coefficients of the run tell: a Ctrl-C or a refused start, and what was predicted."""
+def _with_predicted(conditions: Conditions, folder: RunFolder) -> Conditions:
+    """With what only the coefficients of the run tell: what was predicted."""
     if not folder.coefficients.is_file():
         return conditions
-    told = read_coefficients(folder.coefficients).conditions
-    return replace(conditions, aborted=told.aborted or conditions.aborted, predicted=told.predicted)
+    return replace(conditions, predicted=read_coefficients(folder.coefficients).conditions.predicted)
 
 
 def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Path:
@@ -78,7 +78,7 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
     conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock)
-    conditions = _with_told(conditions, folder)
+    conditions = _with_predicted(conditions, folder)
     traces = traces_of(folder.bag, identified.origin)
     page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
     write_report(out or folder.report, page)
