@@ -16,7 +16,7 @@ from rich.text import Text
 
 from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.screen_text import UNBOUNDED
+from hindrax_core.screen_text import UNBOUNDED, print_whole
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
@@ -61,14 +61,14 @@ def print_table(table: Table) -> None:
     """Print a table of `make_table`; on a screen that is too narrow row by row, so that nothing is ever cut."""
     screen = console()
     # A column for remarks that nobody made would be a stripe of nothing.
-    table.columns = [column for column in table.columns if column.header or any(column.cells)]
+    table.columns = [column for column in table.columns if any(column.cells) or (column.header and column.no_wrap)]
     if _least_width(table) <= screen.width:
         screen.print(table)
         return
     lines = [_plain(table.title)] if table.title else []
     for cells in zip(*(column.cells for column in table.columns), strict=True):
         lines += _stacked(table.columns, [_plain(cell) for cell in cells], screen.width)
-    print("\n".join(lines))
+    print_whole("\n".join(lines))
 
 
 def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> list[str]:

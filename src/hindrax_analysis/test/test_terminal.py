@@ -11,8 +11,8 @@ from rich.console import Console
 from hindrax_analysis import terminal
 from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_analysis.screen_text import UNBOUNDED
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
+from hindrax_core.screen_text import UNBOUNDED, print_fitted
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
 NOTE = "a sentence that may well go on for more than one line of a narrow screen"
@@ -62,6 +62,14 @@ def test_a_column_of_remarks_is_there_when_there_are_remarks(capsys: pytest.Capt
         print_table(table)
         row = next(line for line in capsys.readouterr().out.splitlines() if "T2" in line)
         assert row.split("\u2502")[3:] == ([f" {remark} ", ""] if remark else [""])
+
+
+def test_a_column_of_sentences_is_there_when_there_are_sentences(capsys: pytest.CaptureFixture[str]) -> None:
+    for remark in ("", "slow"):
+        table = make_table("Plan", ("motion",), ("time [s]",), ("remarks",))
+        table.add_row("surge", "94", remark)
+        print_table(table)
+        assert ("remarks" in capsys.readouterr().out) == bool(remark)
 
 
 def test_names_that_are_too_long_side_by_side_stand_below_each_other(
@@ -124,6 +132,6 @@ def test_long_work_is_told_on_a_terminal_alone(
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm")
     with working("identifying over [pool]"):
-        print("a result")
+        print_fitted("a result")
     assert "identifying over [pool]" in screen.getvalue()
     assert capsys.readouterr().out == "a result\n"

@@ -30,6 +30,7 @@ from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.screen_text import print_fitted
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"
@@ -85,11 +86,11 @@ def show_info(found: Survey) -> None:
         row = (str(one.count), f"{found.rate_Hz(one):g}", str(one.bytes // max(1, one.count)))
         table.add_row(name, one.type, *row)
     print_table(table)
-    print(f"inside: {', '.join(found.inside) or 'no files'}")
+    print_fitted(f"inside: {', '.join(found.inside) or 'no files'}")
     for note in found.damage.notes:
-        print(note)
+        print_fitted(note)
     if found.damage.unfinished:
-        print(f"the bag was not finished; ./hindrax bag recover {found.bag} makes a whole one")
+        print_fitted(f"the bag was not finished; ./hindrax bag recover {found.bag} makes a whole one")
 
 
 def listed(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -109,7 +110,7 @@ def show_list(found: Sequence[ListedBag], folder: Path) -> None:
     if found:
         print_table(table)
     else:
-        print(f"no bags below {folder}")
+        print_fitted(f"no bags below {folder}")
 
 
 def recovered(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -119,8 +120,8 @@ def recovered(arguments: argparse.Namespace) -> dict[str, Any]:
     made = recover(bag, output, Ticker("messages recovered"))
     if not arguments.json:
         for note in made.notes:
-            print(note)
-        print(f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost")
+            print_fitted(note)
+        print_fitted(f"{made.output}: {made.messages} messages recovered, {made.lost_s:.2f} s known to be lost")
     return {"recovered_messages": made.messages, "lost_seconds": made.lost_s, "output": str(made.output)}
 
 
@@ -129,7 +130,7 @@ def extracted(arguments: argparse.Namespace) -> dict[str, Any]:
     tables = extract(arguments.bag, arguments.csv, arguments.topics)
     if not arguments.json:
         for topic, (path, rows) in sorted(tables.items()):
-            print(f"{path}: {rows} rows of {topic}")
+            print_fitted(f"{path}: {rows} rows of {topic}")
     return {"files": {topic: {"path": str(path), "rows": rows} for topic, (path, rows) in tables.items()}}
 
 
@@ -141,7 +142,7 @@ def plotted(arguments: argparse.Namespace) -> dict[str, Any]:
     lines = series(arguments.bag, arguments.fields)
     draw(lines, out, str(arguments.bag))
     if not arguments.json:
-        print(out)
+        print_fitted(out)
     return {"plot": str(out), "series": {one.name: len(one.values) for one in lines}}
 
 
@@ -180,7 +181,7 @@ def exported(arguments: argparse.Namespace) -> dict[str, Any]:
         shutil.rmtree(made.output)
         raise UsageError(f"{bag}: none of its messages was wanted; `hindrax bag info {bag}` tells topics and length")
     if not arguments.json:
-        print(f"{made.output}: {made.messages} messages")
+        print_fitted(f"{made.output}: {made.messages} messages")
     return {"messages": made.messages, "output": str(made.output)}
 
 
@@ -193,7 +194,7 @@ def fetched(arguments: argparse.Namespace) -> dict[str, Any]:
         files = fetch(remote, out, bars)
     copied = sum(one.copied for one in files)
     if not arguments.json:
-        print(f"{out}: {len(files)} files here and verified, {_mb(copied)} copied")
+        print_fitted(f"{out}: {len(files)} files here and verified, {_mb(copied)} copied")
     return {"files": [str(one.path) for one in files], "copied_bytes": copied, "output": str(out)}
 
 
@@ -207,17 +208,19 @@ class Bars:
 
     def __call__(self, name: str, here: int, size: int) -> None:
         """Show a file with so many bytes of its size."""
+        if not self._tasks:
+            self._bars.start()  # before there is a file there is nothing to draw, not even an empty line
         if name not in self._tasks:
             # What was here before does not count for the speed.
             self._tasks[name] = self._bars.add_task(name, total=size, completed=here)
         self._bars.update(self._tasks[name], completed=here)
 
     def __enter__(self) -> Self:
-        self._bars.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bars.stop()
+        if self._tasks:
+            self._bars.stop()
 
 
 class Ticker:
@@ -231,7 +234,7 @@ class Ticker:
         """Show the count so far."""
         if time.monotonic() - self._last >= 1.0:
             self._last = time.monotonic()
-            print(f"{count} {self._what}", file=sys.stderr, flush=True)
+            print_fitted(f"{count} {self._what}", sys.stderr)
 
 
 def _mb(size: int) -> str:
