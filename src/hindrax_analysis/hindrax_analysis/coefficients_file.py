@@ -15,8 +15,8 @@ from typing import Any
 import yaml
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
-from hindrax_core.yaml_text import read_yaml
 from hindrax_ident.assess.results import MotionResult, Number, Results
 
 KNOWN = ("k_q", "k_l", "b", "k_r", "added_mass")

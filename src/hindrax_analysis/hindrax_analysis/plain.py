@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 
 import numpy as np
 
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 
 
 def plain(value: object) -> object:

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_core.screen_text import UNBOUNDED, print_whole
+from hindrax_core.text.screen_text import UNBOUNDED, print_whole
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24

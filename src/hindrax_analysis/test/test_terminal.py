@@ -12,7 +12,7 @@ from hindrax_analysis import terminal
 from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
-from hindrax_core.screen_text import UNBOUNDED, print_fitted
+from hindrax_core.text.screen_text import UNBOUNDED, print_fitted
 
 TOPIC = "/hindrax/navigation/a_topic_with_a_rather_long_name"
 NOTE = "a sentence that may well go on for more than one line of a narrow screen"

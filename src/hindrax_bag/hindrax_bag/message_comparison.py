@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.yaml_text import read_yaml
+from hindrax_core.text.yaml_text import read_yaml
 
 TOLERANCES = Path(__file__).parent / "tolerances.yaml"
 MOST_PADDING = 64

@@ -11,8 +11,8 @@ import yaml
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import Quality
-from hindrax_core.yaml_text import read_yaml
 
 METADATA_VERSION = 9
 FOREVER = {"sec": 9223372036, "nsec": 854775807}

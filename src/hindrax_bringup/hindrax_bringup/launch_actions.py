@@ -24,7 +24,7 @@ from hindrax_bringup.stack import stack_environment
 from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
 from hindrax_bringup.tether import tether_setting
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.driver_registry import DEVICES

@@ -25,7 +25,7 @@ from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros import stack_time
 

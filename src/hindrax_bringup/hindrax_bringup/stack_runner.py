@@ -23,7 +23,7 @@ from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, sta
 from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
 from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.stack_time import STEP_S, StackTime
 

@@ -29,7 +29,7 @@ from hindrax_bringup.process_state import HeldProcesses, descendants, is_stopped
 from hindrax_bringup.processes import Process
 from hindrax_bringup.stack_lock import HEARTBEATS, runtime_folder
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_ros.heartbeat import VARIABLE, beaten_s
 
 PATIENCE_S = (5.0, 2.0, 2.0)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 SETTING = "HINDRAX_TETHER"
 INTERFACES = Path("/sys/class/net")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hindrax_cli import command_line as cli
 from hindrax_cli import command_page
-from hindrax_core.screen_text import print_whole, screen_width
+from hindrax_core.text.screen_text import print_whole, screen_width
 
 
 def main(root: Path, words: Sequence[str]) -> int:

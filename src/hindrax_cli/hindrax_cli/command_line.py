@@ -20,7 +20,7 @@ from typing import NoReturn, Protocol
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
-from hindrax_core.screen_text import fitted, fitted_description, print_fitted, screen_width
+from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, screen_width
 
 GROUPS = {
     "pool": ("the main job", ("pool-test", "report", "export")),

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from itertools import starmap
 from pathlib import Path
 
-from hindrax_core.screen_text import UNBOUNDED, fitted, fitted_description
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, fitted_description
 
 WIDTH = 24
 """Of the column of the options, as argparse sets it."""

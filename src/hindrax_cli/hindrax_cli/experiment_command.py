@@ -16,7 +16,7 @@ from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 

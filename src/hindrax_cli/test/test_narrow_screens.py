@@ -13,7 +13,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_line import main, modules
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.health_checks.check import bad, good
-from hindrax_core.screen_text import UNBOUNDED
+from hindrax_core.text.screen_text import UNBOUNDED
 
 BAGS = clone_root() / "test" / "replay" / "bags"
 COMMANDS = {

@@ -26,7 +26,7 @@ from hindrax_cli import mock_devices
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import hold, lights, recentre, wrench
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import fitted
+from hindrax_core.text.screen_text import fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator import one_thruster
 from hindrax_operator.one_thruster import pulses_of

@@ -16,7 +16,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS, SHARED
-from hindrax_core.yaml_text import read_yaml
+from hindrax_core.text.yaml_text import read_yaml
 
 GRAVITY_mps2 = 9.80665
 MOST_THRUSTERS = 16

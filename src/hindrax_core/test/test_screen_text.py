@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_core.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, fitted_description, print_fitted, screen_width
 
 WORDS = st.lists(st.text("abc-/.", min_size=1, max_size=12), min_size=1, max_size=40)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hindrax_core.errors import UsageError
-from hindrax_core.yaml_text import ALIASES, DEPTH, DIGITS, NODES, read_yaml
+from hindrax_core.text.yaml_text import ALIASES, DEPTH, DIGITS, NODES, read_yaml
 
 MULTIPLIED = "a0: &a0 [1, 1, 1]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 13))
 

@@ -25,7 +25,7 @@ from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress

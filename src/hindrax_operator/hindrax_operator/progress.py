@@ -14,8 +14,8 @@ from rich.table import Table
 from hindrax_analysis.digits import measured
 from hindrax_control.maneuver.plan import TURNING
 from hindrax_core.events import Stamped
-from hindrax_core.screen_text import fitted, screen_width
 from hindrax_core.signals import Estimate
+from hindrax_core.text.screen_text import fitted, screen_width
 
 REFRESH_S = 0.2
 

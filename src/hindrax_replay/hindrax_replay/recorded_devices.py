@@ -8,9 +8,9 @@ from typing import Any
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.knobs import build
+from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Mount, Vehicle
-from hindrax_core.yaml_text import read_yaml
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_replay.recorded_wires import RecordedWire, RegisterWire, SerialWire

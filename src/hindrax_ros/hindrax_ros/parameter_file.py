@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from hindrax_core.errors import UsageError
-from hindrax_core.yaml_text import read_yaml
+from hindrax_core.text.yaml_text import read_yaml
 
 
 def parameter_blocks(file: str) -> Iterator[tuple[str, dict[str, object] | None]]:

@@ -18,7 +18,7 @@ from hindrax_analysis.report.published import CITATION, PAPER
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import DragBand, MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS

@@ -15,7 +15,7 @@ from hindrax_bag.read.bag_reader import PATTERNS, attachments, bag_files, messag
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.yaml_text import read_yaml
+from hindrax_core.text.yaml_text import read_yaml
 
 EVERY = 10_000
 SQLITE = b"SQLite format 3\x00"

@@ -22,8 +22,8 @@ from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonit
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
-from hindrax_core.screen_text import print_fitted
 from hindrax_core.stamp_window import TIMELESS, order_window
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode

@@ -8,7 +8,7 @@ import time
 
 import rclpy
 
-from hindrax_core.screen_text import print_whole
+from hindrax_core.text.screen_text import print_whole
 
 STACK_NODES = ("thrusters", "pilot")
 LOOK_S = 1.5

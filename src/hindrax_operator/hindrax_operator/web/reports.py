@@ -10,7 +10,7 @@ from typing import Any
 from hindrax_analysis.digits import measured
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.errors import HindraxError
-from hindrax_core.yaml_text import read_yaml
+from hindrax_core.text.yaml_text import read_yaml
 from hindrax_operator.web.access import RefusedRequest
 
 LARGEST_bytes = 50_000_000

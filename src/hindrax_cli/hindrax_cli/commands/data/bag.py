@@ -30,7 +30,7 @@ from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"

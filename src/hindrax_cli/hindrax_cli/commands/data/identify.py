@@ -33,7 +33,7 @@ from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS

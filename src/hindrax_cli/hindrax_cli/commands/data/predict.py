@@ -20,7 +20,7 @@ from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.prediction import WINDOW_S, Prediction
 

@@ -12,7 +12,7 @@ from hindrax_bag.message_comparison import TOLERANCES, ComparisonReport, load_ru
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_replay.bag_replay import Replayed, replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference

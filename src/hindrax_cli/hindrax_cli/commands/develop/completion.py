@@ -6,7 +6,7 @@ import argparse
 
 from hindrax_bringup.clone import clone_root
 from hindrax_cli.command_page import SHELLS, completion, page_of
-from hindrax_core.screen_text import print_whole
+from hindrax_core.text.screen_text import print_whole
 
 NAME = "completion"
 HELP = "print the completion of commands and options for a shell; its first line says where to keep it"

@@ -11,7 +11,7 @@ from hindrax_bringup.clone import clone_root, developer_module
 from hindrax_bringup.security import policies
 from hindrax_bringup.share_files import share_folder
 from hindrax_core.errors import HindraxError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "reference"
 HELP = "write the reference pages in docs/reference from the code, or check that they are up to date"

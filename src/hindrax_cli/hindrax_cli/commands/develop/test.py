@@ -12,7 +12,7 @@ from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 
 NAME = "test"
 HELP = "all checks and tests, on all cores; with arguments only pytest, with those"

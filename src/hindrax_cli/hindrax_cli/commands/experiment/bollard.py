@@ -16,7 +16,7 @@ from hindrax_cli.experiment_command import add_output, add_record, read_record, 
 from hindrax_core.curves.curve_branches import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "bollard"
 HELP = "thrust curve from a bollard-pull sweep, with the block for the vehicle file"

@@ -12,7 +12,7 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.experiment_command import add_output, save_plot
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
 
 NAME = "estimate"

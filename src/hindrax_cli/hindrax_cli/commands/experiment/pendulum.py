@@ -9,7 +9,7 @@ from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import GRAVITY_mps2
 
 NAME = "pendulum"

@@ -23,7 +23,7 @@ from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of
 

@@ -11,8 +11,8 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
 from hindrax_core.signals import Allocation
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, WRENCH_SYMBOLS, load_vehicle
 
 NAME = "allocate"

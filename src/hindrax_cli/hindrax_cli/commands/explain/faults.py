@@ -10,7 +10,7 @@ from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bringup.clone import developer_module
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "faults"
 HELP = "every process and device fails in mock: how long until neutral"

@@ -17,7 +17,7 @@ from hindrax_control.maneuver.goal import PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import FORM, IDEAL, sizes_of
 from hindrax_sim.flights.pool_flight import fly

@@ -14,7 +14,7 @@ from hindrax_cli.deployment.remote import looked, outline
 from hindrax_cli.deployment.remote import run as run_step
 from hindrax_cli.deployment.steps import DeploymentKind, Target, kind_of, plan
 from hindrax_core.errors import HindraxError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "deploy"
 HELP = "bring the last commit of this clone to another machine over ssh, set it up and start it there"

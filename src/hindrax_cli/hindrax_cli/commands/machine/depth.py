@@ -13,7 +13,7 @@ from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Pressure
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of
 from hindrax_drivers.devices.ms5837 import Ms5837

@@ -26,7 +26,7 @@ from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check
 from hindrax_cli.health_checks.pi import board
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.connection import joined
 

@@ -15,7 +15,7 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import after
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.buses.clock import Clock, SystemClock
 from hindrax_drivers.buses.line import open_line

@@ -15,7 +15,7 @@ from hindrax_cli.argument_types import add_i2c_port, add_vehicle
 from hindrax_cli.commands.machine.oscillator import require_output_free
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX

@@ -8,7 +8,7 @@ import time
 from hindrax_bringup.liveness import stacks_well
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "health"
 HELP = "one line about every stack on this machine; exit 1 unless all are up and well (`doctor` finds out why)"

@@ -17,7 +17,7 @@ from hindrax_cli.vehicle_edit import set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Inertial, Magnetic, Vec3
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs

@@ -10,7 +10,7 @@ from hindrax_bringup.stack_runner import asked_to_end
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.commands.operate.up import add_mock_options, mock_options
 from hindrax_cli.mock_devices import DeviceOptions, document, plain, serve, table
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 
 NAME = "mock"
 HELP = "the mock vehicle's devices alone (serial ports, I2C bus), until Ctrl-C"

@@ -12,7 +12,7 @@ from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
 from hindrax_drivers.bus_capture import run_once
 from hindrax_drivers.devices.pca9685 import pca9685_of

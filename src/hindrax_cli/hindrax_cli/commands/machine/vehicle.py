@@ -18,7 +18,7 @@ from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 NAME = "vehicle"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "arm"

@@ -7,7 +7,7 @@ import math
 
 from hindrax_control.hold.holds import HOLDS, STATION
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 from hindrax_operator.snapshot import ANGLES
 

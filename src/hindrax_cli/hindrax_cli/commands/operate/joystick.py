@@ -14,7 +14,7 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import namespace_arguments
 from hindrax_operator.connection import add_stack, told_presence
 

@@ -6,7 +6,7 @@ import argparse
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "recentre"

@@ -12,7 +12,7 @@ from hindrax_bringup.liveness import NOBODY, liveness_of_stacks
 from hindrax_bringup.stack_lock import StackLock, runtime_place, stacks
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
 
 NAME = "status"

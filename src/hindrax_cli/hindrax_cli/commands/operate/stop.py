@@ -11,7 +11,7 @@ from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_drivers.nodes.deadman import write_neutral
 from hindrax_drivers.nodes.thruster_settings import read_settings
 from hindrax_operator.connection import add_stack, joined

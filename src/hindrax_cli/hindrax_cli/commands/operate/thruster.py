@@ -12,7 +12,7 @@ from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
 from hindrax_cli.vehicle_edit import set_key
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
 
 NAME = "thruster"

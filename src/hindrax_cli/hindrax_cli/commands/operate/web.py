@@ -14,7 +14,7 @@ from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_bringup.stack_runner import asked_to_end, report
 from hindrax_core.errors import HindraxError, UsageError
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_operator.connection import add_stack, presence_of
 from hindrax_operator.web.access import Access, hosts_of

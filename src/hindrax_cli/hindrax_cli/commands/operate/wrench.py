@@ -10,7 +10,7 @@ from typing import Any
 from hindrax_cli.argument_types import positive
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
-from hindrax_core.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import WRENCH_SYMBOLS, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 

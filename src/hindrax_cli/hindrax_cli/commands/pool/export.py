@@ -14,7 +14,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError
-from hindrax_core.screen_text import print_fitted, print_whole
+from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.frames import urdf_of
 

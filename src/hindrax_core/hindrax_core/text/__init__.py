@@ -1,0 +1,1 @@
+"""Text that people read or write: sentences on a screen, YAML."""
