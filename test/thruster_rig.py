@@ -23,6 +23,7 @@ from hindrax_bringup.stack import environment
 from hindrax_core.events import Stamp, after, stamp_from_s, to_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.devices.pca9685 import pca9685_of
+from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.buses.mock_server import BusServer
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685
@@ -30,7 +31,8 @@ from hindrax_sim.devices.pca9685 import Pca9685
 ROOT = Path(__file__).parents[1]
 VEHICLE = ROOT / "src/hindrax_bringup/vehicles/hindrax.yaml"
 SOURCES = [str(folder) for folder in sorted((ROOT / "src").glob("hindrax_*")) if folder.name != "hindrax_msgs"]
-DRIVER = pca9685_of(load_vehicle(VEHICLE))
+HINDRAX = load_vehicle(VEHICLE)
+DRIVER = pca9685_of(HINDRAX, guard_of(HINDRAX).neutral.all_us)
 NEUTRAL, MOVING = DRIVER.applied([1500.0] * 8), DRIVER.applied([1600.0] * 8)
 STEP_S, PACE, PATIENCE_S = 0.005, 0.5, 0.02
 PATIENT_S = 60.0

@@ -11,7 +11,7 @@ import pytest
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_drivers.output.output_thread import OutputThread
@@ -61,9 +61,10 @@ def test_the_guard_flies_the_mock_through_the_firmware(tmp_path: Path) -> None:
     with MockVehicle(vehicle, tmp_path, seed=1, rate=0.0) as mock:
         port = mock.ports["thrusters"]
         assert port == str(tmp_path / "thrusters")
+        guard = guard_of(vehicle, OutputGuardKnobs(arming_s=7.2))
         thread = OutputThread(
-            lambda: open_output(vehicle, port, mock.clock, lambda *_: None, "thrusters"),
-            OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.2)),
+            lambda: open_output(vehicle, port, mock.clock, lambda *_: None, "thrusters", neutral=guard.neutral),
+            guard,
             ears,
             lambda: None,
         )

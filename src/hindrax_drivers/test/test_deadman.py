@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
+import struct
 import subprocess
 import time
 from collections.abc import Iterator
@@ -32,12 +34,20 @@ from hindrax_drivers.nodes.deadman import (
     NeutralWriter,
     WatchedProcess,
 )
-from hindrax_drivers.nodes.thruster_settings import Settings
+from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
+from hindrax_drivers.output.output_guard import OutputGuardKnobs
+from hindrax_drivers.output.output_thread import BEAT_S
 from hindrax_drivers.output.parent_silence import TOLD_S
 from hindrax_ros.heartbeat import VARIABLE
 
 NOW = stamp_from_s(100.0)
+
+
+def test_the_wire_is_neutral_soon_after_a_silence_and_seen_to_be_repeated() -> None:
+    assert 2.0 * BEAT_S < SILENT_S < OutputGuardKnobs().silence_s
+    assert REPEAT_S < 0.1  # ten times a second, as the guard repeats
+    assert SILENT_S < HUNG_S < FAREWELL_S
 
 
 class Neutral:
@@ -210,7 +220,8 @@ class Chip:
         return b""
 
 
-VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
+VEHICLE_FILE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
+VEHICLE = load_vehicle(VEHICLE_FILE)
 LED0_OFF, COUNTS_AT_REST = 8, round(1500.0 * 25.0 / 31.0)
 """End of the first channel's pulse: register and value, for PRE_SCALE 30 of a 25 MHz clock (rev. 4, section 7.3.5)."""
 
@@ -234,6 +245,19 @@ def rest(chip: Chip) -> int:
     return int.from_bytes(chip.registers[LED0_OFF : LED0_OFF + 2], "little") - int.from_bytes(
         chip.registers[LED0_OFF - 2 : LED0_OFF], "little"
     )
+
+
+def test_the_rest_of_the_dead_man_is_that_of_the_guard(chip: Chip) -> None:
+    words = [
+        f"vehicle:={VEHICLE_FILE}",
+        "neutral_us:=1520.0",
+        "light_off_us:=1000",
+    ]
+    NeutralWriter(read_settings([word for one in words for word in ("-p", one)])).write()
+    counts = struct.unpack_from("<20H", chip.registers, 6)
+    assert counts[::2] == (0,) * 10, "pulses begin at count 0"
+    steps = [round(us * 25.0 / 31.0) for us in (1520.0, 1000.0)]  # rev. 4, section 7.3.5: (PRE_SCALE + 1) / 25 MHz
+    assert counts[1::2] == (steps[0],) * 8 + (steps[1],) * 2
 
 
 def test_neutral_is_written_and_a_chip_that_lost_its_supply_is_set_up(chip: Chip) -> None:
@@ -264,10 +288,15 @@ def test_what_cannot_be_written_is_told_once_and_tried_again(chip: Chip, capsys:
     assert abs(rest(chip) - COUNTS_AT_REST) <= 1
 
 
-def test_it_sleeps_by_the_clock_of_the_bus_as_soon_as_there_is_one(chip: Chip) -> None:
+def test_it_sleeps_by_the_clock_of_the_bus_as_soon_as_there_is_one(chip: Chip, monkeypatch: pytest.MonkeyPatch) -> None:
     neutral, (readable, other) = NeutralWriter(Settings(VEHICLE, "/dev/i2c-1")), os.pipe()
-    os.write(other, b".")
-    neutral.wait(Stamp(neutral.now() + stamp_from_s(3600.0)), readable)  # returns at once: there is something to read
+    looks: list[tuple[Any, ...]] = []
+    with monkeypatch.context() as patch:
+        patch.setattr(select, "select", lambda *words: looks.append(words))
+        patch.setattr(neutral, "now", lambda: NOW)
+        for seconds in (3600.0, 0.25, -5.0):
+            neutral.wait(Stamp(NOW + stamp_from_s(seconds)), readable)
+    assert looks == [([readable], (), (), wanted) for wanted in (1.0, 0.25, 0.0)]
     neutral.wake()
     neutral.close()
     assert (chip.woken, chip.closed) == (0, 0)
@@ -308,6 +337,15 @@ def test_without_a_vehicle_it_is_wrong_use_in_one_line(
     monkeypatch.setenv(ARGUMENTS, "[]")
     assert deadman.main() == 2
     assert capsys.readouterr().err.startswith("thrusters: thrusters: no vehicle file")
+
+
+def test_two_thrusters_on_one_channel_are_wrong_use_before_anything_is_written(
+    chip: Chip, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(ARGUMENTS, json.dumps(["-p", "channels:=[2, 2]", "-p", "port:=/dev/i2c-1"]))
+    assert deadman.main() == 2
+    assert "output channel 2 drives T1 and T2" in capsys.readouterr().err
+    assert rest(chip) == 0
 
 
 class Pipes:
@@ -389,8 +427,8 @@ def test_a_child_starts_in_a_session_of_its_own_with_both_pipes_and_another_hear
     for end in (beat, life_end):
         with pytest.raises(OSError, match="Bad file descriptor"):
             os.fstat(end)
-    child.reassure(100.0)
-    assert os.read(started["life"], 10) == b"!"
+    child.reassure(0.5)
+    assert os.read(started["life"], 10) == b"!", "at once, even just after the machine has started"
     for end in (child.beats, child.life, started["life"]):
         os.close(end)
     monkeypatch.delenv(VARIABLE)
@@ -441,7 +479,33 @@ def test_what_a_dying_child_may_still_have_written_is_neutral_again_before_the_n
 
     first, second = Witness(1), Witness(0)
     run(man, monkeypatch, first, second)
+    assert (first.begun, first.gone) == (1, 2), "at the start, and before it waits for the child to be gone"
     assert second.begun > first.gone
+
+
+def test_who_is_asked_to_end_between_two_nodes_ends_with_neutral(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
+    neutral: Any = man._neutral
+    before: list[int] = []
+
+    def wait(_seconds: float) -> bool:
+        before.append(neutral.writes)
+        man._ask(signal.SIGTERM, None)
+        return False
+
+    monkeypatch.setattr(WatchedProcess, "start", lambda _arguments: Child(1))
+    monkeypatch.setattr(man, "_wait", wait)
+    assert man.run() == 0
+    assert neutral.writes > before[0]
+    assert neutral.closed
+
+
+def test_its_own_heart_beats_while_it_watches(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:
+    beats: list[float] = []
+    monkeypatch.setattr(man, "_heartbeat", SimpleNamespace(beat=beats.append))
+    child = Child(0, ends=False)
+    child.asked, child.turns_left = 1, 4
+    man._watch(child)
+    assert len(beats) == 3
 
 
 def test_a_child_that_does_not_end_when_it_is_asked_to_is_killed(man: DeadMan, monkeypatch: pytest.MonkeyPatch) -> None:

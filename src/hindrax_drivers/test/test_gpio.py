@@ -16,6 +16,7 @@ from hindrax_drivers.buses import gpio
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_drivers.output import enable_line
 from hindrax_drivers.output.enable_line import TRIGGER_S, open_enable_line, outputs_enabled
+from hindrax_drivers.output.output_guard import guard_of
 from hindrax_drivers.output.output_ports import open_output
 
 LINE, BUS = "pinctrl-bcm2711:26", "/dev/i2c-1"
@@ -250,7 +251,7 @@ def test_a_line_is_given_back_when_the_bus_behind_it_cannot_be_opened(gpiod: Fak
     vehicle = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
     wired = replace(vehicle, output=replace(vehicle.output, enable_line=LINE))
     with pytest.raises(DeviceError, match="no such"):
-        open_output(wired, str(tmp_path / "i2c-7"), "", lambda *_: None, "thrusters")
+        open_output(wired, str(tmp_path / "i2c-7"), "", lambda *_: None, "thrusters", neutral=guard_of(wired).neutral)
     assert gpiod.levels == {}
 
 

@@ -80,7 +80,7 @@ def test_channels_out_of_order_and_with_gaps_are_still_one_burst() -> None:
 
 
 def test_the_vehicle_file_gives_thrusters_then_lights() -> None:
-    (neutral,) = pca9685_of(load_vehicle(VEHICLE)).neutral()
+    (neutral,) = pca9685_of(load_vehicle(VEHICLE), [1500.0] * 8 + [1100.0] * 2).neutral()
     assert isinstance(neutral, Write)
     assert len(neutral.data) == 41
     assert neutral.data[1:] == b"\x00\x00\xba\x04" * 8 + b"\x00\x00\x77\x03" * 2

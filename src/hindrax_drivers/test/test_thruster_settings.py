@@ -7,6 +7,7 @@ import pytest
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE
 from hindrax_drivers.nodes.thruster_settings import Settings, namespace_of, read_settings
+from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses
 
 VEHICLE = Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml"
 
@@ -47,9 +48,22 @@ def test_a_word_on_the_command_line_wins(tmp_path: Path) -> None:
     assert (settings.port, settings.clock) == ("/dev/i2c-4", "system")
 
 
+def test_the_knobs_of_the_guard_are_read_and_judged_as_the_node_does(tmp_path: Path) -> None:
+    text = FILE.replace("PATTERN", "/**/thrusters").replace("clock:", "neutral_us: 1480, clock:")
+    assert read(tmp_path, text).knobs == OutputGuardKnobs(neutral_us=1480.0)
+    changed = read(tmp_path, text, "-p", "light_off_us:=900.0").guard
+    assert changed.neutral == Pulses((1480.0,) * 8, (900.0,) * 2)
+    with pytest.raises(UsageError, match=r"thrusters\.neutral_us: found 900, wanted 1000 to 2000"):
+        read(tmp_path, text, "-p", "neutral_us:=900")
+    with pytest.raises(UsageError, match="neutral_us: found 1950, wanted 1100 to 1900"):
+        read(tmp_path, text, "-p", "neutral_us:=1950")
+
+
 def test_the_vehicle_file_may_be_all_there_is() -> None:
     settings = read_settings(["--ros-args", "-p", f"vehicle:={VEHICLE}"])
-    assert (settings.port, settings.alone) == ("/dev/i2c-1", False)
+    assert (settings.port, settings.clock, settings.alone) == ("/dev/i2c-1", "system", False)
+    assert settings.knobs == OutputGuardKnobs()
+    assert not Settings(settings.vehicle, settings.port).alone
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
 from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.output.output_guard import guard_of
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_sim.buses.fuse_i2c import is_mounted
 
@@ -202,7 +203,9 @@ class _Talk:
 
 
 def _output(vehicle: Vehicle, where: str, clock: str) -> str:
-    output = open_output(vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor")
+    output = open_output(
+        vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor", neutral=guard_of(vehicle).neutral
+    )
     try:
         return output.set_up()
     finally:

@@ -156,12 +156,12 @@ class Pca9685:
         return f"{name}: {len(self._channels)} channels, {self.rate_Hz:.2f} Hz, {self.step_us:.3f} us per count"
 
 
-def pca9685_of(vehicle: Vehicle, neutral_us: float = 1500.0, light_off_us: float = 1100.0) -> Pca9685:
-    """Chip of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
+def pca9685_of(vehicle: Vehicle, rest_us: Sequence[float]) -> Pca9685:
+    """Chip of a vehicle file: the channels of its thrusters, in order, then those of its lights, and their rest."""
     output = vehicle.output
     return Pca9685(
         vehicle.output_channels(),
-        [neutral_us] * len(vehicle.thrusters) + [light_off_us] * len(output.light_channels),
+        rest_us,
         address=output.address,
         rate_Hz=output.rate_Hz,
         clock_Hz=output.clock_Hz,

@@ -49,7 +49,8 @@ class NeutralWriter:
 
     def __init__(self, settings: Settings) -> None:
         self._port = settings.port
-        self._chip: Pca9685 | None = None if settings.vehicle.output.device == "stm32" else pca9685_of(settings.vehicle)
+        vehicle, rest_us = settings.vehicle, settings.guard.neutral.all_us
+        self._chip: Pca9685 | None = None if vehicle.output.device == "stm32" else pca9685_of(vehicle, rest_us)
         self._bus: RegisterBus | None = None
         self.trouble = ""
         """Why neutral could not be written the last time; empty when it is on the wire."""

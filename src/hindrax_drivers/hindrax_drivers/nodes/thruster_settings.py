@@ -7,7 +7,7 @@ later wins.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +18,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build, knob
 from hindrax_core.topics import NAMESPACE
 from hindrax_core.vehicle import Output, Thruster, Vehicle, load_vehicle
+from hindrax_drivers.output.output_guard import OutputGuard, OutputGuardKnobs, guard_of
 from hindrax_ros.parameter_file import names_node, parameter_blocks
 
 NODE = "thrusters"
@@ -27,13 +28,19 @@ NO_VEHICLE = Vehicle("no vehicle", mass_kg=1.0, volume_m3=1e-3, envelope_m=(0.1,
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Vehicle, port of its output, and the clock of a serial port ("system" or "mock:SOCKET")."""
+    """Vehicle, port of its output, the clock of a serial port ("system" or "mock:SOCKET"), and the guard's knobs."""
 
     vehicle: Vehicle
     port: str
     clock: str = "system"
     alone: bool = False
     """Whether there is no vehicle file."""
+    knobs: OutputGuardKnobs = field(default_factory=OutputGuardKnobs)
+
+    @property
+    def guard(self) -> OutputGuard:
+        """The guard of this output: its neutral is that of the dead man too."""
+        return guard_of(self.vehicle, self.knobs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +61,9 @@ def read_settings(arguments: Sequence[str]) -> Settings:
         raise UsageError("thrusters: no vehicle file; give one with --ros-args -p vehicle:=FILE, or -p channels:=[0,1]")
     vehicle = load_vehicle(file) if file else _vehicle_of(found)
     port, clock = str(found.get("port") or vehicle.output.port), str(found.get("clock") or "system")
-    return Settings(vehicle, port, clock, alone=not file)
+    names = {one.name for one in fields(OutputGuardKnobs)}
+    knobs = build(OutputGuardKnobs, {name: value for name, value in found.items() if name in names}, NODE)
+    return Settings(vehicle, port, clock, alone=not file, knobs=knobs)
 
 
 def _vehicle_of(found: Mapping[str, Any]) -> Vehicle:

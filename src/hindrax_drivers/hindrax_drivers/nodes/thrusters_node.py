@@ -29,7 +29,7 @@ from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STAT
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_drivers.nodes.thruster_settings import OutputAlone, Settings, read_settings
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
@@ -61,8 +61,7 @@ class ThrustersNode(DeviceNode):
             text(self, name, value, meaning)
         if settings.alone:
             knobs(self, OutputAlone)
-        fixed = knobs(self, OutputGuardKnobs, fixed={"": SAFETY})
-        guard = OutputGuard(len(settings.vehicle.thrusters), len(settings.vehicle.output.light_channels), fixed)
+        self._guard = guard_of(settings.vehicle, knobs(self, OutputGuardKnobs, fixed={"": SAFETY}))
         self._phase: ArmingPhase | None = None
         self._commander, self._unfit, self._look_s = SinglePublisher(), "", 0.0
         self._inhibited_by = {"dead man": "", "lifecycle": "", "commander": ""}
@@ -71,7 +70,7 @@ class ThrustersNode(DeviceNode):
         self._battery = None
         if settings.vehicle.output.device == "stm32" and not settings.vehicle.sources_of("battery"):
             self._battery = publisher(self, BATTERY)
-        self._thread = OutputThread(self._open, guard, self, self._beat)
+        self._thread = OutputThread(self._open, self._guard, self, self._beat)
         self.ready = lambda: self._thread.ready
         self.now = lambda: self._thread.now
         self.stop = self._thread.stop
@@ -182,8 +181,8 @@ class ThrustersNode(DeviceNode):
         return response
 
     def _open(self) -> ThrusterOutput:
-        settings = self._settings
-        return open_output(settings.vehicle, settings.port, settings.clock, self.tap.add, NAME)
+        settings, neutral = self._settings, self._guard.neutral
+        return open_output(settings.vehicle, settings.port, settings.clock, self.tap.add, NAME, neutral=neutral)
 
     def _beat(self) -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it

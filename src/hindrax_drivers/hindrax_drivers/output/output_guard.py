@@ -20,6 +20,7 @@ from enum import StrEnum
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.stamp_window import StampWindow
+from hindrax_core.vehicle import Vehicle
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
@@ -414,6 +415,11 @@ class OutputGuard:
         if state.phase is ArmingPhase.FAULTED:
             return f"output is faulted: {state.reason}"
         return ""
+
+
+def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputGuard:
+    """Guard of the thrusters and lamps of a vehicle file."""
+    return OutputGuard(len(vehicle.thrusters), len(vehicle.output.light_channels), knobs or OutputGuardKnobs())
 
 
 def _newer(sequence: int, than: int) -> bool:

@@ -228,13 +228,16 @@ class SerialOutput:
         return [output for output in kept if not isinstance(output, Send)]
 
 
-def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str) -> ThrusterOutput:
-    """Open the output of a vehicle file at a port ("mock:..." too). DeviceError says what is missing."""
+def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses) -> ThrusterOutput:
+    """Open the output of a vehicle file at a port ("mock:..." too), set up to the neutral of its guard.
+
+    DeviceError says what is missing.
+    """
     if vehicle.output.device == "stm32":
         return SerialOutput(port, stm32_of(vehicle), open_clock(clock, name), tap)
     line = open_enable_line(vehicle.output, port)
     try:
-        return RegisterOutput(open_bus(port, name), pca9685_of(vehicle), line, tap)
+        return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)
     except DeviceError:
         line.close()
         raise

@@ -21,6 +21,7 @@ from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
+from hindrax_drivers.output.output_guard import guard_of
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector
 from hindrax_sim.flights.sensor_models import Noise, SensorModel, sensors
 from hindrax_sim.hardware import START, Hardware, STEP_ns
@@ -114,9 +115,10 @@ class BytesRig:
         self._schedule = BusSchedule()
         self._serial: dict[str, SerialDevice] = {}
         self._answers: dict[str, bytes] = {}
-        self._pca = pca9685_of(vehicle)
-        self._made_us = self._pca.applied([1500.0] * len(vehicle.thrusters))
-        self._lights = [1100.0] * len(vehicle.output.light_channels)
+        neutral = guard_of(vehicle).neutral
+        self._pca = pca9685_of(vehicle, neutral.all_us)
+        self._made_us = self._pca.applied(neutral.thrusters)
+        self._lights = neutral.lights
         self._run_output(self._pca.configure())
         for name, mount in vehicle.sensors.items():
             row = DEVICES[mount.device]

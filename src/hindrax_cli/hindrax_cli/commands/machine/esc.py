@@ -22,6 +22,7 @@ from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.output.enable_line import outputs_enabled
+from hindrax_drivers.output.output_guard import guard_of
 
 NAME = "esc"
 HELP = "teach the speed controllers their throttle range, the propellers off"
@@ -46,7 +47,7 @@ class _Bench:
 
     @property
     def chip(self) -> Pca9685:
-        return pca9685_of(self.vehicle)
+        return pca9685_of(self.vehicle, guard_of(self.vehicle).neutral.all_us)
 
     def put(self, pulse_us: float) -> None:
         """Put a pulse on the chosen thrusters, rest on all other channels, and read it back."""

@@ -18,6 +18,7 @@ from hindrax_drivers.bus_capture import run_once
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output import oscillator
 from hindrax_drivers.output.enable_line import outputs_enabled
+from hindrax_drivers.output.output_guard import guard_of
 
 NAME = "oscillator"
 HELP = "measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO"
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     run_once(port, oscillator.look(output.address, chip, line))
     print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
     with outputs_enabled(output, port):
-        identity = run_once(port, pca9685_of(vehicle).configure()).text
+        identity = run_once(port, pca9685_of(vehicle, guard_of(vehicle).neutral.all_us).configure()).text
         prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
         try:
             print_fitted(f"measuring for {arguments.seconds:g} s", sys.stderr)
