@@ -240,17 +240,30 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
     ("setpoint", "reason"),
     [
         (Setpoint("surge", value=1.0), "unknown, wanted one of heading"),
-        (Setpoint("depth", value=-1.0), "found -1 m, wanted 0 to 60 m"),
-        (Setpoint("depth", value=100.0), "found 100 m, wanted 0 to 60 m"),
+        (Setpoint("depth", value=-1.0), "found -1 m, wanted 0 to 1.6 m, by depth_rating_m and pool.depth_m of the"),
+        (Setpoint("depth", value=9.0), "found 9 m, wanted 0 to 1.6 m"),
+        (Setpoint("depth", value=1.7), "found 1.7 m, wanted 0 to 1.6 m"),
         (Setpoint("roll", value=2.0), "found 114.592 deg, wanted -55 to 55 deg"),
         (Setpoint("pitch", value=-2.0), "found -114.592 deg, wanted -55 to 55 deg"),
-        (Setpoint("altitude", value=-0.1), "found -0.1 m, wanted 0 to 60 m"),
+        (Setpoint("altitude", value=0.1), "found 0.1 m, wanted 0.2 to 1.8 m, by depth_rating_m and pool.depth_m"),
+        (Setpoint("altitude", value=9.0), "found 9 m, wanted 0.2 to 1.8 m"),
     ],
 )
 def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
     holds = Holds(HINDRAX)
     assert reason in holds.set(setpoint)
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
+
+
+def test_the_hull_may_touch_the_surface_and_the_floor_and_no_vehicle_goes_deeper_than_it_is_rated() -> None:
+    holds = Holds(HINDRAX)  # 0.4 m high, in 1.8 m of water
+    ends = [("depth", (0.0, 1.6)), ("altitude", (0.2, 1.8)), ("roll", (math.radians(-55.0), math.radians(55.0)))]
+    for axis, values in ends:
+        assert [holds.set(Setpoint(axis, value=value)) for value in values] == ["", ""]
+    lake = Holds(replace(HINDRAX, pool=replace(HINDRAX.pool, depth_m=200.0)))
+    assert lake.set(Setpoint("depth", value=60.0)) == ""
+    assert "found 60.1 m, wanted 0 to 60 m" in lake.set(Setpoint("depth", value=60.1))
+    assert lake.set(Setpoint("altitude", value=150.0)) == ""
 
 
 def test_unmeasured_axis_gets_no_effort_and_says_so() -> None:

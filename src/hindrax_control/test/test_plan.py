@@ -203,6 +203,23 @@ def test_tilt_stays_below_the_limit_of_the_vehicle(hindrax: Vehicle, allocator: 
         assert max(leg.end for leg in plan.legs) == pytest.approx(math.radians(largest_deg))
 
 
+@pytest.mark.parametrize("altitude_m", [0.2, 1.6])
+def test_an_altitude_at_which_the_hull_touches_floor_or_surface_can_be_flown(
+    hindrax: Vehicle, allocator: Allocator, altitude_m: float
+) -> None:
+    planner = Planner(hindrax, allocator, PlanKnobs(altitude_m=altitude_m))
+    assert planner.plan("yaw", PoolBounds(hindrax, 0.0)).vertical == ("altitude", altitude_m)
+
+
+@pytest.mark.parametrize("altitude_m", [0.1, 1.7, 9.0])
+def test_an_altitude_outside_of_the_pool_is_refused(hindrax: Vehicle, allocator: Allocator, altitude_m: float) -> None:
+    planner = Planner(hindrax, allocator, PlanKnobs(altitude_m=altitude_m))
+    wanted = rf"plan.altitude_m: found {altitude_m:g} m, wanted 0.20 to 1.60 m, the hull within the pool"
+    with pytest.raises(UsageError, match=wanted):
+        planner.plan("surge", PoolBounds(hindrax, 0.0))
+    planner.plan("heave", PoolBounds(hindrax, 0.0))
+
+
 def test_pool_without_room_is_refused(hindrax: Vehicle, allocator: Allocator) -> None:
     with pytest.raises(UsageError, match=r"surge: the pool leaves -0\.19 m of room"):
         planned(replace(hindrax, pool=Pool(length_m=2.0)), allocator, "surge")

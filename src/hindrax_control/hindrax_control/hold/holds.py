@@ -105,8 +105,6 @@ class Holds:
 
     def __init__(self, vehicle: Vehicle, knobs: HoldKnobs | None = None) -> None:
         self._knobs, self._vehicle = knobs or HoldKnobs(), vehicle
-        self._tilt_rad = math.radians(vehicle.limits.tilt_deg)
-        self._depth_m = vehicle.depth_rating_m
         self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._freedoms = prior_dynamics(vehicle)
         self._loops = {
@@ -157,17 +155,24 @@ class Holds:
             return f"hold {axis!r}: unknown, wanted one of {', '.join(HOLDS)}"
         if not setpoint.engaged or math.isnan(value):
             return ""
-        low, high = {
-            "heading": (-1e6, 1e6),
-            "roll": (-self._tilt_rad, self._tilt_rad),
-            "pitch": (-self._tilt_rad, self._tilt_rad),
-            "depth": (0.0, self._depth_m),
-            "altitude": (0.0, self._depth_m),
-        }[axis]
+        low, high = self._range(axis)
         if low <= value <= high:
             return ""
         unit, scale = ("m", 1.0) if axis in ("depth", "altitude") else ("deg", math.degrees(1.0))
-        return f"hold {axis}: found {value * scale:g} {unit}, wanted {low * scale:g} to {high * scale:g} {unit}"
+        found = f"hold {axis}: found {value * scale:g} {unit}, wanted {low * scale:g} to {high * scale:g} {unit}"
+        return f"{found}, by depth_rating_m and pool.depth_m of the vehicle file" if unit == "m" else found
+
+    def _range(self, axis: str) -> tuple[float, float]:
+        """Lowest and highest setpoint of a hold: no deeper than the vehicle may, and not in the floor of the pool."""
+        if axis == "heading":
+            return -1e6, 1e6
+        if axis in ("roll", "pitch"):
+            tilt_rad = math.radians(self._vehicle.limits.tilt_deg)
+            return -tilt_rad, tilt_rad
+        half_height_m, pool_m = 0.5 * self._vehicle.envelope_m[2], self._vehicle.pool.depth_m
+        if axis == "depth":
+            return 0.0, min(self._vehicle.depth_rating_m, pool_m - half_height_m)
+        return half_height_m, pool_m
 
     # ---- time
 

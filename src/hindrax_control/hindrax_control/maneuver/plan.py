@@ -185,10 +185,18 @@ class Planner:
             legs,
             # Sway is flown along the length too: with the bow to the west, starboard is north.
             heading_rad=-math.pi / 2.0 if motion == "sway" else 0.0,
-            vertical=("depth", low) if motion == "heave" else ("altitude", self.knobs.altitude_m),
+            vertical=("depth", low) if motion == "heave" else ("altitude", self._altitude_m(pool)),
             start_m=(along_m, 0.5 * pool.width_m),
             hover_s=self.knobs.hover_s if motion == "heave" else 0.0,
         )
+
+    def _altitude_m(self, pool: PoolBounds) -> float:
+        """Altitude of every motion but heave; UsageError when the hull would not be in the water."""
+        found_m, half_height_m = self.knobs.altitude_m, 0.5 * self.vehicle.envelope_m[2]
+        if not half_height_m <= found_m <= pool.depth_m - half_height_m:
+            wanted = f"{half_height_m:.2f} to {pool.depth_m - half_height_m:.2f} m, the hull within the pool"
+            raise UsageError(f"plan.altitude_m: found {found_m:g} m, wanted {wanted}")
+        return found_m
 
     def force_limit(self, axis: str, sign: float) -> float:
         """Largest force [N, Nm] that a plan may ask for along an axis: thrusters with reserve, vehicle limit."""
