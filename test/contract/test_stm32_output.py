@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +11,15 @@ from hindrax_core.events import Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_core.readings import Battery
 from hindrax_drivers.buses.clock import Meanwhile, nothing
 from hindrax_drivers.devices.stm32 import Stm32
-from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuard, OutputGuardKnobs, Refusal, Request
+from hindrax_drivers.output.output_guard import (
+    ArmingPhase,
+    Command,
+    OutputGuard,
+    OutputGuardKnobs,
+    Pulses,
+    Refusal,
+    Request,
+)
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
@@ -18,7 +27,8 @@ from hindrax_sim.devices.stm32 import SupplyTruth
 from hindrax_sim.ptys import Pty
 
 CHANNELS = (*range(8), 8, 9)
-NEUTRAL, MOVING = (1500.0,) * 8, (1601.0,) * 8
+NEUTRAL, ORDERED, MOVING = (1500.0,) * 8, (1600.6,) * 8, (1601.0,) * 8
+"""The board makes whole microseconds."""
 STEP_S = 0.005
 
 
@@ -33,9 +43,9 @@ class Bench:
         self.said: list[Output] = []
         self.troubles: list[str] = []
         self.frames: list[tuple[Stamp, bool, bytes]] = []
-        output = SerialOutput(str(folder / "stm32"), Stm32(CHANNELS), self, self.tap)
-        self.host = OutputHost(output, OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.1)), self)
-        self.sequence, self.mute, self.closed = 0, False, False
+        self.output = SerialOutput(str(folder / "stm32"), Stm32(CHANNELS), self, self.tap)
+        self.host = OutputHost(self.output, OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.1)), self)
+        self.sequence, self.mute, self.closed, self.woken = 0, False, False, 0
 
     def tap(self, stamp: Stamp, sent: bool, data: bytes) -> None:
         self.frames.append((stamp, sent, data))
@@ -64,7 +74,7 @@ class Bench:
         self.pty = None
 
     def wake(self) -> None:
-        pass
+        self.woken += 1
 
     def close(self) -> None:
         self.closed = True
@@ -97,7 +107,7 @@ class Bench:
         end = after(self.time, seconds)
         while self.time < end:
             self.sequence += 1
-            self.host.command(Command(MOVING, (), self.time, self.sequence))
+            self.host.command(Command(ORDERED, (), self.time, self.sequence))
             slot = after(self.time, 0.02)
             while self.time < slot:
                 self.sleep_until(min(max(self.host.turn(), after(self.time, STEP_S)), slot))
@@ -213,3 +223,86 @@ def test_what_goes_over_the_line_is_kept_in_both_directions_with_its_time(bench:
         frames = [data for _, sent, data in bench.frames if sent is direction]
         assert len(frames) >= least
         assert frames[0][0] in (0xFD, 0xFE), "MAVLink begins every frame with one of these"
+    _, sent, first = bench.frames[0]
+    assert (sent, first[7:10]) == (True, b"\0\0\0"), "we speak first, by a heartbeat: message 0"
+
+
+def test_it_sleeps_on_its_clock_no_longer_than_overrides_may_stay_away(bench: Bench) -> None:
+    done: list[str] = []
+    for seconds, slept_s in ((10.0, 0.02), (0.01, 0.01)):
+        begin = bench.time
+        bench.output.wait(after(begin, seconds), lambda: done.append("meanwhile"))
+        assert bench.time == after(begin, slept_s)
+    assert len(done) == 2
+    assert list(bench.output.serve()) == [], "no port is open yet"
+    bench.output.wake()
+    assert bench.woken == 1
+
+
+class Board:
+    """In the place of the driver: keeps what it is asked for."""
+
+    def __init__(self, *, armed: bool = False, asking: bool = False, refusal: str = "") -> None:
+        self.armed, self.asking, self.refusal = armed, asking, refusal
+        self.asked: list[object] = []
+
+    def override(self, pulses_us: tuple[float, ...], _stamp: Stamp) -> Stamped[Battery]:
+        return self._ask(pulses_us)
+
+    def arm(self, _stamp: Stamp) -> Stamped[Battery]:
+        return self._ask("arm")
+
+    def disarm(self, _stamp: Stamp) -> Stamped[Battery]:
+        return self._ask("disarm")
+
+    def _ask(self, what: object) -> Stamped[Battery]:
+        self.asked.append(what)
+        return Stamped(Stamp(0), Battery(15.0))  # anything but something to send
+
+
+WANTED = Pulses((1600.0, 1400.0), (1100.0,))
+HELD = (1500.0, 1500.0, 1100.0)
+
+
+def written(board: Board, bench: Bench, *wishes: bool) -> SerialOutput:
+    """The output of a board that the guard wishes to be armed, or not, one write after the other."""
+    device: Any = board
+    output = SerialOutput("", device, bench, bench.tap)
+    for armed in wishes:
+        output.write(WANTED, armed=armed)
+    return output
+
+
+def asked_of(board: Board, bench: Bench, *wishes: bool) -> list[object]:
+    written(board, bench, *wishes)
+    return board.asked
+
+
+def test_it_is_asked_once_to_arm_and_thrusters_wait_for_it_at_neutral(bench: Bench) -> None:
+    assert asked_of(Board(), bench, True, True) == [HELD, "arm", HELD]
+    assert asked_of(Board(armed=True), bench, True) == [WANTED.all_us, "arm"]
+
+
+def test_it_is_asked_to_disarm_until_it_is_disarmed(bench: Bench) -> None:
+    assert asked_of(Board(), bench, False, False) == [WANTED.all_us] * 2
+    assert asked_of(Board(armed=True), bench, False, False) == [WANTED.all_us, "disarm"] * 2
+    assert asked_of(Board(), bench, True, False, False, True) == [
+        *(HELD, "arm"), *(WANTED.all_us, "disarm"), WANTED.all_us, *(HELD, "arm")
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("board", "wish", "complaint"),
+    [
+        (Board(), False, ""),
+        (Board(refusal="hot"), False, ""),
+        (Board(armed=True), True, ""),
+        (Board(asking=True), True, ""),
+        (Board(), True, "the board has disarmed itself"),
+        (Board(refusal="hot"), True, "hot"),
+    ],
+)
+def test_it_complains_of_a_board_that_is_not_armed_although_it_was_asked_to(
+    bench: Bench, board: Board, wish: bool, complaint: str
+) -> None:
+    assert written(board, bench, wish).complaint() == complaint

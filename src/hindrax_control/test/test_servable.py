@@ -7,9 +7,17 @@ from dataclasses import replace
 import pytest
 
 from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.refusal import require_flyable
-from hindrax_control.maneuver.servable import ServableMotions, motions_to_fly, require_servable, servable_motions
+from hindrax_control.maneuver.servable import (
+    ServableMotions,
+    largest_wrench,
+    motions_to_fly,
+    require_servable,
+    servable_motions,
+)
+from hindrax_core.curves.curve_branches import Branch, Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
 
@@ -50,6 +58,31 @@ def test_an_axis_that_depends_on_others_names_them(hindrax: Vehicle) -> None:
     assert "heave" in reason
 
 
+@pytest.mark.parametrize(("apart_m", "bound"), [(0.0, "heave"), (0.004, "heave"), (0.04, "heave and roll")])
+def test_an_axis_is_bound_to_those_that_make_a_twentieth_of_it(hindrax: Vehicle, apart_m: float, bound: str) -> None:
+    """Two vertical thrusters ahead of the center of mass, at x = a and a + d, y = b and -b: Z (1, 1), K (b, -b).
+
+    Pitch is -(a, a + d) = -(a + d/2) (1, 1) + d/2 (1, -1), so K has d / (2 a) of it.
+    """
+    x_m, y_m, z_m = hindrax.center_of_mass_m
+    places = {"T5": (x_m + 0.1, y_m + 0.1, z_m), "T6": (x_m + 0.1 + apart_m, y_m - 0.1, z_m)}
+    six = amidships(hindrax)
+    moved = tuple(replace(one, position_m=places.get(one.name, one.position_m)) for one in six.thrusters)
+    found = servable_motions(AXES, replace(six, thrusters=moved))
+    assert found.left_out == (("pitch", f"no thruster serves it independently of {bound}"),)
+
+
+def test_the_largest_wrench_is_that_of_the_weaker_way_and_none_where_nothing_serves(hindrax: Vehicle) -> None:
+    low_N, high_N = thrust_curves(hindrax)[0].range_N
+    weakest_N = min(-low_N, high_N)
+    assert largest_wrench(hindrax)["heave"] == pytest.approx(4.0 * weakest_N)
+    six = largest_wrench(amidships(hindrax))
+    assert six["heave"] == pytest.approx(2.0 * weakest_N)
+    assert six["pitch"] == 0.0
+    assert largest_wrench(without(hindrax, "T5", "T6", "T7", "T8")) == dict.fromkeys(AXES, 0.0)
+    assert largest_wrench(replace(hindrax, thrusters=())) == dict.fromkeys(AXES, 0.0)
+
+
 def test_a_named_motion_that_cannot_be_served_is_refused_with_what_could_be_flown(hindrax: Vehicle) -> None:
     six = amidships(hindrax)
     assert motions_to_fly(["yaw", "surge", "yaw"], six).flown == ("yaw", "surge")
@@ -61,10 +94,15 @@ def test_a_named_motion_that_cannot_be_served_is_refused_with_what_could_be_flow
     )
 
 
+NO_HEAVE = "no thruster serves heave, which holds the depth meanwhile"
+
+
 def test_nothing_flies_without_heave(hindrax: Vehicle) -> None:
     flat = without(hindrax, "T5", "T6", "T7", "T8")
     assert servable_motions(AXES, flat).flown == ()
-    with pytest.raises(UsageError, match=r"surge: no thruster serves heave, which holds the depth meanwhile.* file$"):
+    with pytest.raises(
+        UsageError, match=f"surge: {NO_HEAVE}, wanted thrusters that do; correct `thrusters` in .* file$"
+    ):
         motions_to_fly(["all"], flat)
 
 
@@ -88,3 +126,13 @@ def test_what_its_thrusters_cannot_hold_at_a_depth_is_refused(hindrax: Vehicle, 
         with pytest.raises(UsageError, match=f"found {found}, wanted less than the 62 N that its thrusters give"):
             refuse()
     motions_to_fly(("all",), replace(hindrax, mass_kg=20.0))
+
+
+def test_a_small_vehicle_must_be_trimmed_as_well(hindrax: Vehicle) -> None:
+    # 0.16 N: force = -0.15 N + 1e-4 N/us * pulse, from 1100 us on, four times
+    weak = {name: Curve(Branch((-0.15, 1e-4, 0.0, 0.0), 1100.0, 1475.0)) for name in hindrax.curves}
+    floating_kg = hindrax.volume_m3 * hindrax.water.density_kgpm3
+    for off_kg, pull in ((-0.07, "net buoyancy"), (0.07, "net weight")):
+        with pytest.raises(UsageError, match=f"found 1 N of {pull}, wanted less than the 0 N"):
+            motions_to_fly(("all",), replace(hindrax, curves=weak, mass_kg=floating_kg + off_kg))
+    motions_to_fly(("all",), replace(hindrax, curves=weak, mass_kg=floating_kg + 0.01))

@@ -336,6 +336,67 @@ def test_a_turn_between_two_fields_that_lie_far_apart_is_believed() -> None:
         assert isinstance(output, Stamped) is believed
 
 
+def magnetometer() -> Ak09916:
+    mag = Ak09916(Correction())
+    assert rehearse(mag.configure(), SET_UP) == "AK09916"
+    return mag
+
+
+def field(mag: Ak09916, at_s: float, *counts: int) -> Any:
+    """What becomes of a sample."""
+    (output,) = rehearse(mag.read(after(START, at_s)), [(BLOCK, b"\x01" + struct.pack("<3h", *counts) + bytes(2))])
+    return output
+
+
+def test_a_field_is_as_old_as_half_a_period_and_half_a_measurement() -> None:
+    """100 Hz, 7.2 ms for a measurement (AK09916 data sheet, section 5.3)."""
+    assert field(magnetometer(), 0.0, 1, 2, 3).stamp == START - 8_600_000
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_leap_is_refused_until_it_is_confirmed_and_noise_on_a_strong_field_is_none(axis: int) -> None:
+    mag = magnetometer()
+    strong, noisy, far = ([300, -300, 50] for _ in range(3))
+    noisy[axis] += 20
+    far[axis] += 400
+    taken = [isinstance(field(mag, 0.04 * turn, *(noisy if turn % 2 else strong)), Stamped) for turn in range(4)]
+    assert taken == [True] * 4
+    leaps = [type(field(mag, 0.16 + 0.001 * turn, *far)) for turn in range(5)]
+    assert leaps == [Rejected] * 3 + [Stamped] * 2
+    assert isinstance(field(mag, 0.166, *strong), Rejected), "the next leap is doubted anew"
+
+
+def test_what_was_believed_before_a_set_up_is_forgotten() -> None:
+    mag = magnetometer()
+    for turn in range(MAG_REPEATS):
+        assert isinstance(field(mag, 0.01 * turn, 300, 0, 0), Stamped)
+    far = [field(mag, 0.2 + 0.001 * turn, -300, 0, 0) for turn in range(2)]
+    assert [type(one) for one in far] == [Rejected, Rejected]
+    rehearse(mag.configure(), SET_UP)
+    assert isinstance(field(mag, 0.2, -300, 0, 0), Stamped)
+    assert [type(field(mag, 0.201, 300, 0, turn)) for turn in range(4)] == [Rejected] * 3 + [Stamped]
+
+
+def test_a_magnetometer_that_is_not_found_again_is_not_read() -> None:
+    rehearse(Ak09916(Correction()).read(START), SET_UP)
+    mag = magnetometer()
+    rehearse(mag.configure(), [(SET_UP[0][0], NACK)])
+    rehearse(mag.read(START), SET_UP)
+    assert isinstance(field(mag, 0.01, 1, 2, 3), Stamped)
+
+
+def test_a_lost_magnetometer_is_set_up_again_once_a_second_and_when_the_clock_went_back() -> None:
+    mag = magnetometer()
+    (lost,) = rehearse(mag.read(START), [(BLOCK, NACK)])
+    assert lost == Rejected(START, "magnetometer: no acknowledge")
+    for late_s in (0.0, 0.99):
+        assert list(rehearse(mag.read(after(START, late_s)), [])) == []
+    (told,) = rehearse(mag.read(after(START, 1.0)), [(SET_UP[0][0], NACK)])
+    assert told == Rejected(after(START, 1.0), "magnetometer: no AK09916 (no acknowledge)")
+    assert list(rehearse(mag.read(after(START, 1.99)), [])) == []
+    assert list(rehearse(mag.read(after(START, 0.5)), SET_UP)) == []
+
+
 def test_another_chip_in_place_of_the_magnetometer_is_named() -> None:
     mag = Ak09916(Correction())
     assert "found identity 4800, wanted 4809" in rehearse(mag.configure(), [*SET_UP[:2], (SET_UP[2][0], b"\x48\x00")])

@@ -71,6 +71,14 @@ def test_identifies_itself_by_its_heartbeat() -> None:
     assert heard(device, Heartbeat(12, 0, 0, 3), 1.1) == []
 
 
+def test_whoever_sends_other_messages_only_is_heard_too() -> None:
+    device = ready()
+    for turn in range(1, 100):
+        heard(device, ServoOutput(1, (1500,) * 16), turn * 0.1)
+        assert not [one for one in device.tick(at(turn * 0.1)) if isinstance(one, Trouble)]
+    assert device.ready
+
+
 def test_is_not_ready_without_heartbeats_and_says_so_once() -> None:
     device = ready()
     troubles = [output for turn in range(100) for output in device.tick(at(turn * 0.05)) if isinstance(output, Trouble)]
@@ -83,7 +91,8 @@ def test_channels_follow_the_vehicle_file() -> None:
     device = Stm32((3, 0))
     (message,) = said([device.override((1600.4, 1399.6), at(0.0))])
     assert isinstance(message, ChannelsOverride)
-    assert message.pulses_us[:8] == (1400, 65535, 65535, 1600) + (65535,) * 4
+    # RC_CHANNELS_OVERRIDE: 65535 leaves one of the first eight as it is, 0 one of the others
+    assert message.pulses_us == (1400, 65535, 65535, 1600) + (65535,) * 4 + (0,) * 10
 
 
 def test_overrides_are_repeated_at_50_hz_but_not_for_long() -> None:
@@ -100,9 +109,21 @@ def test_arming_waits_for_the_answer() -> None:
     assert not device.armed
     assert heard(device, CommandAck(400, 0), 0.01) == []
     assert (device.armed, device.refusal) == (True, "")
-    device.disarm(at(1.0))
+    assert said([device.disarm(at(1.0))]) == [CommandLong(400, 0.0, 0)]
     heard(device, CommandAck(400, 0), 1.01)
     assert not device.armed
+
+
+def test_frames_are_counted_in_a_byte() -> None:
+    """The sequence is byte 4 of a frame of MAVLink 2."""
+    device = ready()
+    sent = [device.override(REST, at(0.001 * turn)).data[4] for turn in range(300)]
+    assert sent == [turn % 256 for turn in range(1, 301)], "the heartbeat of its start was number 0"
+
+
+def test_before_its_start_it_is_not_there() -> None:
+    device = Stm32(CHANNELS)
+    assert (device.ready, device.armed, device.asking, device.refusal) == (False, False, False, "")
 
 
 def test_a_refusal_brings_its_reason() -> None:
@@ -112,6 +133,10 @@ def test_a_refusal_brings_its_reason() -> None:
     (trouble,) = heard(device, CommandAck(400, 1), 0.01)
     assert trouble == Trouble(at(0.01), "stm32: does not arm: not armed: neutral for 3 of 7000 ms")
     assert (device.armed, device.refusal) == (False, "not armed: neutral for 3 of 7000 ms")
+    device.disarm(at(0.1))
+    assert heard(device, CommandAck(400, 4), 0.2) == [
+        Trouble(at(0.2), "stm32: does not disarm: answered with result 4")
+    ]
 
 
 def test_a_command_without_answer_is_repeated_then_given_up() -> None:
@@ -209,7 +234,8 @@ def test_what_it_hears_becomes_readings() -> None:
     assert isinstance(stamped, Stamped)
     assert isinstance(stamped.reading, Battery)
     assert math.isnan(stamped.reading.current_A)
-    assert heard(device, StatusText(6, "boot"), 0.2) == [Stamped(at(0.2), DeviceText("boot"))]
+    for severity in (5, 6):  # notice and info; 4 is a warning
+        assert heard(device, StatusText(severity, "boot"), 0.2) == [Stamped(at(0.2), DeviceText("boot"))]
     assert heard(device, StatusText(3, "hot"), 0.2) == [Trouble(at(0.2), "stm32: hot")]
 
 
@@ -246,5 +272,5 @@ def test_the_line_is_as_fast_and_as_patient_as_the_operator_set_it() -> None:
 
 @pytest.mark.parametrize("channels", [(), (1, 1), (16,), (-1,)])
 def test_channels_that_collide_are_refused(channels: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="output channels"):
+    with pytest.raises(ValueError, match=r"output channels: found .*, wanted different ones from 0 to 15$"):
         Stm32(channels)

@@ -1,6 +1,7 @@
 """ICM-20948 and AK09916 against the numbers of their data sheet."""
 
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices import icm20948_registers as r
 from hindrax_drivers.devices.ak09916 import Ak09916
+from hindrax_drivers.devices.ak09916 import self_test as ak09916_self_test
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
-from hindrax_drivers.devices.icm20948_selftest import SelfTest
+from hindrax_drivers.devices.icm20948_selftest import SelfTest, self_test
 from hindrax_drivers.imu_calibration import Correction
 
 CASES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text())
@@ -168,6 +170,89 @@ def test_the_delay_of_each_filter_is_that_of_its_corner() -> None:
     for config, corner_Hz in enumerate(CASES["gyro_corners_Hz"]):
         lag_s = 1.0 / (2.0 * math.pi * corner_Hz)
         assert Icm20948Knobs(filter=config).filter_delay_s == pytest.approx(lag_s, abs=0.00026)
+
+
+def magnetic_self_test(*blocks: str | DeviceError) -> list[Line]:
+    """AK09916 data sheet, section 9.4.4: CNTL2 31h, power down 00h, self-test 10h; ST1 at 10h; CNTL3 32h, reset."""
+    lines: list[Line] = [
+        (Write(0x0C, b"\x31\x00"), b""),
+        (Pause(0.001), b""),
+        (Write(0x0C, b"\x31\x10"), b""),
+    ]
+    for block in blocks:
+        answer = block if isinstance(block, DeviceError) else bytes.fromhex(block)
+        lines += [(Pause(0.01), b""), (WriteRead(0x0C, b"\x10", 9), answer)]
+    return lines
+
+
+MAG_RESET: Line = (Write(0x0C, b"\x32\x01"), b"")
+NOT_READY, FIELD = "00 0000 0000 0000 00 00", "01 0400 feff 0cfe 00 00"
+"""Field of 4, -2, -500 counts."""
+
+
+def test_the_magnetometer_tests_itself_as_its_data_sheet_says() -> None:
+    ready = [*magnetic_self_test(*[NOT_READY] * 4, FIELD), MAG_RESET]
+    assert rehearse(ak09916_self_test(), ready) == (4, -2, -500)
+    assert rehearse(ak09916_self_test(), magnetic_self_test(*[NOT_READY] * 5)) is None
+    assert rehearse(ak09916_self_test(), magnetic_self_test(DeviceError("no acknowledge"))) is None
+
+
+def test_the_self_test_takes_the_steps_and_the_limits_of_the_embedded_motion_driver() -> None:
+    """inv_icm20948_run_selftest of TDK: 250 dps and 2 g with filter 7, divider 10, 200 readings 10 ms apart."""
+
+    def to(*data: int) -> Line:
+        return (Write(0x69, bytes(data)), b"")
+
+    def of(register: int, data: bytes) -> Line:
+        return (WriteRead(0x69, bytes([register]), len(data)), data)
+
+    def readings(*axes: tuple[int, int]) -> list[Line]:
+        """200 readings that are one of two values in turn."""
+        samples = [struct.pack(">6h", *(two[turn] for two in axes)) for turn in (0, 1)]
+        return [line for _ in range(100) for one in samples for line in (of(0x2D, one), (Pause(0.01), b""))]
+
+    settled: list[Line] = [to(0x7F, 0x00), (Pause(0.02), b"")]
+    lines = [
+        to(0x7F, 0x10),
+        of(0x02, bytes([1, 2, 3])),
+        of(0x0E, bytes([1, 0, 101])),
+        to(0x7F, 0x20),
+        to(0x00, 10, 0x39),
+        to(0x10, 0, 10),
+        to(0x14, 0x39),
+        *settled,
+        *readings((-10, 10), (5, 5), (0, 0), (100, 102), (0, 0), (0, 0)),
+        *(to(0x7F, 0x20), to(0x02, 0x38), to(0x15, 0x1C), *settled),
+        *readings((2610, 2630), (4000, 4000), (-7086, -7086), (1411, 1411), (-2646, -2646), (0, 0)),
+        *(to(0x7F, 0x20), to(0x02, 0x00), to(0x15, 0x00), *settled),
+        *magnetic_self_test(FIELD),
+        MAG_RESET,
+    ]
+    found = rehearse(self_test(0x69), lines)
+    assert found.accel == pytest.approx((1.0, 0.0, 1.0), rel=1e-4)  # codes 1, none, 101: 2620 and 2620 * 1.01^100
+    assert found.gyro == pytest.approx((0.5, 1.0, 0.0), rel=1e-4)
+    assert found.mag == (4, -2, -500)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_limits_of_the_responses(axis: int) -> None:
+    """Of the accelerometer half to one and a half of the factory's; of the gyroscope at least half."""
+
+    def passed(*, gyro: float = 1.0, accel: float = 1.0) -> bool:
+        gx, gy, gz = (gyro if one == axis else 1.0 for one in range(3))
+        ax, ay, az = (accel if one == axis else 1.0 for one in range(3))
+        return SelfTest((gx, gy, gz), (ax, ay, az), (0, 0, -500)).passed
+
+    assert [passed(gyro=share) for share in (0.49, 0.5, 9.0)] == [False, True, True]
+    assert [passed(accel=share) for share in (0.49, 0.5, 1.5, 1.51)] == [False, True, True, False]
+
+
+def test_the_self_test_is_told_in_shares_and_counts() -> None:
+    told = "response of the gyroscope 100%, 90%, 110%, of the accelerometer 50%, 100%, 149% of the factory's"
+    gyro, accel = (1.0, 0.9, 1.1), (0.5, 1.0, 1.49)
+    good, bad = SelfTest(gyro, accel, (1, -2, -500)), SelfTest(gyro, accel, None)
+    assert str(good) == f"self test passed: {told}; magnetometer 1, -2, -500 counts"
+    assert str(bad) == f"self test failed: {told}; magnetometer no answer"
 
 
 def test_limits_of_the_magnetometer_s_self_test() -> None:

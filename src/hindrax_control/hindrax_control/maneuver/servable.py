@@ -72,7 +72,7 @@ def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
     found = {}
     for axis, name in enumerate(AXES):
         shares = np.abs(alone[:, axis]) / np.array(ranges)
-        found[name] = 1.0 / float(np.max(shares)) if name in served and np.max(shares) > 0.0 else 0.0
+        found[name] = 1.0 / float(np.max(shares)) if name in served else 0.0
     return found
 
 

@@ -40,8 +40,11 @@ class Ak09916:
 
     def __init__(self, correction: Correction) -> None:
         self._correction = correction
-        self._ready = False
-        self._tried = self._heard = self._believed_at = Stamp(0)
+        self._ready, self._tried = False, Stamp(0)
+
+    def _forget(self) -> None:
+        """Nothing is known of its field."""
+        self._heard = self._believed_at = Stamp(0)
         self._last = b""
         self._believed: tuple[int, ...] | None = None
         self._repeats = self._doubted = 0
@@ -58,8 +61,8 @@ class Ak09916:
             yield Write(r.MAG_ADDRESS, bytes([r.MAG_CNTL2, r.MAG_100_HZ]))
         except DeviceError as error:
             return f"no AK09916 ({error})"
-        self._ready, self._repeats, self._doubted, self._heard = True, 0, 0, Stamp(0)
-        self._believed = None
+        self._ready = True
+        self._forget()
         return "AK09916"
 
     def read(self, stamp: Stamp) -> Program[MagOutputs]:

@@ -103,7 +103,7 @@ class Stm32:
 
     def override(self, pulses_us: Sequence[float], stamp: Stamp) -> Send:
         """Send the wanted pulses [us] now; `tick` repeats them for a short while."""
-        channels = [UNKNOWN] * 8 + [0] * (CHANNELS - 8)
+        channels = [UNKNOWN] * 8 + [0] * 8
         for channel, pulse in zip(self._channels, pulses_us, strict=True):
             channels[channel] = round(pulse)
         self._wanted = tuple(channels)
