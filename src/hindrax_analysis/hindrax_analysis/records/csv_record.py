@@ -20,7 +20,7 @@ MOST_LINES = 250_000
 """More than an hour at 60 Hz; the identification of as many takes 2 GB."""
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
 """Times above the first number are since 1970: factor and unit."""
-REAL_FORCES = "forces are assumed to be those achieved by the thrusters, about the center of mass"
+REAL_FORCES = "forces are those achieved by the thrusters, about the center of mass"
 
 
 def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> Recording:
@@ -48,7 +48,7 @@ def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> 
     order = np.argsort(columns["t"], kind="stable")
     recording = _recording(source, {name: array(values[order]) for name, values in columns.items()})
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
-    assumptions = [by_size, f"axes are assumed to be {axes}", REAL_FORCES]
+    assumptions = [by_size, f"axes are {axes}", REAL_FORCES]
     recording = recording.half_turned() if frame == "flu" else recording
     return replace(recording, assumptions=tuple(one for one in assumptions if one))
 
@@ -184,7 +184,7 @@ def _unix_unit(time: Array) -> tuple[float, str]:
     """Seconds per unit of times without a unit, by their size, and the assumption made."""
     size = abs(float(np.median(time)))
     found = [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least]
-    return (found[0][0], f"times are assumed to be in {found[0][1]} since 1970, by their size") if found else (1.0, "")
+    return (found[0][0], f"times are in {found[0][1]} since 1970, by their size") if found else (1.0, "")
 
 
 def _recording(source: str, columns: dict[str, Array]) -> Recording:

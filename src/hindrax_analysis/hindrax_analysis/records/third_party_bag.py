@@ -155,8 +155,8 @@ def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, ve
     if wrench.frame or axes.is_given:
         signs = _signs_to_sname(wrench, axes)
     else:
-        axes.notes.append(f"{wrench.topic} names no frame: assumed to be in the axes of {velocity.topic}")
-    axes.notes.append(f"{wrench.topic} is assumed to be the wrench achieved by the thrusters, about the center of mass")
+        axes.notes.append(f"{wrench.topic} names no frame: it is in the axes of {velocity.topic}")
+    axes.notes.append(f"{wrench.topic} is the wrench achieved by the thrusters, about the center of mass")
     return array(np.array(wrench.rows) * signs)
 
 

@@ -58,7 +58,7 @@ class AllocationCycle:
         self.inexact = 0
         self._unserved: tuple[str, ...] = ()
         self.disabled: frozenset[str] = frozenset()
-        self.lost_axes: tuple[str, ...] = self._allocator.lost_axes(self.disabled)
+        self.lost_axes: tuple[str, ...] = ()
         self._last = PulseCommand(0, ())
         self._plans: OrderedDict[int, Allocation] = OrderedDict()
 
@@ -117,7 +117,9 @@ class AllocationCycle:
     def disable(self, names: frozenset[str]) -> None:
         """Set the thrusters out of use; unknown names are ignored."""
         self.disabled = names.intersection(self._allocator.names)
-        self.lost_axes = self._allocator.lost_axes(self.disabled)
+        # A vehicle that never had a thruster for an axis has not lost it, and is well.
+        never = self._allocator.lost_axes(frozenset())
+        self.lost_axes = tuple(axis for axis in self._allocator.lost_axes(self.disabled) if axis not in never)
 
     def battery(self, voltage_V: float) -> str:
         """Set the measured supply voltage; returns the reason if it is refused."""
