@@ -573,7 +573,10 @@ def test_no_vehicle_is_named_with_the_remedy(
     monkeypatch.setattr("hindrax_cli.commands.operate.web.VEHICLE_S", 0.1)
     monkeypatch.setattr(GraphLink, "run", lambda _link: None)
     assert main(["web", "--port", "0"]) == 1
-    assert "start one with `./hindrax up`" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert said.startswith("no `./hindrax up` runs here; looking in the ROS graph of this terminal\n")
+    assert "can fly" not in said, "there is no vehicle"
+    assert "start one with `./hindrax up`" in said
 
 
 def test_a_server_that_ends_by_itself_ends_the_command(

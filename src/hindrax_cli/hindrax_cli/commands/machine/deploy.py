@@ -14,7 +14,7 @@ from hindrax_cli.deployment.remote import looked, outline
 from hindrax_cli.deployment.remote import run as run_step
 from hindrax_cli.deployment.steps import DeploymentKind, Target, kind_of, plan
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.screen_text import print_fitted, print_whole
 
 NAME = "deploy"
 HELP = "bring the last commit of this clone to another machine over ssh, set it up and start it there"
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         title = f"[{number}/{len(steps)}] {step.title}"
         if arguments.dry_run:
             print_fitted(title)
-            outline(step, target.host, print)
+            outline(step, target.host, print_whole)
         else:
             report(title)
             run_step(target.host, step, clone)

@@ -16,7 +16,7 @@ from hindrax_bringup.stack_runner import asked_to_end, report
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, load_vehicle
-from hindrax_operator.connection import add_stack, presence_of
+from hindrax_operator.connection import add_stack, told_presence
 from hindrax_operator.web.access import Access, hosts_of
 
 if TYPE_CHECKING:
@@ -64,16 +64,15 @@ def run(arguments: argparse.Namespace) -> int:
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
     from hindrax_operator.web.summary import Chart  # noqa: PLC0415  # as above
 
-    found = presence_of(arguments)
+    found = told_presence(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
-    report(f"{vehicle.name} {servable_motions(AXES, vehicle)}")
     chart = Chart(vehicle)
     heartbeat = ViewerHeartbeat()
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace, present=heartbeat.present)
     reports = Reports(arguments.runs)
     controller = PageController(link, chart, reports, heartbeat, read_only=arguments.read_only, log=report)
     with asked_to_end() as over:
-        _serve(arguments, access, controller, link, over)
+        _serve(arguments, access, controller, link, over, servable=f"{vehicle.name} {servable_motions(AXES, vehicle)}")
     return 0
 
 
@@ -90,7 +89,13 @@ def kept_token(*, read_only: bool, new: bool = False) -> str:
 
 
 def _serve(
-    arguments: argparse.Namespace, access: Access, controller: PageController, link: GraphLink, over: Callable[[], bool]
+    arguments: argparse.Namespace,
+    access: Access,
+    controller: PageController,
+    link: GraphLink,
+    over: Callable[[], bool],
+    *,
+    servable: str,
 ) -> None:
     from hindrax_operator.web.server import Server  # noqa: PLC0415  # only the command that serves pays for it
 
@@ -99,6 +104,7 @@ def _serve(
     try:
         _wait_for_vehicle(link, over)
         server.start()
+        report(servable)
         print_fitted(startup_text(arguments.address, server.port, access.token, read_only=arguments.read_only))
         if sys.stdout.isatty() and "localhost" not in access.hosts:
             print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
