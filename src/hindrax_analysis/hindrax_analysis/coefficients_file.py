@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import MotionResult, Number, Results
@@ -156,7 +156,9 @@ def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
     try:
         data = read_yaml(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
-        raise HindraxError(f"{file}: cannot be read ({error}); name a run folder or a coefficients.yaml") from error
+        raise HindraxError(
+            f"{file}: cannot be read ({cause(error)}); name a run folder or a coefficients.yaml"
+        ) from error
     return coefficients_of(data, str(file), label or file.parent.name)
 
 

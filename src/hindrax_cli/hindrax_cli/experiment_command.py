@@ -15,7 +15,7 @@ from hindrax_analysis.experiments.experiment_record import Column, describe, rea
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
@@ -50,7 +50,7 @@ def read_record(path: Path, columns: Sequence[Column], fields: Sequence[str]) ->
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read ({error})") from error
+        raise UsageError(f"{path}: cannot be read ({cause(error)})") from error
     return read_columns(text, columns, str(path))
 
 
@@ -113,5 +113,5 @@ def save_plot(path: Path | None, name: str, *data: Any) -> None:
     try:
         figure.savefig(path)
     except OSError as error:
-        raise UsageError(f"--plot {path}: cannot be written ({error})") from error
+        raise UsageError(f"--plot {path}: cannot be written ({cause(error)}); name another place") from error
     print_fitted(f"plot: {path}", sys.stderr)

@@ -48,6 +48,8 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         (["bag", "info"], "hindrax bag info: the following arguments are required: BAG"),
         (["monitor"], "found no terminal to draw on, wanted one; over ssh use `ssh -t`"),
         (["hold", "depht"], "invalid choice: 'depht'"),
+        (["allocate", "--wrench", *"000000", "--vehicle", "/no.yaml"], "/no.yaml: cannot be read (No such file or"),
+        (["thruster", "fit", "/no.csv", "--lever-ratio", "2"], "/no.csv: cannot be read (No such file or directory)"),
     ],
 )
 def test_one_sentence(capsys: pytest.CaptureFixture[str], words: list[str], sentence: str) -> None:

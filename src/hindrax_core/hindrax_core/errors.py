@@ -16,3 +16,8 @@ class UsageError(HindraxError):
     """Invalid use of the tool: an unknown word, a missing file, contradictory options."""
 
     exit_code = 2
+
+
+def cause(error: Exception) -> str:
+    """What went wrong, without the number and the path of an OSError: the sentence names the path itself."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hindrax_core.curves.curve_branches import Curve, problems_of
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS, SHARED
@@ -312,7 +312,7 @@ def load_vehicle(path: str | Path) -> Vehicle:
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"vehicle file {file}: cannot be read ({error}); name one with --vehicle") from error
+        raise UsageError(f"vehicle file {file}: cannot be read ({cause(error)}); name one with --vehicle") from error
     return vehicle_from_text(text, str(file))
 
 

@@ -37,7 +37,7 @@ from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, re
 from hindrax_analysis.report import Trace
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
 from hindrax_bag.read.bag_reader import attachments
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import IdentEvent, Phase, Thrust
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, vehicle_from_text
@@ -147,7 +147,7 @@ def _text(file: Path) -> str:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise UsageError(f"{file}: cannot be read ({error})") from error
+        raise UsageError(f"{file}: cannot be read ({cause(error)})") from error
     codes = ("utf-16",) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8", "latin-1")
     for code in codes:
         try:

@@ -17,7 +17,7 @@ from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
@@ -65,7 +65,7 @@ def new(arguments: argparse.Namespace) -> int:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error})") from error
+        raise UsageError(f"{out}: cannot be written ({cause(error)}); name another place with --out") from error
     _show_checks(vehicle)
     print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0

@@ -13,7 +13,7 @@ from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.frames import urdf_of
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         arguments.out.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"--out {arguments.out}: cannot be written ({error})") from error
+        raise UsageError(f"--out {arguments.out}: cannot be written ({cause(error)}); name another place") from error
     print_fitted(f"written: {arguments.out}", sys.stderr)
     return 0
 
