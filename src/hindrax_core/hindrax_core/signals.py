@@ -106,10 +106,12 @@ class Thrust:
     """The wrench that the applied pulses achieve, from this stamp until the next (before thruster lag) [N, Nm].
 
     `forces_N`: what each thruster gives, in the order of the vehicle file; empty where nobody says.
+    `supply_measured`: the supply voltage that they were computed with was measured, not assumed.
     """
 
     wrench: Vec6
     forces_N: tuple[float, ...] = ()
+    supply_measured: bool = False
 
 
 BLOCKED = "blocked"

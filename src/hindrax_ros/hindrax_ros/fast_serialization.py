@@ -188,7 +188,7 @@ _navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
 _command = CdrReader(ThrusterCommand, *_STAMP, "sequence", "pulses").read
 _lamps = CdrReader(ThrusterCommand, "lights").read
 _applied = CdrReader(ThrusterState, *_STAMP, "armed", "pulses", "sequence", "armings").read
-_thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces").read
+_thrust = CdrReader(AllocationStatus, *_STAMP, "achieved", "forces", "supply_measured").read
 
 
 def inertial_from_bytes(data: bytes) -> Stamped[Inertial]:
@@ -261,8 +261,8 @@ def applied_from_bytes(data: bytes) -> ThrusterStateFields:
 
 def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:
     """Read the achieved wrench of an AllocationStatus, and the forces behind it."""
-    s, ns, X, Y, Z, K, M, N, *forces = _thrust(data)
-    return Stamped(Stamp(s * NS_PER_S + ns), Thrust((X, Y, Z, K, M, N), tuple(forces)))
+    s, ns, X, Y, Z, K, M, N, *forces, measured = _thrust(data)
+    return Stamped(Stamp(s * NS_PER_S + ns), Thrust((X, Y, Z, K, M, N), tuple(forces), bool(measured)))
 
 
 class AllocationWriter:

@@ -16,12 +16,14 @@ from hindrax_control.pilot import PilotKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
+from hindrax_ident.assess.results import MotionResult as Result
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.flights.goal_pilot import GoalPilot
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.lockstep_rigs import BytesRig, ReadingsRig
 from hindrax_sim.flights.sensor_models import Noise
+from hindrax_sim.world import Conditions
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 
@@ -144,6 +146,29 @@ def test_a_surge_run_finds_the_drag_and_never_touches_a_wall() -> None:
     assert step.onboard.order.finished
     assert estimates > 300
     assert max(errors[500:]) < 0.05
+
+
+def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget() -> None:
+    def surge(vehicle: Vehicle) -> Result:
+        few_levels = PilotKnobs(plan=PlanKnobs(levels=2, surge_mps=(0.3, 0.4), plateau_s=8.0))
+        sagging = Conditions(sizes={"battery_sag": 0.5})
+        step = Lockstep(vehicle, GoalPilot(vehicle, Goal(("surge",)), few_levels), 1, conditions=sagging)
+        for _ in step.run(400.0):
+            pass
+        return step.session.finalize().results.motions["surge"]
+
+    def sag(result: Result) -> float:
+        return sum(one.std for one in result.budget["drag"] if one.influence.startswith("sag "))
+
+    battery = Mount("ina226", "/dev/i2c-1", address=0x41)
+    measured = surge(replace(VEHICLE, sensors=VEHICLE.sensors | {"ina226": battery}))
+    assumed = surge(VEHICLE)
+    hydro = VEHICLE.hydrodynamics
+    assert hydro is not None
+    truth = (hydro.surge.k_q * 0.4 + hydro.surge.k_l) * 0.4
+    assert abs(measured.drag_force(0.4)[0] / truth - 1.0) < 0.02
+    assert assumed.drag_force(0.4)[0] / truth - 1.0 > 0.03, "the sag is there"
+    assert sag(measured) < 0.2 * sag(assumed)
 
 
 def test_a_failed_thruster_is_told_to_the_allocator() -> None:

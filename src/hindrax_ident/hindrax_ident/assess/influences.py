@@ -33,6 +33,8 @@ FOUND_DELAY_S = 0.1
 """Prior standard deviation of a delay that the record gave against the vehicle file."""
 INFLOW_mps, INFLOW_N = 0.5, 10.0
 SAG_S = 900.0
+MEASURED_SAG = 0.005
+"""Share of the thrust that may still fall where the supply is measured: its voltage is used in steps of 0.1 V."""
 EDGE = 0.1
 """Share of the largest thrust from which a thruster works on its curve [-]."""
 COASTS_FROM, COAST_S = 0.5, 1.0
@@ -408,6 +410,11 @@ def _velocity_gain(case: Case) -> Array:
     return np.stack([path.v, path.s], axis=1)[problem.index, problem.channel][:, None]
 
 
+def _sag(assumed: float) -> Callable[[Case], float]:
+    """Of the assumed supply voltage; of a measured one, what its rounding to 0.1 V leaves."""
+    return lambda case: MEASURED_SAG if case.record.supply_measured else assumed
+
+
 def _always(sigma: float) -> Callable[[Case], float]:
     return lambda _case: sigma
 
@@ -441,11 +448,11 @@ INFLUENCES: tuple[Influence, ...] = (
         considered=True, shown=_coasts, near=NEAR, alone=True, loss=True,
     ),
     Influence(
-        "sag over the run", "in 15 min", GAIN, _always(0.1), _drift,
+        "sag over the run", "in 15 min", GAIN, _sag(0.1), _drift,
         "measure the supply voltage, or repeat the first leg at the end", near=NEAR, loss=True,
     ),
     Influence(
-        "sag under load", "-", MODEL, _always(0.05), _load,
+        "sag under load", "-", MODEL, _sag(0.05), _load,
         "measure the supply voltage at the ESCs", near=NEAR, loss=True,
     ),
     Influence(

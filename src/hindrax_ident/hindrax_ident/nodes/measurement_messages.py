@@ -28,7 +28,9 @@ Listen: TypeAlias = Callable[[Any], Stamped[Measurement]]
 def _thrust(message: Any) -> Stamped[Measurement]:
     X, Y, Z, K, M, N = (float(value) for value in message.achieved)
     forces = tuple(float(value) for value in message.forces)
-    return Stamped(stamp_from_msg(message.header.stamp), Thrust((X, Y, Z, K, M, N), forces))
+    return Stamped(
+        stamp_from_msg(message.header.stamp), Thrust((X, Y, Z, K, M, N), forces, bool(message.supply_measured))
+    )
 
 
 def _phase(message: Any) -> Stamped[Measurement]:

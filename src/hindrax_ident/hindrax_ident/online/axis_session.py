@@ -45,6 +45,7 @@ class AxisSession:
         self._thrusts: list[tuple[float, float]] = []
         self._forces: list[tuple[float, ...]] = []
         """Of all thrusters, one entry for each thrust."""
+        self._supply_measured: list[tuple[float, float]] = []
         self._hydrostatics: list[tuple[float, float]] = []
         self._other_velocities: list[tuple[float, ...]] = []
         self._others: tuple[float, ...] = ZERO6
@@ -58,6 +59,7 @@ class AxisSession:
         force = thrust.wrench[self.model.axis]
         self._thrusts.append((t_s, force))
         self._forces.append(thrust.forces_N)
+        self._supply_measured.append((t_s, float(thrust.supply_measured)))
         self.estimator.thrust(t_s, force)
 
     def _of_forces(self) -> tuple[Series, Series]:
@@ -180,4 +182,10 @@ class AxisSession:
             position=position,
             lag_s=self.lag_s,
             plateaus=plateaus,
+            supply_measured=self._is_measured(stretches),
         )
+
+    def _is_measured(self, stretches: tuple[Stretch, ...]) -> bool:
+        """Whether all thrust within the stretches was computed with a measured supply voltage."""
+        told = series(self._supply_measured)
+        return bool(stretches) and all(np.all(told.between(one.start_s, one.end_s).y) for one in stretches)

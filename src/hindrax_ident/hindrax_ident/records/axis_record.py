@@ -73,6 +73,8 @@ class Record:
     plateaus: tuple[Stretch, ...] = ()
     latency_s: float = 0.0
     """Known latency of the stamps of velocity and position; the series have the stamps as received."""
+    supply_measured: bool = False
+    """Whether the supply voltage behind the thrust was measured all the time; else it was assumed."""
 
     def impulse(self, at_s: Array) -> Array:
         """Impulse of thrust after its lag and of known forces, up to each time: (n,) [N s, N m s]."""

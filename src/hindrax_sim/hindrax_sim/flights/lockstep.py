@@ -19,7 +19,7 @@ from hindrax_control.navigation.estimator_health import EstimatorHealth
 from hindrax_control.navigation.navigator import Navigator
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
-from hindrax_core.readings import BottomVelocity, Pressure, Reading, Vec6
+from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
@@ -94,6 +94,8 @@ class Onboard:
         events: list[Event] = []
         if isinstance(reading.reading, BottomVelocity | Pressure):
             self._learn(Stamped(reading.stamp, reading.reading), events)
+        if isinstance(reading.reading, Battery):
+            self.cycle.battery(reading.reading.voltage_V)
         navigation = self.navigator.step(reading, source)
         if navigation is None:
             return events
@@ -140,7 +142,8 @@ class Onboard:
         self._became = applied
         self.navigator.thrust(applied.forces_N)
         events.append(Stamped(now, applied))
-        self._learn(Stamped(now, Thrust(applied.achieved, applied.forces_N)), events)
+        thrust = Thrust(applied.achieved, applied.forces_N, self.cycle.supply_V is not None)
+        self._learn(Stamped(now, thrust), events)
 
     def _arm(self, wanted: bool, now: Stamp) -> None:
         """Request arming or disarming as the pilot wants; the guard decides."""

@@ -8,10 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, to_s
-from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
+from hindrax_core.readings import (
+    Battery,
+    BottomTrack,
+    BottomVelocity,
+    Echo,
+    Inertial,
+    Magnetic,
+    Pressure,
+    Reading,
+    Vec3,
+)
 from hindrax_core.vehicle import Mount
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import World
@@ -228,11 +238,28 @@ class DvlSensor(_MountedSensor):
         return BottomTrack(locked, roll, pitch, heading, altitude, (0.0, 0.0), (), "3333", 0)
 
 
-KINDS: dict[str, tuple[type[ImuSensor | MagnetometerSensor | PressureSensor | SonarSensor | DvlSensor], ...]] = {
+class BatterySensor(_MountedSensor):
+    """Supply voltage at the speed controllers, in steps of an INA226; its error is that of 16 bits, so none here."""
+
+    rate_Hz = 10.0
+
+    STEP_V = 1.25e-3
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """One voltage, and the current."""
+        voltage_V = round(world.plant.supply_V / self.STEP_V) * self.STEP_V
+        return (Stamped(world.stamp, Battery(voltage_V, world.supply_A)),)
+
+
+Model: TypeAlias = ImuSensor | MagnetometerSensor | PressureSensor | SonarSensor | DvlSensor | BatterySensor
+
+KINDS: dict[str, tuple[type[Model], ...]] = {
     "icm20948": (ImuSensor, MagnetometerSensor),
     "ms5837": (PressureSensor,),
     "ping1d": (SonarSensor,),
     "dvl75": (DvlSensor,),
+    "ina226": (BatterySensor,),
+    "ads1115": (BatterySensor,),
 }
 
 
