@@ -96,18 +96,17 @@ def _estimator(n: int) -> Callable[[tuple[float, ...], tuple[float, ...], float]
 def source(n: int) -> str:
     """Python source of `make(values, variances, mu)`, which returns the functions update, evaluate and read."""
     names = _Names(n)
-    body = [
-        "def make(values, variances, mu):",
-        *_indent(1, _initial(names)),
-        *_indent(1, ["def update(x, y):"]),
-        *_indent(2, _update(names)),
-        *_indent(1, ["def evaluate(x, y):"]),
-        *_indent(2, [*_project(names), "return e, r"]),
-        *_indent(1, ["def read():"]),
-        *_indent(2, [f"return ({names.all('t')}), ({names.uppers}), ({names.all('d')}), squares, weight, samples"]),
-        "    return update, evaluate, read",
+    made = [
+        *_initial(names),
+        *_block("def update(x, y):", _update(names)),
+        *_block("def evaluate(x, y):", [*_project(names), "return e, r"]),
+        *_block(
+            "def read():",
+            [f"return ({names.all('t')}), ({names.uppers}), ({names.all('d')}), squares, weight, samples"],
+        ),
+        "return update, evaluate, read",
     ]
-    return "\n".join(body) + "\n"
+    return "\n".join(_block("def make(values, variances, mu):", made)) + "\n"
 
 
 class _Names:
@@ -127,8 +126,8 @@ class _Names:
         return "".join(f"u{i}_{j}, " for i, j in self.pairs)
 
 
-def _indent(levels: int, lines: Sequence[str]) -> list[str]:
-    return ["    " * levels + line for line in lines]
+def _block(head: str, lines: Sequence[str]) -> list[str]:
+    return [head, *("    " + line for line in lines)]
 
 
 def _initial(names: _Names) -> list[str]:
@@ -154,7 +153,7 @@ def _update(names: _Names) -> list[str]:
     lines = [f"nonlocal {state}", *_project(names), "if e - e != 0.0 or r - r != 0.0: return e"]
     lines += ["share = e / (1.0 + r)", "squares = mu * squares + e * share"]
     lines += ["weight = mu * weight + 1.0", "samples += 1"]
-    lines += ["if r > gate:", *_indent(1, _shrink(names)), "else:", *_indent(1, _hold(names))]
+    lines += [*_block("if r > gate:", _shrink(names)), *_block("else:", _hold(names))]
     lines += [f"t{i} += b{i} * share" for i in range(names.n)]
     return [*lines, "return e"]
 
