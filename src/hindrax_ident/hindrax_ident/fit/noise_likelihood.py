@@ -20,7 +20,6 @@ PIECE = 200
 """Samples per piece: long compared with the memory of the motion."""
 DECADES = (-7.0, 3.0)
 """Range of the search, in decades of the ratio of force noise to measurement noise."""
-ROUNDS = 2
 WIDE = 1e3
 """Variance of the velocity and the position at the start of a piece, in units of the measurement's."""
 NONZERO = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (2, 2))
@@ -52,19 +51,30 @@ class NoiseCandidates:
 
 def fit_noise(chain: ErrorDynamics, residual: Array, before: Noise, *, given_position: bool = False) -> Noise:
     """Most likely noise of a residual (n,). With `given_position` the position variance stays fixed."""
-    main = 0 if bool(np.any(chain.channel == 0)) else 1
+    main = _main(chain)
     both = bool(np.any(chain.channel != main)) and not given_position
     pieces = _Pieces(chain, residual, main)
-    other = math.log10(before.position / before.velocity) if main == 0 else 0.0
-    ratio, part = 0.0, 0.5
-    for _ in range(ROUNDS if both else 1):
+    other = math.log10(before.position / before.velocity)
+    ratio, part = _ratio_and_part(pieces, other)
+    if both:
+        other = _other(pieces, ratio, part, other)
         ratio, part = _ratio_and_part(pieces, other)
-        if both:
-            spread = array(other + np.linspace(-2.0, 2.0, 21))
-            candidates = NoiseCandidates(np.full(21, ratio), np.full(21, part), spread)
-            *_, other = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
+        other = _other(pieces, ratio, part, other)
     found = pieces.noise(ratio, part, other)
     return replace(found, position=before.position) if given_position and main == 0 else found
+
+
+def _main(chain: ErrorDynamics) -> int:
+    """Channel of the velocities, or of the positions where there are no velocities."""
+    return int(not np.any(chain.channel == 0))
+
+
+def _other(pieces: _Pieces, ratio: float, part: float, other: float) -> float:
+    """Most likely variance of the other channel, in decades, within two of this one."""
+    spread = array(other + np.linspace(-2.0, 2.0, 21))
+    candidates = NoiseCandidates(np.full(21, ratio), np.full(21, part), spread)
+    *_, best = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
+    return best
 
 
 def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
@@ -79,8 +89,8 @@ def _ratio_and_part(pieces: _Pieces, other: float) -> tuple[float, float]:
 
 def _best(pieces: _Pieces, ratios: Array, parts: Array, other: float) -> tuple[float, float]:
     """Most likely of all pairs."""
-    grid = np.meshgrid(ratios, parts, indexing="ij")
-    candidates = NoiseCandidates(grid[0].ravel(), grid[1].ravel(), np.full(grid[0].size, other))
+    every_ratio, every_part = (one.ravel() for one in np.meshgrid(ratios, parts, indexing="ij"))
+    candidates = NoiseCandidates(every_ratio, every_part, np.full(len(every_ratio), other))
     ratio, part, _ = candidates.one(int(np.argmin(pieces.scores(candidates)[0])))
     return ratio, part
 
@@ -98,12 +108,12 @@ class DisturbanceProfile:
 
 def disturbance_profile(chain: ErrorDynamics, residual: Array, noise: Noise, thrusts: Array) -> DisturbanceProfile:
     """Profile of a residual (n,) over `thrusts` (m,) [s]; the measurement variances stay fixed."""
-    main = 0 if bool(np.any(chain.channel == 0)) else 1
+    main = _main(chain)
     pieces = _Pieces(chain, residual, main)
     size = noise.velocity if main == 0 else noise.position
     forces = array((noise.force + noise.thrust * pieces.mean_thrust) * np.array(FLOORS))
     candidates, beside = np.meshgrid(thrusts, forces, indexing="ij")
-    other = np.full(candidates.size, math.log10(noise.position / noise.velocity) if main == 0 else 0.0)
+    other = np.full(candidates.size, math.log10(noise.position / noise.velocity))
     squares, logs, n = pieces.filtered(beside.ravel() / size, candidates.ravel() / size, other)
     cost = (squares / size + logs + n * math.log(size)).reshape(candidates.shape) + DOUBT * (forces > 0.0)
     best = cost.argmin(axis=1)
@@ -155,13 +165,11 @@ class _Pieces:
         infinite where the filter diverges: such a candidate is never the most likely one.
         """
         density = force + self._thrust[:, :, None] * thrust
-        variances = np.ones((2, len(force)))
+        variances = np.ones_like([force, force])
         variances[1 - self._main] = 10.0**other
-        shape = density.shape[1:]
-        vv = ss = np.broadcast_to(WIDE * variances.max(axis=0), shape)
-        vs = va = sa = v = s = a = np.zeros(shape)
+        vv = ss = WIDE * variances.max(axis=0)
         aa = density[0] / (2.0 * self._memory_s)
-        squares, logs = np.zeros(shape), np.zeros(shape)
+        vs = va = sa = v = s = a = squares = logs = np.zeros(len(force))
         for k, (A, Q, q) in enumerate(zip(self._A[:, :, :, :, None], self._Q[:, :, :, :, None], density, strict=True)):
             if k:
                 A00, A01, A02, A10, A11, A12, A22 = (A[:, i, j] for i, j in NONZERO)
@@ -192,10 +200,10 @@ class _Pieces:
             v, s, a = v + kv * error, s + ks * error, a + ka * error
             vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
             ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
-        sums = squares.sum(axis=0), logs.sum(axis=0)
-        diverged = ~np.isfinite(sums[0] + sums[1])
-        squared, log = (np.where(diverged, np.inf, one) for one in sums)
-        return squared, log, int(self._counts.sum())
+        squared, log = squares.sum(axis=0), logs.sum(axis=0)
+        # Where the variances are finite, so are the errors.
+        diverged = ~np.isfinite(log)
+        return np.where(diverged, np.inf, squared), np.where(diverged, np.inf, log), int(self._counts.sum())
 
     def noise(self, ratio: float, part: float, other: float) -> Noise:
         """Noise of these unknowns, scaled to the residuals."""

@@ -19,9 +19,8 @@ from scipy.linalg import solve_banded
 from hindrax_ident.arrays import Array, Flags, Index, array
 
 LEAST_MEMORY_S = 0.02
-MEMORY_S = 1.0
-NEGLIGIBLE = 1e-4
-"""Share of the measurement variance due to unknown forces within MEMORY_S, below which they are neglected."""
+NEGLIGIBLE_Hz = 1e-4
+"""Density of the unknown acceleration, in measurement variances, below which it is neglected."""
 SHORT = 0.1
 """Step, in units of the fastest time constant, over which the series of the transition is exact."""
 
@@ -71,7 +70,7 @@ def transitions(chain: ErrorDynamics) -> tuple[Array, Array]:
     """
     n, rate = len(chain.step_s), 1.0 / max(LEAST_MEMORY_S, chain.memory_s)
     fastest = rate + float(np.abs(chain.damping).max() + np.sqrt(np.abs(chain.stiffness).max()))
-    doublings = max(0, math.ceil(math.log2(max(1e-9, fastest * float(chain.step_s.max()) / SHORT))))
+    doublings = math.ceil(math.log2(max(1.0, fastest * float(chain.step_s.max()) / SHORT)))
     h = chain.step_s / 2**doublings
     F = np.zeros((n, 3, 3))
     F[:, 0, 0], F[:, 0, 1], F[:, 0, 2] = -chain.damping * h, -chain.stiffness * h, h
@@ -113,9 +112,9 @@ def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -
         chain.starts.tolist(),
         chain.counts.tolist(),
         first,
-        A[:, :2].reshape(-1, 6).tolist(),
+        A[:, :2].reshape(len(A), 6).tolist(),
         A[:, 2, 2].tolist(),
-        grown.reshape(-1, 9).tolist(),
+        grown.reshape(len(A), 9).tolist(),
         strict=True,
     )
     vv = vs = ss = va = sa = aa = 0.0
@@ -139,7 +138,7 @@ def gains(chain: ErrorDynamics, transition: tuple[Array, Array], noise: Noise) -
         K.append((kv, ks, ka))
         vv, vs, va = vv - kv * hv, vs - kv * hs, va - kv * ha
         ss, sa, aa = ss - ks * hs, sa - ks * ha, aa - ka * ha
-    return np.array(K).reshape(-1, 3), array(np.sqrt(S))
+    return np.array(K), array(np.sqrt(S))
 
 
 class Whitener:
@@ -152,7 +151,7 @@ class Whitener:
         self._chain, self.noise = chain, noise
         self._A: Array | None = None
         scale = np.where(chain.channel == 0, math.sqrt(noise.velocity), math.sqrt(noise.position))
-        if float(chain.density(noise).mean()) * MEMORY_S > NEGLIGIBLE * min(noise.velocity, noise.position):
+        if float(chain.density(noise).mean()) > NEGLIGIBLE_Hz * min(noise.velocity, noise.position):
             transition = transitions(chain)
             self._A = transition[0]
             self._K, scale = gains(chain, transition, noise)
@@ -185,7 +184,7 @@ def _predicted(chain: ErrorDynamics, A: Array, K: Array, table: Array) -> Array:
 
 def _update(chain: ErrorDynamics, K: Array) -> Array:
     """I - K H of each measurement: (n, 3, 3)."""
-    out = np.tile(np.eye(3), (len(K), 1, 1))
+    out = np.broadcast_to(np.eye(3), (len(K), 3, 3)).copy()
     at = np.arange(len(K))
     for state in range(3):
         out[at, state, chain.channel] -= K[:, state]
