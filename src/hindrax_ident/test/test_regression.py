@@ -11,7 +11,7 @@ from synthetic_runs import STEP_S, Flight, back_and_forth, fly
 
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.model.motion_model import Model
-from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, physical, scaled
+from hindrax_ident.online.filtered_regression import FilteredRegression, Sample, _two_poles, physical, scaled
 from hindrax_ident.online.rls import Rls
 
 THETA = np.array([66.48, 1.25, 0.3, 27.3])
@@ -309,3 +309,65 @@ def test_a_steady_velocity_is_its_own_mean(split: bool, v: float) -> None:
     last = fed(regression, [v] * 60)[-1]
     assert last is not None
     assert last.speed == pytest.approx(v, rel=1e-4)
+
+
+@pytest.mark.parametrize("deviations", [2.9, 3.1])
+def test_a_velocity_beyond_three_deviations_of_its_noise_has_its_own_sign(deviations: float) -> None:
+    regression = FilteredRegression(Model(2, 15.22, split=True), 0.15, 1.0)
+    regression.noise_variance = 0.01**2
+    regression.thrust(0.0, 0.0)
+    *_, last = fed(regression, [-0.2] * 20 + [0.01 * deviations])
+    assert last is not None
+    assert [slope != 0.0 for slope in last.slope[:4]] == ([True] * 2 + [False] * 2)[:: 1 if deviations > 3.0 else -1]
+
+
+def test_a_velocity_that_is_lost_in_its_noise_has_the_sign_of_the_last_third_of_a_second() -> None:
+    """At rest it goes backward; after a turn it does until the mean, with a time constant of 0.3 s, crosses zero."""
+    regression, step_s = FilteredRegression(Model(2, 15.22, split=True), 0.15, 1.0), 0.01
+    regression.noise_variance = 1.0
+    regression.thrust(0.0, 0.0)
+    ahead = []
+    for index, v in enumerate([0.0] * 3 + [0.1] * 300 + [-0.1] * 60):
+        sample = regression.velocity(step_s * index, v)
+        ahead.append(sample is not None and sample.slope[1] != 0.0)
+    changes = [index for index in range(1, len(ahead)) if ahead[index] is not ahead[index - 1]]
+    turned = [(index - 303) * step_s for index in changes]
+    assert len(turned) == 2
+    # The mean is without the newest velocity, which has noise in common with the one before.
+    assert turned[0] == pytest.approx(-300 * step_s + step_s, abs=1.5 * step_s)
+    assert turned[1] == pytest.approx(0.3 * math.log(2.0) + step_s, abs=1.5 * step_s)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.15])
+def test_a_mean_over_a_span_has_the_curvature_of_the_filtered_thrust(lag_s: float) -> None:
+    def filtered(at_s: float, spread_s2: float = 0.0) -> float:
+        regression = FilteredRegression(Model(0, 15.22), lag_s, 1.3)
+        regression.thrust(0.0, 2.0)
+        regression.known(0.0, 3.0)
+        regression.velocity(0.0, 0.1)
+        regression.thrust(0.5, 7.0)
+        sample = regression.velocity(at_s, 0.2, spread_s2)
+        assert sample is not None
+        return sample.x[-1]
+
+    h, at_s = 1e-3, 0.6
+    curvature = (filtered(at_s + h) - 2.0 * filtered(at_s) + filtered(at_s - h)) / h**2
+    assert filtered(at_s, 0.01) - filtered(at_s) == pytest.approx(0.5 * 0.01 * curvature, rel=1e-4)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-7, -1e-7, 1e-3, 1.7, -1.7])
+def test_two_poles_in_a_row_have_an_integral_in_closed_form(apart: float) -> None:
+    b, step = 2.0, 0.02
+    a = b + apart
+    wanted = step if apart == 0.0 else math.expm1(apart * step) / apart
+    found = _two_poles(a, b, step, math.exp(-a * step), math.exp(-b * step))
+    assert found == pytest.approx(wanted * math.exp(-a * step), rel=1e-8)
+
+
+def test_thrust_before_the_first_velocity_does_not_count() -> None:
+    regression = FilteredRegression(Model(0, 15.22), 0.0, 1.3)
+    regression.thrust(-5.0, 7.0)
+    assert regression.velocity(0.0, 0.1) is None
+    sample = regression.velocity(0.4, 0.1)
+    assert sample is not None
+    assert sample.x[-1] == pytest.approx(7.0 * (1.0 - math.exp(-1.3 * 0.4)) / 1.3)

@@ -78,19 +78,17 @@ class FilteredRegression:
         """`rate`: pole of the filters [1/s]; it and `noise_variance` may be changed at any time."""
         self.model, self.rate, self.noise_variance = model, rate, 0.0
         self._lag_s, self._split = lag_s, model.split
-        self._force = self._lagged = self._known = 0.0
+        self._force = self._lagged = self._known = self._force_f = self._z = 0.0
+        self._terms: tuple[float, ...] = ()
         self._position: tuple[float, float] | None = None
         self._t_thrust = self._commanded_s = math.nan
         self.restart()
 
     def restart(self) -> None:
         """Reset the velocity filters: after a gap, or before the first sample."""
-        self._t_velocity = math.nan
-        self._z, self._force_f, self._start = 0.0, 0.0, 1.0
-        self._terms = (0.0,) * (len(self.model.names) - 1)
-        self._sums = [0.0] * len(self._terms)
+        self._t_velocity, self._start = math.nan, 1.0
+        self._sums = [0.0] * (len(self.model.names) - 1)
         self._recent = self._direction = 0.0
-        self._undo = self._velocity_state
 
     def undo_last(self) -> None:
         """Undo the last velocity: an outlier would stay in the filters for seconds."""
