@@ -124,7 +124,7 @@ class _Search:
         """Initial unknowns, (p + 2,), and the problem about them; None where the simulation diverges."""
         for one in (theta, self._mean[: self._size]):
             x = np.concatenate([one, delays])
-            found = self._at(x, self._problem.guess, lambda table: table) if np.all(np.isfinite(x)) else None
+            found = self._at(x, self._problem.guess, lambda table: table)
             if found is not None:
                 break
         return x, found

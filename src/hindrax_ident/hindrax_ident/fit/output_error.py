@@ -178,7 +178,7 @@ def _feasible_start(
 ) -> tuple[Array, LinearizedProblem]:
     """Start, (p,), or the prior where the simulation diverges; with fitted initial conditions."""
     for theta in (start, belief.values):
-        linear = linearize(problem, theta, path, white) if np.all(np.isfinite(theta)) else None
+        linear = linearize(problem, theta, path, white)
         if linear is not None:
             again = linearize(problem, theta, restarted(problem, linear, np.zeros(len(theta))), white)
             return theta, again or linear
@@ -193,8 +193,7 @@ def _raw(problem: OutputErrorProblem, linear: LinearizedProblem, channel: int) -
 def _without_outliers(problem: OutputErrorProblem, linear: LinearizedProblem) -> OutputErrorProblem:
     """Mark measurements as outliers beyond OUTLIER_SIGMAS."""
     counts = np.ones(len(problem.t), bool)
-    for channel in (0, 1):
-        own = problem.channel == channel
+    for own in (problem.channel == 0, problem.channel == 1):
         counts &= ~own | (np.abs(linear.raw) <= OUTLIER_SIGMAS * _robust_sigma(linear.raw[own]))
     return replace(problem, counts=counts)
 
@@ -253,8 +252,9 @@ def _with_color(
     B is the information of the prior, which has an error too.
     """
     middle, colored = belief.information, False
-    for channel in (0, 1):
-        rows = [np.flatnonzero(problem.channel[span] == channel) + span.start for span in problem.spans]
+    channels = (problem.channel == 0, problem.channel == 1)
+    for measured in (one for one in channels if one.any()):
+        rows = [np.flatnonzero(measured[span]) + span.start for span in problem.spans]
         pieces = [linear.r[own] for own in rows]
         color = fit_autoregression(pieces)
         colored = colored or len(color) > 0
@@ -268,8 +268,7 @@ def _with_color(
 def _innovation_variance(pieces: list[Array], color: Array) -> float:
     """Innovation variance of an autoregression of residuals."""
     errors = [_unpredicted(piece, color) for piece in pieces if len(piece) > len(color)]
-    joined = np.concatenate(errors) if errors else np.zeros(0)
-    return float(np.mean(joined**2)) if len(joined) else 0.0
+    return float(np.mean(np.concatenate(errors) ** 2))
 
 
 def _unpredicted(piece: Array, color: Array) -> Array:

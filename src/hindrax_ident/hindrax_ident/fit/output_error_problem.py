@@ -83,10 +83,11 @@ def build_problem(model: Model, record: Record) -> OutputErrorProblem:
     offsets = np.cumsum([0, *(len(grid) for grid in grids)])
     starts = np.zeros(len(times), bool)
     starts[offsets[:-1]] = True
-    impulse = np.where(starts, 0.0, np.diff(record.impulse(times), prepend=0.0))
+    total = record.impulse(times)
+    impulse = np.where(starts, 0.0, np.diff(total, prepend=total[:1]))
     chains = [_interleaved(v, s, grid, int(at)) for (v, s), grid, at in zip(cut, grids, offsets, strict=False)]
     t, y, index, channel = (np.concatenate(parts) for parts in zip(*chains, strict=True))
-    edges = np.cumsum([0, *(len(chain[0]) for chain in chains)]).tolist()
+    edges = np.cumsum([0, *(len(v) + len(s) for v, s in cut)]).tolist()
     return OutputErrorProblem(
         model=model,
         grid=Grid(times, starts, impulse),
@@ -236,7 +237,7 @@ def _project(problem: OutputErrorProblem, white: Array) -> Array:
     width = white.shape[1] - 2
     starts = np.zeros((len(problem.spans), 2, width))
     for row, (span, has_position) in enumerate(zip(problem.spans, problem.has_position, strict=True)):
-        count = 2 if has_position else 1
+        count = 1 + has_position
         psi = white[span, width : width + count]
         Q, R = np.linalg.qr(psi)
         along = Q.T @ white[span, :width]
@@ -248,7 +249,7 @@ def _project(problem: OutputErrorProblem, white: Array) -> Array:
 def restarted(problem: OutputErrorProblem, linear: LinearizedProblem, change: Array) -> Trajectory:
     """Initial guess of the motion after a change of the parameters, with initial conditions updated to first order."""
     v, s = linear.path.v.copy(), linear.path.s.copy()
-    steps = linear.start[:, :, 0] - linear.start[:, :, 1 : 1 + len(change)] @ change
+    steps = linear.start[:, :, 0] - linear.start[:, :, 1:] @ change
     v[problem.grid.starts] += steps[:, 0]
     s[problem.grid.starts] += steps[:, 1]
     return Trajectory(v, s)
