@@ -167,7 +167,7 @@ class AxisSession:
         """Record of the axis, with the stretches of time in which it may be used."""
         velocities = [] if self._is_derived else self._velocities.get(self._speed_source.name, [])
         velocity = series(velocities)
-        moved_s, *nu = np.array(self._other_velocities or [(0.0,) * 7]).T
+        moved_s, *nu = np.array(self._other_velocities or [(0.0, *ZERO6)]).T
         position = series(self._positions.get(self._depth_source.name or "attitude", []))
         effort, inflow = self._of_forces()
         return Record(
