@@ -20,6 +20,8 @@ from hindrax_ident.assess.quality import (
     Validation,
     excitation,
     held_out,
+    measured_speed,
+    measurement_noise,
     reasons_against,
     validation,
     whiteness,
@@ -28,6 +30,7 @@ from hindrax_ident.assess.results import Contribution
 from hindrax_ident.fit.output_error import OutputErrorFit, refine
 from hindrax_ident.model.motion_model import model_of
 from hindrax_ident.model.prior import Prior, wide_prior
+from hindrax_ident.model.simulation import Grid, Trajectory
 from hindrax_ident.records.axis_record import Record, Series, Stretch
 
 SURGE = np.array([66.48, 1.25, 0.0, 27.3])
@@ -186,6 +189,11 @@ def runs(*spans: tuple[float, float]) -> tuple[Stretch, ...]:
             runs((85.0, 90.0), (100.0, 120.0)),
         ),
         (runs((0.0, 75.0), (80.0, 105.0)), runs((0.0, 75.0)), runs((80.0, 105.0))),
+        (
+            runs((10.0, 50.0), (60.0, 100.0), (100.0, 120.0)),
+            runs((10.0, 50.0), (60.0, 95.0)),
+            runs((95.0, 100.0), (100.0, 120.0)),
+        ),
         (runs((0.0, 60.0), (361.0, 401.0)), runs((0.0, 60.0)), runs((361.0, 401.0))),
         (
             runs((0.0, 60.0), (359.0, 399.0)),
@@ -272,3 +280,123 @@ def test_a_record_of_the_model_is_predicted_and_one_that_changes_its_ways_is_not
     short = validation(record.with_stretches((Stretch(0.0, 30.0),)), fit, belief)
     assert short is not None
     assert short.prediction.t[-1] - short.prediction.t[0] == pytest.approx(7.5, abs=0.2)
+
+
+def flown(fit: OutputErrorFit, v: list[float], step_s: float = 0.1) -> OutputErrorFit:
+    """The fit as if it had moved like that."""
+    times, starts = step_s * np.arange(len(v)), np.arange(len(v)) == 0
+    grid = Grid(array(times), starts, array(np.zeros(len(v))))
+    path = Trajectory(array(np.array(v)), array(np.zeros(len(v))))
+    return replace(fit, problem=replace(fit.problem, grid=grid), linear=replace(fit.linear, path=path))
+
+
+@pytest.fixture(scope="module")
+def ahead(vehicle: Vehicle) -> OutputErrorFit:
+    return fitted(vehicle, AHEAD_ONLY)[1]
+
+
+def test_excitation_counted_by_hand(ahead: OutputErrorFit) -> None:
+    """Speeds from 0 to 1 m/s in steps of a hundredth, of which those above 0.098 m/s count."""
+    speeds = [0.01 * k for k in range(101)]
+    found = excitation(flown(ahead, speeds), 0)
+    assert (found.low, found.high) == pytest.approx((0.1 + 0.05 * 0.9, 0.98))
+    assert found.moving_s == pytest.approx(91 * 0.1)
+    # The first of a stretch has no rise.
+    assert found.acceleration == pytest.approx(0.1 * math.sqrt(100 / 101))
+    # From 0.82 to 1 m/s is within a tenth of 0.91 m/s: 19 of 91.
+    assert found.share_at_one_speed == pytest.approx(19 / 91)
+    assert excitation(flown(ahead, [-v for v in speeds]), -1) == found
+    assert excitation(flown(ahead, [-v for v in speeds]), 0) == found
+    brief = excitation(flown(ahead, speeds, 0.001), 0)
+    assert brief.share_at_one_speed == pytest.approx(19 / 91)
+    still = excitation(flown(ahead, [0.0] * 5), 0)
+    assert (still.low, still.high, still.moving_s, still.share_at_one_speed) == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_share_at_one_speed_is_of_the_time_not_of_the_samples(ahead: OutputErrorFit) -> None:
+    fit = flown(ahead, [1.0, 1.0, 0.5, 0.5, 1.0])
+    times = array(np.array([0.0, 1.0, 1.2, 1.4, 1.6]))
+    grid = replace(fit.problem.grid, times_s=times)
+    found = excitation(replace(fit, problem=replace(fit.problem, grid=grid)), 0)
+    assert found.share_at_one_speed == pytest.approx(1.2 / 1.6)
+
+
+def seen(v: list[float]) -> Record:
+    series = Series(array(0.5 * np.arange(len(v))), array(np.array(v)))
+    thrust = Series(array(np.zeros(1)), array(np.zeros(1)))
+    return Record(series, thrust, (Stretch(0.0, 0.5 * len(v)),))
+
+
+def test_the_speed_in_a_record_is_of_its_means_and_of_its_direction() -> None:
+    """Means over half a second of 0.01 m/s, 0.02 m/s and so on, alternating."""
+    velocities = [0.02 * (k // 2) * (1.0 if k % 4 < 2 else -1.0) for k in range(204)]
+    record = seen(velocities)
+    means = 0.5 * (np.array(velocities[1:-1]) + np.array(velocities[:-2]))
+    for side, own in ((0, np.abs(means)), (1, np.maximum(0.0, means)), (-1, np.maximum(0.0, -means))):
+        assert measured_speed(record, side) == pytest.approx(float(np.percentile(own, 98.0)))
+    assert measured_speed(seen([-0.3] * 9), 1) == 0.0
+    assert measured_speed(seen([-0.3] * 9), -1) == pytest.approx(0.3)
+    assert measured_speed(record.with_stretches(()), 0) == 0.0
+
+
+def test_the_noise_of_a_velocity_is_that_of_its_changes() -> None:
+    """A difference of two has twice the variance."""
+    assert measurement_noise(seen([0.1, 0.3] * 40)) == pytest.approx(0.2 / math.sqrt(2.0), rel=1e-3)
+    assert measurement_noise(seen([0.2 * k for k in range(9)])) == pytest.approx(0.0, abs=1e-12)
+    assert measurement_noise(replace(seen([]), position=seen([0.0, 1.0, 5.0]).velocity)) == 0.0
+
+
+def test_what_nobody_measured_is_no_evidence() -> None:
+    plain = Evidence(
+        WELL.k, WELL.covariance, WELL.excitation, 200.0, 0.01, 1.0, True, None, 0.5, WELL.largest,
+    )  # fmt: skip
+    assert (plain.current, plain.offset, plain.measured_speed, plain.measurement_noise) == (0.0,) * 4
+    assert not plain.turns
+    assert Excitation(0.1, 0.2, 3.0, 0.4).share_at_one_speed == 0.0
+
+
+def test_a_small_drag_is_a_drag() -> None:
+    """That of a small vehicle, known as well as a great one."""
+    small: dict[str, Any] = {"covariance": array(WELL.covariance / 1e4), "drag_std": 0.005}
+    assert judged(k=array(SURGE[:2] / 100.0), **small) == []
+    (reason,) = judged(k=array(np.array([-0.1, 0.5])), **small)
+    assert reason.startswith("k_q is negative (-0.1 +- 0.01)")
+    (reason,) = judged(k=array(np.array([1.5, -0.1])), **small)
+    assert reason.startswith("k_l is negative (-0.1 +- 0.0032)")
+
+
+def test_moving_at_twice_the_noise_of_a_velocity_is_no_motion() -> None:
+    (hardly,), (moved,) = (judged(high=0.009, measured_speed=speed) for speed in (0.0199, 0.0201))
+    assert hardly.startswith("it hardly moved: ")
+    assert moved.startswith("it moved at up to 0.02 m/s")
+
+
+def test_a_prediction_is_shown_in_windows_of_ten_seconds(vehicle: Vehicle) -> None:
+    found = validation(*fitted(vehicle))
+    assert found is not None
+    assert found.prediction.t[-1] - found.prediction.t[0] == pytest.approx(10.0, abs=0.1)
+
+
+def test_without_motion_there_is_no_fit(ahead: OutputErrorFit, vehicle: Vehicle) -> None:
+    rest = Record(
+        Series(array(np.arange(0.0, 20.0, 0.1)), array(np.zeros(200))),
+        Series(array(np.zeros(1)), array(np.zeros(1))), (Stretch(0.0, 20.0),),
+    )  # fmt: skip
+    found = validation(rest, ahead, wide_prior(vehicle, ahead.model))
+    assert found is not None
+    assert found.fit == 0.0
+
+
+def test_depths_are_predicted_in_the_noise_of_depths(vehicle: Vehicle) -> None:
+    model, rng = model_of(vehicle, 2), np.random.default_rng(3)
+    theta = np.array([93.52, 5.26, 56.57, 11.84, 0.78, 37.7])
+    flight = fly(model, theta, back_and_forth((20.0, 8.0), 4.0, 60.0), 0.15)
+    t, s = flight.grid.times_s[::20], flight.path.s[::20]
+    depth = Series(t, array(s + 0.002 * rng.standard_normal(len(t))))
+    nothing, thrust = Series(array(np.zeros(0)), array(np.zeros(0))), Series(flight.times_s, flight.commands)
+    record = Record(nothing, thrust, (Stretch(0.0, 59.0),), position=depth, lag_s=0.15)
+    belief = wide_prior(vehicle, model)
+    found = validation(record, refine(model, record, theta, belief), belief)
+    assert found is not None
+    assert found.excess == pytest.approx(1.0, abs=0.3)
+    assert found.fit > 0.95

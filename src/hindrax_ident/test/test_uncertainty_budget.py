@@ -12,7 +12,18 @@ from synthetic_runs import back_and_forth, fly
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.influences import GAIN, MODEL, RUN, Case, Influence
-from hindrax_ident.assess.uncertainty_budget import ALL, ODDS, Budget, budget_of
+from hindrax_ident.assess.uncertainty_budget import (
+    ALL,
+    ODDS,
+    Budget,
+    _explained,
+    _posterior,
+    _Prior,
+    _prior,
+    _Told,
+    _weighed,
+    budget_of,
+)
 from hindrax_ident.fit.output_error import refine
 from hindrax_ident.fit.score_test import score
 from hindrax_ident.model.motion_model import model_of
@@ -99,10 +110,10 @@ def test_before_the_record_every_influence_has_its_prior(budget: Budget) -> None
 
 
 def test_an_influence_that_is_drag_of_the_hull_is_no_error_of_the_drag(budget: Budget) -> None:
-    v = array(np.array([0.4, -0.2]))
+    v = array(np.array([0.4, -0.2, 0.0]))
     gradient = array(np.stack([v * np.abs(v), v], axis=1))
     wanted = gradient @ SHIFTS
-    wanted[:, 2] -= 2.0 * np.array([0.4**2, -(0.2**2)])
+    wanted[:, 2] -= 2.0 * np.array([0.4**2, -(0.2**2), 0.0])
     assert budget.drag_sensitivity(gradient, v) == pytest.approx(wanted)
 
 
@@ -222,3 +233,156 @@ def test_an_influence_that_cannot_act_is_no_row(case: Case) -> None:
     nothing = budget_of(case, ())
     assert not nothing.band().any()
     assert nothing.warnings() == ()
+
+
+# ---- what a record tells, by Bayes' rule
+
+
+def normal(told: Array, gradient: Array, usual: Array, sigma: Array) -> tuple[float, Array, Array]:
+    """Logarithm of the evidence, mean and covariance of unknowns with a normal prior, the integral written out."""
+    precision = told + np.diag(sigma**-2.0)
+    covariance = np.linalg.inv(precision)
+    pull = gradient + usual / sigma**2
+    mean = covariance @ pull
+    scale = float(np.log(np.linalg.det(precision)) + 2.0 * np.sum(np.log(sigma)))
+    evidence = 0.5 * (float(pull @ mean) - float(np.sum((usual / sigma) ** 2)) - scale)
+    return evidence, array(mean), array(covariance)
+
+
+TOLD_ABOUT = array(np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.5], [0.5, -0.5, 2.0]]))
+GRADIENT = array(np.array([2.0, -1.0, 0.7]))
+WATERS = _Prior(
+    array(np.array([[0.02, 0.0, 0.1], [0.0, -0.3, 0.8], [0.87, 0.0, 0.5]])),
+    array(np.array([[0.1, 0.2, 0.05], [1.0, 0.3, 0.4], [0.5, 1.0, 2.0]])),
+    np.zeros((3, 3), bool),
+)
+
+
+def test_without_tails_an_explanation_is_that_of_bayes() -> None:
+    for usual, sigma, tails in zip(*WATERS, strict=True):
+        evidence, mean, covariance = normal(TOLD_ABOUT, GRADIENT, usual, sigma)
+        found = _explained(TOLD_ABOUT, GRADIENT, usual, sigma, tails)
+        assert np.all(np.abs(found.mean - mean) < 1e-9)
+        assert np.all(np.abs(found.covariance - covariance) < 1e-9)
+        # Every start finds the same: together they count once. Half of each unknown is a constant.
+        assert np.logaddexp.reduce(found.evidence) == pytest.approx(evidence - 1.5)
+
+
+@pytest.mark.parametrize("by_others", [None, np.array([-3.0, 1.0, -2.0])], ids=["alone", "with others"])
+def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | None) -> None:
+    found = _posterior(_Told(TOLD_ABOUT, GRADIENT, WATERS), by_others)
+    own = [normal(TOLD_ABOUT, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
+    assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
+    said = np.array([one[0] for one in own]) if by_others is None else by_others
+    weights = np.exp(said) * np.array([0.03, 0.003, 1.0])
+    weights /= weights.sum()
+    mean = sum(weight * one[1] for weight, one in zip(weights, own, strict=True))
+    assert found.mean == pytest.approx(mean)
+    second = sum(weight * (one[2] + np.outer(one[1], one[1])) for weight, one in zip(weights, own, strict=True))
+    assert found.covariance == pytest.approx(second - np.outer(mean, mean))
+
+
+def scale_mixture(information: float, gradient: float, begin: float) -> tuple[float, float, float]:
+    """Evidence, mean and variance of one unknown with a Student prior of one degree of freedom (Tipping 2001)."""
+    variance = begin
+    for _ in range(20):
+        spread = variance / (1.0 + variance * information)
+        mean = spread * gradient
+        last, variance = variance, 0.5 * (1.0 + mean**2 + spread)
+    log_size = math.log(1.0 + last * information)
+    return 0.5 * (mean * gradient - log_size - math.log(last) - 1.0 / last), mean, spread
+
+
+@pytest.mark.parametrize(("information", "seen"), [(4.0, 0.3), (4.0, 6.0), (0.2, -8.0), (25.0, -40.0)])
+def test_tails_let_a_record_tell_of_something_great(information: float, seen: float) -> None:
+    gradient = information * seen
+    one = array(np.ones(1))
+    found = _explained(array(information * np.eye(1)), gradient * one, 0.0 * one, one, np.ones(1, bool))
+    wanted = [scale_mixture(information, gradient, begin) for begin in (100.0, 1.0)]
+    assert found.mean[:, 0] == pytest.approx([mean for _, mean, _ in wanted])
+    assert found.covariance[:, 0, 0] == pytest.approx([spread for *_, spread in wanted])
+    counted = 1.0 if abs(wanted[0][1] - wanted[1][1]) >= 0.1 else 2.0
+    assert found.evidence == pytest.approx([evidence - math.log(counted) for evidence, *_ in wanted])
+
+
+def test_one_of_two_that_do_the_same_is_great_and_nobody_knows_which() -> None:
+    """Their sum is told. Of heavy tails one great is likelier than two of medium size, but which?"""
+    both = array(25.0 * np.ones((2, 2)))
+    nothing, one = array(np.zeros(2)), array(np.ones(2))
+    found = _explained(both, array(25.0 * 10.0 * np.ones(2)), nothing, one, np.ones(2, bool))
+    first, second, middle = found.mean
+    assert first == pytest.approx(second[::-1])
+    assert first[0] > 8.0
+    assert middle[0] == pytest.approx(middle[1])
+    assert found.evidence[0] == pytest.approx(found.evidence[1])
+    assert found.evidence[0] > found.evidence[2] + 0.5
+    waters = _Prior(*(np.stack([table] * 3) for table in (nothing, one, np.ones(2, bool))))
+    whole = _posterior(_Told(both, array(25.0 * 10.0 * np.ones(2)), waters))
+    assert whole.mean == pytest.approx([5.0, 5.0], abs=0.2)
+    assert whole.covariance[0, 0] > 8.0
+    assert whole.covariance[0, 1] < -8.0
+
+
+def test_the_prior_of_each_water_is_that_of_its_row() -> None:
+    rows = [
+        replace(LAW, near=1.0),
+        replace(LAW, near=0.03),
+        replace(LAW, near=0.2),
+        replace(LAW, near=0.03, alone=True),
+        replace(LAW, near=0.03, loss=True),
+        replace(LAW, near=0.03, alone=True, loss=True),
+        replace(CURRENT, near=0.2),
+    ]
+    slices = [*(slice(at, at + 1) for at in range(6)), slice(6, 8)]
+    prior = _prior([(row, 1.0) for row in rows], slices)
+    near = np.array([1.0, 0.03, 0.2, 0.03, 0.03, 0.03, 0.2, 0.2])
+    alone = np.array([1.0, 0.03, 0.2, 1.0, 0.03, 1.0, 0.2, 0.2])
+    # A loss is anywhere between nothing and its greatest, whose root mean square is 1.
+    loss = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    for at, size in enumerate((near, alone, np.ones(8))):
+        assert prior.mean[at] == pytest.approx(math.sqrt(0.75) * loss * size)
+        assert prior.sigma[at] == pytest.approx(np.where(loss > 0.0, 0.5, 1.0) * size)
+    both_ways = loss == 0.0
+    assert prior.tails.tolist() == [(both_ways & (near > 0.03)).tolist()] * 2 + [both_ways.tolist()]
+    assert _prior([], []).mean.shape == (3, 0)
+
+
+def heave(case: Case, sigma_N: float) -> Case:
+    """The case as if it were one of heave, with a weighed net buoyancy."""
+    covariance = array(np.diag([1.0, 1.0, 1.0, 1.0, 0.04, 1.0]))
+    theta = array(np.array([93.0, 5.0, 57.0, 12.0, 0.6, 37.0]))
+    fit = replace(case.fit, model=model_of(case.vehicle, 2), theta=theta, covariance=covariance)
+    return replace(case, fit=fit, tuning=Tuning(buoyancy_sigma_N=sigma_N))
+
+
+def test_a_weighed_net_buoyancy_is_a_reading_of_b(case: Case) -> None:
+    rng = np.random.default_rng(1)
+    shifts = array(rng.standard_normal((6, 3)))
+    information, gradient = _weighed(heave(case, 0.3), shifts)
+    variance = 0.3**2 + 0.04
+    assert information == pytest.approx(np.outer(shifts[4], shifts[4]) / variance)
+    assert gradient == pytest.approx(shifts[4] * (0.6 - case.vehicle.net_buoyancy_N) / variance)
+    for other in (heave(case, 0.0), replace(case, tuning=Tuning(buoyancy_sigma_N=0.3))):
+        assert [part.tolist() for part in _weighed(other, shifts)] == [np.zeros((3, 3)).tolist(), [0.0] * 3]
+
+
+def test_a_weighed_net_buoyancy_adds_to_what_the_record_tells(vehicle: Vehicle) -> None:
+    model = model_of(vehicle, 2)
+    theta = array(np.array([93.52, 5.26, 56.57, 11.84, 0.9, 37.7]))
+    flight = fly(model, theta, back_and_forth((6.0, 20.0), 4.0, 24.0), 0.15)
+    t = flight.grid.times_s[::10]
+    v = flight.path.v[::10] + 0.004 * np.random.default_rng(4).standard_normal(len(t))
+    record = Record(Series(t, v), Series(flight.times_s, flight.commands), (Stretch(0.0, 23.9),), lag_s=0.15)
+    bare = Case(vehicle, record, refine(model, record, theta, wide_prior(vehicle, model)), Tuning())
+    known = replace(bare, tuning=Tuning(buoyancy_sigma_N=0.1))
+    plain, weighed = (budget_of(one, (GAINS, LAW)) for one in (bare, known))
+    more, pull = _weighed(known, plain.shifts)
+    assert np.trace(more) > 0.0
+    assert weighed.told.information - plain.told.information == pytest.approx(more, abs=1e-6 * np.trace(more))
+    assert weighed.told.gradient - plain.told.gradient == pytest.approx(pull, abs=1e-6 * np.abs(pull).max())
+
+
+@pytest.mark.parametrize(("times", "explained"), [(9.5, True), (10.5, False)])
+def test_ten_times_what_a_pool_has_is_no_explanation(budget: Budget, times: float, explained: bool) -> None:
+    (told,) = replace(budget, mean=array(np.array([0.0, 0.0, -times, 0.0]))).warnings()
+    assert told.startswith("the record shows gain (") is explained

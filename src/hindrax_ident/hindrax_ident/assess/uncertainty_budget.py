@@ -72,7 +72,7 @@ class Budget:
 
     def band_of_run(self) -> Array:
         """Covariance of the parameters due to what differs in each run, and what this record shows beyond chance."""
-        excess = np.maximum(0.0, 1.0 - (SURPRISE / np.maximum(self._surprise, 1e-12)) ** 2)
+        excess = 1.0 - (SURPRISE / np.maximum(self._surprise, SURPRISE)) ** 2
         shown = self.shifts @ (self.mean * excess)
         return array(self._sandwich(self.covariance, (RUN,)) + np.outer(shown, shown))
 
@@ -222,7 +222,7 @@ def _prior(known: Sequence[tuple[Influence, float]], rows: Sequence[slice]) -> _
     # What acts one way only cannot take more than there is: no tails.
     both_ways = loss == 0.0
     in_near = both_ways & (near > NEAR)
-    return _Prior(array(usual), array(spread), np.stack([in_near, in_near, both_ways & (near > 0.0)]))
+    return _Prior(array(usual), array(spread), np.stack([in_near, in_near, both_ways]))
 
 
 class _Prior(NamedTuple):

@@ -1,0 +1,496 @@
+"""What one unit of each influence does to a record, by hand: a made-up motion of two stretches, and thrust at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_runs import back_and_forth, fly
+
+from hindrax_core.vehicle import AxisGain, Mount, Vehicle
+from hindrax_ident.arrays import Array, Flags, array
+from hindrax_ident.assess.influences import GAIN, INFLUENCES, MODEL, RUN, Case, Influence, _coasts, _root, acting
+from hindrax_ident.assess.thrust_calibration import thrust_shares
+from hindrax_ident.fit.delay import lag_impulse, latency_impulse
+from hindrax_ident.fit.output_error import OutputErrorFit, refine
+from hindrax_ident.model.motion_model import Model, model_of
+from hindrax_ident.model.prior import wide_prior
+from hindrax_ident.model.simulation import Grid, Trajectory
+from hindrax_ident.records.axis_record import Record, Series, Stretch
+from hindrax_ident.tuning import Tuning
+
+THETA = array(np.array([66.0, 1.5, 0.0, 27.0]))
+TIMES = array(np.concatenate([np.linspace(0.0, 2.0, 21), np.linspace(5.0, 6.0, 11)]))
+STARTS = np.isin(np.arange(32), (0, 21))
+V = array(0.4 * np.sin(1.7 * TIMES + 0.3))
+S = array(0.1 + 0.3 * np.cos(TIMES))
+COMMANDS = Series(array(np.array([0.0, 0.45, 1.2, 4.0, 5.5])), array(np.array([6.0, -9.0, 0.5, 12.0, -3.0])))
+NOTHING = Series(array(np.zeros(0)), array(np.zeros(0)))
+STEPS = np.where(STARTS, 0.0, np.diff(TIMES, prepend=0.0))
+THRUST = np.array([6.0, -9.0, 0.5, 12.0, -3.0])[np.searchsorted([0.0, 0.45, 1.2, 4.0, 5.5], TIMES + 1e-9) - 1]
+PULL, SPEED = float(np.percentile([6.0, 9.0, 0.5, 12.0, 3.0], 98.0)), float(np.percentile(np.abs(V), 98.0))
+TOP = 66.0 * SPEED**2 + 1.5 * SPEED
+SLOPE = 2.0 * 66.0 * np.abs(V) + 1.5
+
+
+@pytest.fixture(scope="module")
+def fit(vehicle: Vehicle) -> OutputErrorFit:
+    model = model_of(vehicle, 0)
+    flight = fly(model, THETA, back_and_forth((8.0,), 2.0, 6.0), 0.0)
+    measured = Series(flight.grid.times_s[::20], flight.path.v[::20])
+    record = Record(measured, Series(flight.times_s, flight.commands), (Stretch(0.0, 6.0),))
+    return refine(model, record, THETA, wide_prior(vehicle, model))
+
+
+def moved(
+    fit: OutputErrorFit, v: Array = V, s: Array = S, times: Array = TIMES, starts: Flags = STARTS
+) -> OutputErrorFit:
+    """The fit as if it had moved like that."""
+    grid = Grid(times, starts, array(np.zeros(len(times))))
+    return replace(
+        fit, theta=THETA, problem=replace(fit.problem, grid=grid), linear=replace(fit.linear, path=Trajectory(v, s))
+    )
+
+
+@pytest.fixture
+def case(vehicle: Vehicle, fit: OutputErrorFit) -> Case:
+    record = Record(NOTHING, COMMANDS, (Stretch(0.0, 2.0), Stretch(5.0, 6.0)))
+    return Case(vehicle, record, moved(fit), Tuning())
+
+
+def on_axis(case: Case, model: Model, theta: Array) -> Case:
+    return replace(case, fit=replace(case.fit, model=model, theta=theta))
+
+
+def row(name: str) -> Influence:
+    (found,) = (one for one in INFLUENCES if one.name == name)
+    return found
+
+
+def of_force(*forces: Array) -> Array:
+    """Impulses over each step, by the trapezoid."""
+    return array(np.stack([STEPS * 0.5 * (one + np.append(0.0, one[:-1])) for one in forces], axis=1))
+
+
+def of_commands(*commands: list[float] | Array) -> Array:
+    """Impulses over each step of thrust that holds between commands."""
+    fine = np.linspace(0.0, 6.0, 60_001)[:-1] + 5e-5
+    held = np.searchsorted(COMMANDS.t, fine, side="right") - 1
+    totals = [np.append(0.0, np.cumsum(np.asarray(one)[held]) * 1e-4) for one in commands]
+    ends = np.round(TIMES / 1e-4).astype(int)
+    return array(np.stack([np.where(STARTS, 0.0, np.diff(one[ends], prepend=0.0)) for one in totals], axis=1))
+
+
+def assert_effect(case: Case, name: str, wanted: Array) -> None:
+    found = row(name).effect(case)
+    assert found.shape == wanted.shape
+    assert np.abs(found - wanted).max() < 1e-9 * max(1.0, float(np.abs(wanted).max()))
+
+
+# ---- the case
+
+
+def test_a_case_has_the_largest_thrust_and_speed_of_its_record(case: Case) -> None:
+    assert case.pull == pytest.approx(PULL)
+    assert case.speed == pytest.approx(SPEED)
+    assert case.thrust.tolist() == THRUST.tolist()
+    assert case.steps_s == pytest.approx(STEPS)
+    assert case.top_drag == pytest.approx(TOP)
+    assert case.mass == 27.0
+    assert case.drag(V) == pytest.approx(66.0 * np.abs(V) * V + 1.5 * V)
+    s = S - np.median(S)
+    assert case.position == pytest.approx(s / np.percentile(np.abs(s), 98.0))
+    still = replace(case, record=replace(case.record, thrust=NOTHING))
+    assert still.pull == 0.0
+    braking = on_axis(case, case.fit.model, array(np.array([-66.0, 1.5, 0.0, 27.0])))
+    assert braking.top_drag == pytest.approx(66.0 * SPEED**2 - 1.5 * SPEED)
+
+
+def test_thrust_acts_after_its_lag_and_on_velocities_that_come_late(case: Case) -> None:
+    late = replace(case, record=replace(case.record, lag_s=0.2, latency_s=0.3))
+    at = int(np.searchsorted(TIMES, 1.0))
+    # From 6 N to -9 N at 0.45 s, seen at 1 s of stamps that are 0.3 s late.
+    assert late.thrust[at] == pytest.approx(-9.0 + 15.0 * math.exp(-(0.7 - 0.45) / 0.2))
+    inflow = replace(
+        late, record=replace(late.record, inflow=Series(COMMANDS.t, array(np.array([1.0, 2.0, 3.0, 4.0, 5.0]))))
+    )
+    assert inflow.inflow[at] == pytest.approx(2.0 - math.exp(-(0.7 - 0.45) / 0.2))
+    gain = row("gain of the wrench").effect(late)[at, 0]
+    from_s, to_s = 0.6 - 0.45, 0.7 - 0.45
+    fading = 15.0 * 0.2 * (math.exp(-from_s / 0.2) - math.exp(-to_s / 0.2))
+    assert gain == pytest.approx(-9.0 * 0.1 + fading)
+
+
+def test_what_follows_late_begins_with_each_stretch(case: Case) -> None:
+    found, value = case.delayed(0.5), 0.0
+    for at, v in enumerate(V.tolist()):
+        value = v if STARTS[at] else v + (value - v) * math.exp(-STEPS[at] / 0.5)
+        assert found[at] == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("tuning", "found", "sigma_s"),
+    [
+        (Tuning(timing_sigma_s=0.004), False, 0.004),
+        (Tuning(timing_sigma_s=0.004, lag_doubt_s=0.02), False, 0.02),
+        (Tuning(timing_sigma_s=0.004, lag_doubt_s=0.02), True, 0.1),
+        (Tuning(lag_doubt_s=0.2), True, 0.2),
+    ],
+)
+def test_a_delay_that_was_found_is_doubted_more(case: Case, tuning: Tuning, found: bool, sigma_s: float) -> None:
+    doubted = replace(case, tuning=tuning, delay_found=found)
+    assert doubted.delay_sigma_s == sigma_s
+    assert row("thrust lag").sigma(doubted) == row("latency of the velocity").sigma(doubted) == sigma_s
+    assert not replace(case, tuning=tuning).delay_found
+
+
+@pytest.mark.parametrize(
+    ("gain", "signs"),
+    [
+        ({}, ()),
+        ({"surge": (0.9, 1.1)}, (1.0, -1.0)),
+        ({"surge": (0.9, None)}, (1.0,)),
+        ({"surge": (None, 1.1)}, (-1.0,)),
+        ({"sway": (0.9, 1.1)}, ()),
+    ],
+)
+def test_a_known_weight_measures_its_axis_and_direction(
+    case: Case, gain: dict[str, tuple[float | None, float | None]], signs: tuple[float, ...]
+) -> None:
+    weighed = weighed_by(case, {axis: AxisGain(10.0, 0.004, 0.01, *both) for axis, both in gain.items()})
+    assert weighed.weighed == signs
+    assert row("gain by a known weight").sigma(weighed) == float(bool(signs))
+    assert row("losses between thrusters and hull").sigma(weighed) == (0.08 if len(signs) < 2 else 0.0)
+
+
+def weighed_by(case: Case, gains: dict[str, AxisGain]) -> Case:
+    return replace(case, vehicle=replace(case.vehicle, thrust_gain=gains))
+
+
+def inflow_by_rule(case: Case, held_N: float) -> Array:
+    shares, holding = thrust_shares(case.vehicle, case.axis), thrust_shares(case.vehicle, 2)
+    total = np.zeros(len(TIMES))
+    for index, (per_newton, share) in shares.items():
+        total += per_newton**2 * np.sqrt(np.abs(share * case.thrust + holding[index][1] * held_N))
+    return array(total)
+
+
+def test_without_a_record_of_inflow_each_thruster_has_its_share(case: Case) -> None:
+    heavy = replace(case, vehicle=replace(case.vehicle, volume_m3=0.0163))
+    assert heavy.vehicle.net_buoyancy_N > 5.0
+    # Vertical thrusters hold the net buoyancy, but they do not push ahead.
+    assert heavy.inflow == pytest.approx(inflow_by_rule(heavy, heavy.vehicle.net_buoyancy_N))
+    rolling = on_axis(heavy, Model(3, 0.483, restores=True), array(np.array([1.0, 0.1, 0.0, 3.0, 0.7])))
+    assert rolling.inflow == pytest.approx(inflow_by_rule(rolling, heavy.vehicle.net_buoyancy_N))
+    assert rolling.inflow != pytest.approx(inflow_by_rule(rolling, 0.0))
+    diving = on_axis(heavy, Model(2, 15.22, split=True), array(np.array([90.0, 5.0, 60.0, 10.0, 0.0, 37.0])))
+    assert diving.inflow == pytest.approx(inflow_by_rule(diving, 0.0))
+
+
+def test_a_vehicle_without_thrusters_pushes_at_its_center(case: Case) -> None:
+    bare = replace(case, vehicle=replace(case.vehicle, thrusters=()))
+    assert bare.inflow == pytest.approx(np.sqrt(np.abs(THRUST)))
+    wanted = -math.sqrt(PULL) * np.sqrt(np.abs(THRUST)) * V / 0.5
+    assert_effect(bare, "inflow loss", of_force(wanted))
+    assert row("thrust calibration").sigma(bare) == 0.0
+    turning = on_axis(bare, Model(5, 0.4), array(np.array([0.6, 1.4, 0.0, 0.8])))
+    lever = 0.5 * case.vehicle.characteristic_length_m
+    inflow = lever**2 * np.sqrt(np.abs(THRUST / lever))
+    assert turning.inflow == pytest.approx(inflow)
+    assert_effect(turning, "inflow loss", of_force(-math.sqrt(PULL / lever) * inflow * V / 0.5))
+
+
+# ---- effects
+
+
+def test_a_gain_is_a_share_of_the_command(case: Case) -> None:
+    assert_effect(case, "gain of the wrench", of_commands(COMMANDS.y))
+    assert_effect(case, "losses between thrusters and hull", of_commands(-COMMANDS.y))
+    sigma = case.vehicle.curves["main"].gain_sigma
+    found = row("thrust calibration").effect(case)
+    assert found.shape == (32, 1)
+    assert np.abs(found) == pytest.approx(np.abs(of_commands(sigma * COMMANDS.y)))
+
+
+def test_the_root_of_a_covariance_is_a_root() -> None:
+    C = np.array([[4.0, 1.0, 0.0], [1.0, 2.0, -0.5], [0.0, -0.5, 0.3]])
+    assert _root(array(C)) @ _root(array(C)).T == pytest.approx(C)
+    # Rounding may leave a variance slightly below nothing.
+    assert _root(array(np.diag([-1e-18, 4.0]))) @ np.ones(2) == pytest.approx([0.0, 2.0])
+
+
+@pytest.mark.parametrize(("both", "known"), [((0.9, 1.1), (1.0, -1.0)), ((0.9, None), (1.0,)), ((None, 0.9), (-1.0,))])
+def test_what_a_known_weight_showed_at_its_load_is_no_error_any_more(
+    case: Case, both: tuple[float | None, float | None], known: tuple[float, ...]
+) -> None:
+    """Of an error e(T), e(10 N) T / 10 N is in the gain that it measured."""
+    gain = AxisGain(10.0, 0.004, 0.01, *both)
+    weighed = weighed_by(case, {"surge": gain})
+    y = COMMANDS.y
+    measured = np.isin(np.sign(y), known)
+    assert_effect(weighed, "gain by a known weight", of_commands(0.004 * y * measured, 0.01 * np.abs(y) * measured))
+    assert_effect(weighed, "losses between thrusters and hull", of_commands(np.where(measured, 0.0, -y)))
+    shown = np.isin(np.sign(THRUST), known) * THRUST / 10.0 * -(10.0**2) / PULL
+    assert_effect(weighed, "sag under load", of_force(-THRUST * np.abs(THRUST) / PULL - shown))
+    # At the load nothing is left.
+    edges = -PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)
+    assert_effect(weighed, "dead bands that differ", of_commands(edges - measured * y / 10.0 * -PULL))
+
+
+def test_inflow_takes_ten_newtons_at_half_a_meter_per_second(case: Case) -> None:
+    told = array(np.array([1.0, 2.0, 0.5, 0.0, 3.0]))
+    known = replace(case, record=replace(case.record, inflow=Series(COMMANDS.t, told)))
+    held = told[np.searchsorted(COMMANDS.t, TIMES + 1e-9) - 1]
+    assert known.inflow == pytest.approx(held)
+    assert_effect(known, "inflow loss", of_force(-math.sqrt(10.0) * held * V / 0.5))
+
+
+def test_the_supply_sags_from_the_start_of_each_run(case: Case, fit: OutputErrorFit) -> None:
+    assert_effect(case, "sag over the run", of_force(-THRUST * TIMES / 900.0))
+    times = array(np.where(TIMES < 3.0, TIMES + 100.0, TIMES + 1000.0))
+    pooled = replace(case, fit=moved(fit, times=times))
+    thrust = pooled.thrust
+    # The first from the beginning of the session, the next from its own.
+    since = np.where(TIMES < 3.0, TIMES + 100.0, TIMES - 5.0)
+    assert thrust.tolist() == [-3.0] * 32
+    found = row("sag over the run").effect(pooled)
+    assert found == pytest.approx(of_force(3.0 * since / 900.0))
+    # Less than a quarter of an hour later the battery is the same.
+    near = replace(case, fit=moved(fit, times=array(np.where(TIMES < 3.0, TIMES, TIMES + 890.0))))
+    assert row("sag over the run").effect(near)[-1, 0] > 3.0 * 0.1 * 0.9
+
+
+def test_sag_under_load_grows_with_the_square(case: Case) -> None:
+    assert_effect(case, "sag under load", of_force(-THRUST * np.abs(THRUST) / PULL))
+
+
+def test_dead_bands_take_thrust_at_their_edges(case: Case) -> None:
+    y = COMMANDS.y
+    assert_effect(case, "dead bands that differ", of_commands(-PULL * np.clip(y / (0.1 * PULL), -1.0, 1.0)))
+    doubted = replace(case, tuning=Tuning(thrust_doubt=0.3))
+    band = 0.3 * PULL
+    wanted = of_commands(-band * np.clip(y / band, -1.0, 1.0), np.where(np.abs(y) < band, -0.5 * y, 0.0))
+    assert_effect(doubted, "dead band of the thrust", wanted)
+
+
+def test_another_exponent_of_the_thrust_leaves_the_largest_as_it_is(case: Case) -> None:
+    x = np.abs(COMMANDS.y) / PULL
+    assert_effect(case, "exponent of the thrust", of_commands(PULL * np.sign(COMMANDS.y) * x * np.log(x)))
+    still = replace(case, record=replace(case.record, thrust=Series(COMMANDS.t, array(np.zeros(5)))))
+    for name in ("exponent of the thrust", "dead bands that differ", "sag under load", "dead band of the thrust"):
+        assert not row(name).effect(still).any()
+
+
+def test_delays_are_those_of_the_fit(case: Case) -> None:
+    grid = case.fit.problem.grid
+    assert np.array_equal(row("thrust lag").effect(case), lag_impulse(case.record, grid))
+    assert np.array_equal(row("stamps of the record").effect(case), lag_impulse(case.record, grid))
+    assert np.array_equal(row("latency of the velocity").effect(case), latency_impulse(case.record, grid))
+
+
+def test_a_current_pushes_by_the_slope_of_the_drag(case: Case) -> None:
+    assert_effect(case, "current", of_force(SLOPE))
+
+
+def test_a_seiche_swings_in_a_pool_and_takes_the_water_along(case: Case) -> None:
+    """Merian 1828: half a wave along 10 m of water 1.8 m deep."""
+    rate = math.pi / 10.0 * math.sqrt(9.80665 * 1.8)
+    own = 27.0 - case.vehicle.mass_kg + 15.3
+    sin, cos = np.sin(rate * TIMES), np.cos(rate * TIMES)
+    found = row("seiche").effect(case)
+    assert found == pytest.approx(
+        of_force(SLOPE * cos - own * rate * sin, SLOPE * sin + own * rate * cos), rel=1e-3, abs=1e-4
+    )
+
+
+def test_a_tether_pulls_back_and_drags_and_sticks(case: Case) -> None:
+    assert_effect(case, "tether", of_force(array(-case.position)))
+    x = V / SPEED
+    assert_effect(case, "drag of the tether", of_force(array(-np.abs(x) * x)))
+    assert_effect(case, "friction of the tether", of_force(array(-np.tanh(V / (0.02 * SPEED)))))
+    turning = on_axis(case, Model(5, 0.4), array(np.array([0.6, 1.4, 0.0, 0.8])))
+    heading = np.cumsum(V * STEPS)
+    assert_effect(turning, "tether", of_force(array(-np.sin(heading)), array(-np.cos(heading))))
+
+
+def test_flow_follows_late(case: Case) -> None:
+    late, behind = case.delayed(1.0), case.delayed(4.0)
+    left = 66.0 * (np.abs(V) * V - np.abs(late) * late) + 1.5 * (V - late)
+    assert_effect(case, "fluid memory", of_force(array(-27.0 * (V - late)), array(left)))
+    assert_effect(case, "own wake", of_force(array(np.where(behind * V < 0.0, SLOPE * behind, 0.0))))
+    assert np.any(behind * V < 0.0)
+
+
+def test_other_laws_of_the_drag_leave_that_at_the_highest_speed(case: Case) -> None:
+    x = np.abs(V) / SPEED
+    asymmetry, exponent = TOP * x**2, TOP * np.sign(V) * x**2 * np.log(np.maximum(1e-9, x))
+    assert_effect(case, "fore/aft asymmetry", of_force(array(-asymmetry)))
+    assert_effect(case, "exponent of the drag", of_force(array(-exponent)))
+    for name, force in (("fore/aft asymmetry", asymmetry), ("exponent of the drag", exponent)):
+        drag = row(name).drag
+        assert drag is not None
+        assert drag(case, V) == pytest.approx(force[:, None])
+        assert not drag(case, array(np.zeros(1))).any()
+    assert [one.name for one in INFLUENCES if one.drag] == ["fore/aft asymmetry", "exponent of the drag"]
+    assert row("fore/aft asymmetry").sigma(case) == 0.05
+    diving = on_axis(case, Model(2, 15.22, split=True), array(np.array([90.0, 5.0, 60.0, 10.0, 0.0, 37.0])))
+    assert row("fore/aft asymmetry").sigma(diving) == 0.0
+
+
+def test_masses_of_other_axes_err_by_their_own_columns(case: Case) -> None:
+    errors = tuple(
+        Series(COMMANDS.t, array(np.array(one))) for one in ([1.0, 2.0, 0.0, -1.0, 4.0], [0.5, 0.0, 1.0, 1.0, 0.0])
+    )
+    known = replace(case, record=replace(case.record, coriolis_errors=errors))
+    assert_effect(known, "masses of other axes", of_commands(*(one.y for one in errors)))
+    assert (row("masses of other axes").sigma(case), row("masses of other axes").sigma(known)) == (0.0, 1.0)
+
+
+def test_a_tilt_is_a_share_of_the_net_buoyancy_or_of_the_stiffness(case: Case) -> None:
+    for name in ("tilt of the accelerometer", "tilt of the mount"):
+        assert_effect(case, name, of_force(np.full(32, case.vehicle.net_buoyancy_N)))
+        rolling = on_axis(case, Model(3, 0.483, restores=True), array(np.array([1.0, 0.1, 0.0, 3.0, 0.7])))
+        assert_effect(rolling, name, of_force(array(3.0 * np.cos(S))))
+
+
+@pytest.mark.parametrize(
+    ("axis", "restores", "acts"), [(0, 0, 1), (1, 0, 1), (2, 0, 0), (3, 1, 1), (4, 1, 1), (5, 0, 0)]
+)
+def test_a_tilt_acts_where_weight_or_buoyancy_do(case: Case, axis: int, restores: int, acts: int) -> None:
+    one = on_axis(case, Model(axis, 10.0, restores=bool(restores)), THETA)
+    assert (row("tilt of the accelerometer").sigma(one) > 0.0) is bool(acts)
+    assert row("tilt of the mount").sigma(one) == 0.02 * acts
+    for name, sigma in (("current", 0.02), ("seiche", 0.006)):
+        assert row(name).sigma(one) == (sigma if axis < 2 else 0.0)
+
+
+def test_an_accelerometer_that_was_calibrated_is_trusted_more(case: Case) -> None:
+    assert row("tilt of the accelerometer").sigma(case) == 0.0125
+    mount = case.vehicle.sensors["icm20948"]
+    for key, sigma in (("accel_bias", 0.003), ("gyro_bias", 0.0125)):
+        sensors = {**case.vehicle.sensors, "icm20948": replace(mount, calibration={key: (0.0, 0.0, 0.0)})}
+        assert isinstance(mount, Mount)
+        assert (
+            row("tilt of the accelerometer").sigma(replace(case, vehicle=replace(case.vehicle, sensors=sensors)))
+            == sigma
+        )
+
+
+def test_a_gain_of_the_velocity_scales_every_reading(case: Case) -> None:
+    index, channel = np.array([0, 3, 3, 30]), np.array([0, 0, 1, 1])
+    read = replace(case.fit, problem=replace(case.fit.problem, index=index, channel=channel))
+    found = row("gain of the velocity").effect(replace(case, fit=read))
+    assert found[:, 0] == pytest.approx([V[0], V[3], S[3], S[30]])
+    assert row("gain of the velocity").of_readings
+    assert [one.name for one in INFLUENCES if one.of_readings] == ["gain of the velocity"]
+
+
+# ---- coasts
+
+
+def coasting(case: Case, off_s: float, speed: float = 0.3, begin_s: float = 2.0) -> Case:
+    """Thrust at 12 N, taken away at this speed for a while."""
+    times = array(np.linspace(0.0, 6.0, 121))
+    starts = np.arange(121) == 0
+    v = np.where(times < begin_s, 0.4, speed * np.exp(-0.2 * (times - begin_s)))
+    commands = Series(
+        array(np.array([0.0, begin_s - 0.01, begin_s - 0.01 + off_s])), array(np.array([12.0, 1.0, 12.0]))
+    )
+    record = replace(case.record, thrust=commands)
+    return replace(case, record=record, fit=moved(case.fit, array(v), array(np.zeros(121)), times, starts))
+
+
+@pytest.mark.parametrize(
+    ("off_s", "speed", "shown"),
+    [(1.2, 0.3, True), (0.9, 0.3, False), (1.2, 0.21, True), (1.2, 0.19, False), (1.2, -0.3, True)],
+)
+def test_a_coast_begins_at_half_the_speed_and_lasts_a_second(
+    case: Case, off_s: float, speed: float, shown: bool
+) -> None:
+    assert _coasts(coasting(case, off_s, speed)) is shown
+    assert row("inflow loss").shown(coasting(case, off_s, speed)) is shown
+    assert not row("sag over the run").shown(case)
+
+
+def test_a_coast_is_within_one_stretch(case: Case) -> None:
+    whole = coasting(case, 1.2)
+    grid = whole.fit.problem.grid
+    cut = replace(grid, starts=grid.starts | (np.abs(grid.times_s - 2.6) < 1e-6))
+    assert not _coasts(replace(whole, fit=replace(whole.fit, problem=replace(whole.fit.problem, grid=cut))))
+    # From the start of a stretch on it counts as well.
+    begun = replace(grid, starts=np.abs(grid.times_s - 2.05) < 1e-6)
+    assert _coasts(replace(whole, fit=replace(whole.fit, problem=replace(whole.fit.problem, grid=begun))))
+    strong = replace(
+        whole, record=replace(whole.record, thrust=replace(whole.record.thrust, y=array(np.array([12.0, 1.3, 12.0]))))
+    )
+    assert not _coasts(strong)
+
+
+# ---- priors
+
+PRIORS: dict[str, tuple[str, float, bool, float, bool, bool]] = {
+    "thrust calibration": (GAIN, 1.0, True, 1.0, False, False),
+    "losses between thrusters and hull": (GAIN, 0.08, True, 0.37, False, True),
+    "gain of the wrench": (GAIN, 0.02, True, 1.0, False, False),
+    "inflow loss": (GAIN, 0.12, True, 0.03, True, True),
+    "sag over the run": (GAIN, 0.1, False, 0.03, False, True),
+    "sag under load": (MODEL, 0.05, False, 0.03, False, True),
+    "dead bands that differ": (MODEL, 0.01, False, 0.03, False, False),
+    "dead band of the thrust": (MODEL, 1.0, False, 1.0, False, False),
+    "exponent of the thrust": (MODEL, 0.05, False, 0.03, False, False),
+    "thrust lag": (RUN, 0.003, False, 1.0, False, False),
+    "latency of the velocity": (RUN, 0.003, False, 1.0, False, False),
+    "stamps of the record": (RUN, 0.002, True, 1.0, False, False),
+    "current": (MODEL, 0.02, False, 1.0, False, False),
+    "seiche": (MODEL, 0.006, False, 0.03, False, False),
+    "tether": (MODEL, 0.04 * PULL, False, 0.03, False, False),
+    "drag of the tether": (MODEL, 0.04 * PULL, False, 0.03, False, True),
+    "friction of the tether": (MODEL, 0.02 * PULL, False, 0.03, False, False),
+    "fluid memory": (MODEL, 0.06, False, 0.03, False, True),
+    "own wake": (MODEL, 0.12, False, 0.03, False, True),
+    "fore/aft asymmetry": (MODEL, 0.05, False, 0.3, False, False),
+    "exponent of the drag": (MODEL, 0.17, False, 0.03, False, False),
+    "tilt of the accelerometer": (RUN, 0.0125, True, 1.0, False, False),
+    "tilt of the mount": (MODEL, 0.02, True, 1.0, False, False),
+    "gain of the velocity": (GAIN, 0.005, True, 1.0, False, False),
+}
+"""Deviation in a pool as the worlds have it, whether the record may not judge it, and what near water leaves of it."""
+
+
+def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> None:
+    tuning = Tuning(velocity_gain_sigma=0.005, thrust_doubt=0.02, wrench_gain_sigma=0.02, stamp_doubt_s=0.002)
+    found = acting(replace(case, tuning=tuning))
+    assert [one.name for one, _ in found] == [one.name for one in INFLUENCES if one.name in PRIORS]
+    for one, sigma in found:
+        scope, wanted, considered, near, alone, loss = PRIORS[one.name]
+        assert sigma == pytest.approx(wanted), one.name
+        assert (one.scope, one.considered, one.near, one.alone, one.loss) == (scope, considered, near, alone, loss)
+    plain = {one.name for one, _ in acting(case)}
+    doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}
+    assert PRIORS.keys() - plain == doubts | {"gain of the wrench", "gain of the velocity"}
+
+
+def test_what_nobody_told_is_doubted_more(case: Case) -> None:
+    bare = replace(case, vehicle=replace(case.vehicle, thrusters=()), tuning=Tuning(thrust_doubt=0.1))
+    assert row("exponent of the thrust").sigma(bare) == 0.15
+    for name in ("tether", "drag of the tether", "friction of the tether"):
+        assert row(name).sigma(bare) == pytest.approx(0.1 * PULL)
+    silent = replace(case, record=replace(case.record, thrust=NOTHING), tuning=Tuning(thrust_doubt=0.1))
+    assert row("dead band of the thrust").sigma(silent) == 0.0
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan, math.inf])
+def test_an_influence_without_a_deviation_does_not_act(case: Case, sigma: float) -> None:
+    never: Callable[[Case], float] = lambda _case: sigma  # noqa: E731  # a row of one
+    assert acting(case, [replace(row("own wake"), sigma=never)]) == []
+
+
+def test_a_row_is_plain_unless_it_says_more(case: Case) -> None:
+    plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
+    assert (plain.of_readings, plain.considered, plain.alone, plain.loss) == (False,) * 4
+    assert plain.near == 1.0
+    assert plain.drag is None
+    assert not plain.shown(case)
