@@ -19,7 +19,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.link_monitor import HOLD, NEUTRAL, STAY
-from hindrax_bringup.liveness import LivenessFile, health_change
+from hindrax_bringup.liveness import LivenessFile
 from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import (
@@ -188,17 +188,3 @@ def test_a_list_from_the_future_is_not_kept_and_does_not_outrank_a_later_one(wat
     say.publish(listed)
     watched.until(lambda: bool(kept), beating=False)
     assert kept == [["T2"]]
-
-
-@pytest.mark.parametrize(
-    ("before", "now", "told"),
-    [
-        (None, "no answer for 1.2 s", "dvl75: no answer for 1.2 s"),
-        (None, "", "dvl75: well"),
-        ("no answer for 1.2 s", "no answer for 2.2 s", ""),
-        ("no answer for 1.2 s", "", "dvl75: well"),
-        ("", "", ""),
-    ],
-)
-def test_only_what_changes_is_news(before: str | None, now: str, told: str) -> None:
-    assert health_change("dvl75", before, now) == told

@@ -150,7 +150,7 @@ class EstimatorHealth:
 
     def _tilt(self, navigation: Navigation, _: Consistency) -> str:
         roll, pitch, _yaw = navigation.attitude_rad
-        if not math.isfinite(roll + pitch):
+        if not all(map(math.isfinite, (roll, pitch))):
             return ""
         found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch)))
         most = self._limits.tilt_deg + BEYOND_deg
@@ -159,5 +159,5 @@ class EstimatorHealth:
 
 def _finite(navigation: Navigation, _: Consistency) -> str:
     """Attitude and rates are always known; velocity and depth may not be."""
-    total = sum(navigation.attitude_rad) + sum(navigation.rate_radps)
-    return "" if math.isfinite(total) else "attitude or rates are no numbers, wanted finite ones"
+    finite = all(map(math.isfinite, (*navigation.attitude_rad, *navigation.rate_radps)))
+    return "" if finite else "attitude or rates are no numbers, wanted finite ones"
