@@ -141,10 +141,10 @@ class GraphLink(threading.Thread):
             self._heard, self._heard_s = operator.thrusters, time.monotonic()
         if time.monotonic() - self._refreshed_s > SNAPSHOT_S:
             self._refreshed_s = time.monotonic()
-            self._snapshot = snapshot(operator)
             if self._cameras:
                 self._cameras.step()
-                self._snapshot = replace(self._snapshot, cameras=self._cameras.names)
+            # In one piece: a page that asks in between must not find the cameras gone.
+            self._snapshot = replace(snapshot(operator), cameras=self._cameras.names if self._cameras else ())
 
     def _beat(self, operator: Operator) -> None:
         if self._present() is not self._beating:
