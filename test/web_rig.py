@@ -17,12 +17,11 @@ from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_core.signals import NAN, Estimate, Navigation
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import ExperimentGoal
-from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, Snapshot, Thrusters
+from hindrax_operator.snapshot import Frame, ManeuverView, NodeHealth, PlaceView, Snapshot, Thrusters
 from hindrax_operator.web.access import Access, hosts_of
 from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat
 from hindrax_operator.web.reports import Reports
 from hindrax_operator.web.server import Server
-from hindrax_operator.web.summary import Chart
 
 TOKEN = "a-token-of-the-tests"
 ADDRESS = "127.0.0.1"
@@ -72,6 +71,7 @@ ARMED = Snapshot(
     health={"dvl75": NodeHealth("ok", "measuring", 20.0), "ping1d": NodeHealth("error", "no reading for <b>3.2 s</b>")},
     estimates={"surge": ESTIMATE},
     plans=PLANS,
+    place=PlaceView(4.2, 2.9, math.radians(30.0), 0.2, {"south": 3.9, "north": 5.4, "west": 2.5, "east": 2.7}, 0.7, ""),
 )
 DISARMED = replace(ARMED, thrusters=replace(THRUSTERS, armed=False, state="disarmed", reason="at the start"))
 
@@ -148,8 +148,8 @@ def served(runs: Path, shown: Snapshot = ARMED, *, read_only: bool = False) -> I
     """Serve the page of a pretended vehicle at a free port."""
     vehicle, heartbeat = FakeVehicle(shown), ViewerHeartbeat()
     said: list[str] = []
-    chart = Chart(load_vehicle(default_vehicle()))
-    controller = PageController(vehicle, chart, Reports(runs), heartbeat, read_only=read_only, log=said.append)
+    of = load_vehicle(default_vehicle())
+    controller = PageController(vehicle, of, Reports(runs), heartbeat, read_only=read_only, log=said.append)
     server = Server(ADDRESS, 0, Access(hosts_of(ADDRESS), TOKEN), controller)
     server.start()
     try:

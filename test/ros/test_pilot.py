@@ -129,6 +129,11 @@ def test_the_operator_says_where_the_vehicle_is_and_the_navigator_hears_of_it(
     bench.pilot.know_position = lambda: known.append(True)
     bench.until(lambda: bench.pilot._pilot.pool is not None)
     recentre(bench.operator, 4.0, 2.0, math.nan)
+    bench.until(lambda: bench.operator.place and bench.operator.place.along == 4.0)
+    told = bench.operator.place
+    assert told.across == 2.0
+    assert dict(zip(told.walls, told.distances, strict=True))["west"] < 2.0
+    assert told.margin == pytest.approx(0.3), "an odometry without a covariance vouches for its positions"
     place = bench.place()
     assert (place.x_m, place.y_m, known) == (4.0, 2.0, [True])
     for x_m, y_m, turned in itertools.product((math.inf, -1e308, 11.0, math.nan), (2.0,), (math.nan, math.inf, 1e308)):

@@ -36,6 +36,7 @@ from hindrax_core.topics import (
     NAVIGATION,
     ODOMETRY,
     OPERATOR_WRENCH,
+    PLACE,
     PLANS,
     PRESSURE,
     RAW_FRAMES,
@@ -104,7 +105,18 @@ def _sensor(name: str) -> Role:
     return Role(name, "sensors", publishes=(*own, RAW_FRAMES[name], DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
 
 
-_STATE = (NAVIGATION, THRUSTER_STATE, MANEUVER, PLANS, ALLOCATION, HOLD_STATUS, THRUSTER_HEALTH, ESTIMATE, DIAGNOSTICS)
+_STATE = (
+    NAVIGATION,
+    THRUSTER_STATE,
+    MANEUVER,
+    PLACE,
+    PLANS,
+    ALLOCATION,
+    HOLD_STATUS,
+    THRUSTER_HEALTH,
+    ESTIMATE,
+    DIAGNOSTICS,
+)
 """What an operator watches: about a megabit a second over the tether; raw frames are not among it."""
 
 ROLES: tuple[Role, ...] = (
@@ -129,7 +141,7 @@ ROLES: tuple[Role, ...] = (
     Role(
         "pilot",
         "control",
-        publishes=(WRENCH, HOLD_STATUS, MANEUVER, PLANS, THRUSTER_HEALTH, DIAGNOSTICS),
+        publishes=(WRENCH, HOLD_STATUS, MANEUVER, PLACE, PLANS, THRUSTER_HEALTH, DIAGNOSTICS),
         subscribes=(
             *(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
             *(ODOMETRY, ALTITUDE, ALLOCATION, LEAK),

@@ -20,7 +20,7 @@ from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, Maneuve
 from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
 from hindrax_control.maneuver.refusal import BUSY, require_flyable, require_ready
 from hindrax_control.maneuver.stages import SENSELESS
-from hindrax_control.pool_bounds import PoolBounds, PoolBoundsKnobs
+from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolBoundsKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.readings import Vec6
@@ -186,6 +186,13 @@ class Pilot:
         )
         self._keeping_station, self._station = True, None
         return self._maneuver
+
+    def whereabouts(self) -> GuardedPlace | None:
+        """Where in the pool the vehicle is, as the guard of the walls sees it; None while the heading is unknown."""
+        if self.pool is None or self._navigation is None:
+            return None
+        place = self.pool.place(self._navigation)
+        return self._maneuver_guards.guarded(place, self.pool.walls_m(place), self._unplaced)
 
     def lose_place(self, why: str) -> None:
         """Take it that nobody knows where in the pool the vehicle is: no maneuver begins until `recentre`."""

@@ -8,6 +8,7 @@ angle, or somebody says later where it is; from there on the position is what th
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hindrax_core.errors import UsageError
@@ -39,6 +40,19 @@ class PoolPosition:
     vx_mps: float
     vy_mps: float
     sigma_m: float = NAN
+
+
+@dataclass(frozen=True, slots=True)
+class GuardedPlace:
+    """A place, the distance from the hull to each wall less the way that braking takes, and the least one allowed [m].
+
+    `unplaced`: why nobody knows where the vehicle is.
+    """
+
+    place: PoolPosition
+    walls_m: Mapping[str, float]
+    margin_m: float
+    unplaced: str = ""
 
 
 class PoolBounds:

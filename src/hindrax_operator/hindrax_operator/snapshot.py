@@ -48,6 +48,22 @@ class ManeuverView:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaceView:
+    """Where in the pool the pilot has the vehicle, how far its walls are after braking, and the least that is allowed.
+
+    `unplaced`: why nobody knows where it is.
+    """
+
+    along_m: float
+    across_m: float
+    heading_rad: float
+    sigma_m: float = NAN
+    walls_m: Mapping[str, float] = field(default_factory=dict)
+    margin_m: float = NAN
+    unplaced: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class NodeHealth:
     """One node: how it is, in a word and a sentence, and its rate [Hz] where it tells one."""
 
@@ -71,6 +87,7 @@ class Snapshot:
     cameras: tuple[str, ...] = ()
     plans: Mapping[str, str] = field(default_factory=dict)
     """What the pilot would fly of each motion, or why it cannot."""
+    place: PlaceView | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +129,7 @@ def snapshot(operator: Any) -> Snapshot:
         health={name.removeprefix("hindrax: "): _health(one) for name, one in sorted(operator.diagnostics.items())},
         estimates={motion: one.reading for motion, one in operator.estimates.items()},
         plans=dict(zip(operator.plans.motions, operator.plans.plans, strict=False)) if operator.plans else {},
+        place=place_view(operator.place),
     )
 
 
@@ -154,6 +172,15 @@ def _flight(status: Any) -> ManeuverView | None:
         force=status.force,
         velocity=status.velocity,
     )
+
+
+def place_view(message: Any) -> PlaceView | None:
+    """What a PoolPlace says; None without one."""
+    if message is None:
+        return None
+    walls_m = dict(zip(message.walls, message.distances, strict=False))
+    where = message.along, message.across, message.heading, message.sigma
+    return PlaceView(*where, walls_m, message.margin, message.unplaced)
 
 
 def _health(one: Any) -> NodeHealth:

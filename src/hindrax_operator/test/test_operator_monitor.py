@@ -271,6 +271,7 @@ def test_a_picture_is_copied_out_of_messages() -> None:
         ),
         holds=Message(axes=["depth"], engaged=[True], setpoints=[1.0], errors=[0.1], notes=[""]),
         maneuver=None,
+        place=None,
         plans=Message(motions=["yaw"], plans=["yaw: 1.20 rad/s, each out and back; 24 s"]),
         diagnostics={
             "hindrax: dvl75": Message(level=b"\x01", message="slow", values=[Message(key="rate [Hz]", value="7.5")])

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from http.client import HTTPResponse
 from pathlib import Path
+from types import SimpleNamespace as Message
 from typing import Any
 
 import pytest
@@ -28,18 +29,21 @@ from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
 from hindrax_control.maneuver.excitation import EXCITATIONS
 from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
 from hindrax_control.maneuver.plan import MOTIONS
+from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.events import Stamp
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_operator.monitor.graph_link import GraphLink
-from hindrax_operator.snapshot import Frame, Snapshot
+from hindrax_operator.snapshot import Frame, Snapshot, place_view
 from hindrax_operator.web import page as page_text
 from hindrax_operator.web import page_controller, server
 from hindrax_operator.web.access import hosts_of
 from hindrax_operator.web.page import PAGE
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import Chart, summary
+from hindrax_operator.web.summary import pool, summary
 
 GETS = ("/events", "/reports", "/reports/one", "/camera/%2Fcamera", "/nowhere")
 POSTS = ("/here", "/fly", "/cancel", "/stop", "/disarm", "/nowhere")
@@ -451,23 +455,30 @@ def test_the_page_tells_the_plans_of_the_pilot() -> None:
     assert summary(Snapshot())["plans"] == {}
 
 
-def test_the_pool_lies_as_the_vehicle_does_until_it_is_armed() -> None:
+def test_the_pool_is_drawn_as_the_pilot_tells_it() -> None:
+    """A page that reckoned by itself knew nothing of a `recentre`, of the doubt of the position, of tuned guards."""
+    from hindrax_control.nodes.pilot_messages import place_to_msg
+
     vehicle = load_vehicle(default_vehicle())
-    chart = Chart(vehicle)
-    assert chart.step(Snapshot())["place"] is None
-    start = replace(NAVIGATION, position_m=(0.0, 0.0))
-    for heading in (10.0, 30.0):
-        turned = replace(start, attitude_rad=(0.0, 0.0, math.radians(heading)))
-        place = chart.step(replace(DISARMED, navigation=turned))["place"]
-        assert place == {"x": vehicle.pool.length_m / 2, "y": vehicle.pool.width_m / 2, "heading": 0.0}
-    moved = replace(start, attitude_rad=(0.0, 0.0, math.radians(120.0)), position_m=(0.0, 2.0))
-    found = chart.step(replace(ARMED, navigation=turned)), chart.step(replace(ARMED, navigation=moved))
-    assert not found[1]["guessed"]
-    # 2 m east with the pool lying at 30 deg: 1 m along, 1.73 m to its right.
-    assert found[1]["place"]["x"] == pytest.approx(vehicle.pool.length_m / 2 + 1.0)
-    assert found[1]["place"]["y"] == pytest.approx(vehicle.pool.width_m / 2 + math.sqrt(3.0))
-    assert found[1]["place"]["heading"] == pytest.approx(90.0)
-    assert Chart(vehicle).step(ARMED)["guessed"]
+    size = (vehicle.pool.length_m, vehicle.pool.width_m, vehicle.pool.depth_m)
+    nothing = pool(vehicle, None)
+    assert (nothing["size"], nothing["place"], nothing["walls"], nothing["margin"]) == (size, None, None, None)
+    found = PoolBounds(vehicle, 0.0)
+    navigation = replace(NAVIGATION, position_m=(1.0, 0.0), attitude_rad=(0.0, 0.0, math.radians(90.0)))
+    found.recentre(navigation, 2.0, 4.0, math.radians(30.0))
+    moved = replace(navigation, position_m=(1.0, 1.0), position_sigma_m=0.4)
+    place, knobs = found.place(moved), ManeuverGuardKnobs()
+    seen = ManeuverGuards(vehicle, knobs).guarded(place, found.walls_m(place), "restarted")
+    shown = pool(vehicle, place_view(place_to_msg(seen, Stamp(0))))
+    # 30 deg off the length where the compass says 90: a meter to the east is 0.87 m along and half a meter across.
+    assert shown["place"]["x"] == pytest.approx(2.0 + math.sqrt(0.75))
+    assert shown["place"]["y"] == pytest.approx(4.0 + 0.5)
+    assert shown["place"]["heading"] == pytest.approx(30.0)
+    assert shown["sigma"] == pytest.approx(math.hypot(0.1, 0.4))
+    assert shown["margin"] == pytest.approx(knobs.wall_m + knobs.doubt * math.hypot(0.1, 0.4))
+    assert shown["walls"].keys() == {"south", "north", "west", "east"}
+    assert shown["walls"]["west"] < found.walls_m(place)["west"] + 1e-9
+    assert shown["unplaced"] == "restarted"
 
 
 # ---- reports
@@ -579,6 +590,24 @@ def test_no_vehicle_is_named_with_the_remedy(
     assert "start one with `./hindrax up`" in said
 
 
+def test_the_cameras_are_never_gone_between_two_pictures_of_the_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
+    link = GraphLink(None, sim_time=False)
+    seen: list[tuple[str, ...]] = []
+
+    def look(_operator: object) -> Snapshot:
+        seen.append(link.snapshot().cameras)
+        return Snapshot()
+
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.snapshot", look)
+    monkeypatch.setattr("hindrax_operator.monitor.graph_link.SNAPSHOT_S", -1.0)
+    operator: Any = Message(thrusters=None)
+    cameras: Any = Message(names=("/front",), step=lambda: seen.append(link.snapshot().cameras))
+    link._cameras = cameras
+    for _ in range(3):
+        link._refresh(operator)
+    assert seen == [(), (), *[("/front",)] * 4]
+
+
 def test_a_server_that_ends_by_itself_ends_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -589,16 +618,7 @@ def test_a_server_that_ends_by_itself_ends_the_command(
     monkeypatch.setattr(GraphLink, "snapshot", lambda _link: ARMED)
     monkeypatch.setattr(GraphLink, "close", lambda _link: over.set())
     monkeypatch.setattr(server.Server, "run", lambda _server: None)
-    looks: list[Snapshot] = []
-    step = Chart.step
-
-    def seen(chart: Chart, view: Snapshot) -> object:
-        looks.append(view)
-        return step(chart, view)
-
-    monkeypatch.setattr(Chart, "step", seen)
     assert main(["web", "--port", "0"]) == 1
-    assert looks, "the chart follows the vehicle from the start, not from the first page on"
     assert "start `./hindrax web` again" in capsys.readouterr().err
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hindrax_control.maneuver.plan import LAG_S
-from hindrax_control.pool_bounds import PoolPosition
+from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_control.sensor_kinds import DEPTH, INERTIAL, VELOCITY, sensors_of
 from hindrax_core.knobs import knob
@@ -136,6 +136,11 @@ class ManeuverGuards:
         wanted_m, words = self.margin(place)
         wall, left_m = nearest(walls_after_braking_m(place, walls_m, self._knobs))
         return f"{left_m:.2f} m to the {wall} wall after braking, wanted {words}" if left_m < wanted_m else ""
+
+    def guarded(self, place: PoolPosition, walls_m: Mapping[str, float], unplaced: str) -> GuardedPlace:
+        """A place as the guard sees it, with the distance to each wall [m]."""
+        left_m = walls_after_braking_m(place, walls_m, self._knobs)
+        return GuardedPlace(place, left_m, self.margin(place)[0], unplaced)
 
     def margin(self, place: PoolPosition) -> tuple[float, str]:
         """Least distance to a wall where the vehicle is known as well as at this place [m], and the same in words."""

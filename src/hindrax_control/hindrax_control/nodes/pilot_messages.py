@@ -10,10 +10,11 @@ from hindrax_control.hold.holds import HoldState
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import MOTIONS, Plan
+from hindrax_control.pool_bounds import GuardedPlace
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
 from hindrax_msgs.action import FlyManeuver
-from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans
+from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans, PoolPlace
 from hindrax_ros.convert import stamp_to_msg
 
 LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
@@ -82,6 +83,22 @@ def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
         wall_distance=output.wall_distance_m,
         force=output.force,
         velocity=output.velocity,
+    )
+    message.header.stamp = stamp_to_msg(stamp)
+    return message
+
+
+def place_to_msg(found: GuardedPlace, stamp: Stamp) -> PoolPlace:
+    """PoolPlace of a place."""
+    message = PoolPlace(
+        along=found.place.x_m,
+        across=found.place.y_m,
+        heading=found.place.heading_rad,
+        sigma=found.place.sigma_m,
+        walls=list(found.walls_m),
+        distances=list(found.walls_m.values()),
+        margin=found.margin_m,
+        unplaced=found.unplaced,
     )
     message.header.stamp = stamp_to_msg(stamp)
     return message

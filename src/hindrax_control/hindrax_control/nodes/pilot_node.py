@@ -23,6 +23,7 @@ from hindrax_control.nodes.pilot_messages import (
     goal_from_msg,
     holds_to_msg,
     maneuver_to_msg,
+    place_to_msg,
     plans_to_msg,
     unfit_estimate,
 )
@@ -45,6 +46,7 @@ from hindrax_core.topics import (
     MANEUVER,
     ODOMETRY,
     OPERATOR_WRENCH,
+    PLACE,
     PLANS,
     THRUSTER_HEALTH,
     THRUSTER_HEALTH_ORDER,
@@ -74,6 +76,7 @@ SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""
 
 STATUS_EVERY = 5
+PLACE_EVERY = 10
 FEEDBACK_EVERY = 10
 REPORT_EVERY = 50
 CHECK_S = 0.5
@@ -123,6 +126,7 @@ class PilotNode(BatchedNode):
         self._wrench = publisher(self, WRENCH)
         self._holds = publisher(self, HOLD_STATUS)
         self._maneuver = publisher(self, MANEUVER)
+        self._place = publisher(self, PLACE)
         self._plans, self._planned = publisher(self, PLANS), False
         self._reporter = DiagnosticsPublisher(self)
         self._wrench_bytes = wrench_writer()
@@ -424,6 +428,8 @@ class PilotNode(BatchedNode):
         self._publish_maneuver(output.maneuver, stamp)
         if self._turn % STATUS_EVERY == 0:
             self._holds.publish(holds_to_msg(output.holds, stamp))
+        if self._turn % PLACE_EVERY == 0 and (found := self._pilot.whereabouts()) is not None:
+            self._place.publish(place_to_msg(found, stamp))
         if self._turn % REPORT_EVERY == 0:
             self._report(output, stamp)
 

@@ -30,6 +30,7 @@ from hindrax_core.topics import (
     MANEUVER,
     NAMESPACE,
     NAVIGATION,
+    PLACE,
     PLANS,
     THRUSTER_HEALTH,
     THRUSTER_STATE,
@@ -80,6 +81,7 @@ class Operator:
         self._allocation: Any = None
         self._allocations: Any = None
         self.holds: Any = None
+        self.place: Any = None
         self.plans: Any = None
         self.health: Any = None
         self.diagnostics: dict[str, Any] = {}
@@ -107,6 +109,7 @@ class Operator:
             NAVIGATION: self._on_navigation,
             THRUSTER_STATE: lambda message: setattr(self, "thrusters", message),
             MANEUVER: lambda message: setattr(self, "maneuver", message),
+            PLACE: lambda message: setattr(self, "place", message),
             PLANS: lambda message: setattr(self, "plans", message),
             HOLD_STATUS: lambda message: setattr(self, "holds", message),
             THRUSTER_HEALTH: lambda message: setattr(self, "health", message),

@@ -187,8 +187,9 @@ function pool(found) {
   const parts = [draw("rect", {x: 0, y: 0, width: length, height: width, class: "water"})];
   for (let x = 1; x < length; x++) parts.push(draw("line", {x1: x, x2: x, y1: 0, y2: width, class: "meter"}));
   for (let y = 1; y < width; y++) parts.push(draw("line", {x1: 0, x2: length, y1: y, y2: y, class: "meter"}));
-  const edge = found.margin;
-  parts.push(draw("rect", {x: edge, y: edge, width: length - 2 * edge, height: width - 2 * edge, class: "limit"}));
+  const edge = found.margin, room = [length, width].map(side => Math.max(0, side - 2 * edge));
+  if (edge !== null) parts.push(draw("rect", {x: (length - room[0]) / 2, y: (width - room[1]) / 2, width: room[0],
+    height: room[1], class: "limit"}));
   if (trace.length > 1) parts.push(draw("polyline", {points: trace.map(one => one.map(v => v.toFixed(2))).join(" "),
     class: "trace"}));
   if (place && place.x !== null && place.heading !== null) {
@@ -204,8 +205,9 @@ function pool(found) {
     .sort((a, b) => a[1] - b[1])[0] || [];
   const text = !place || place.x === null ? "no position yet" :
     `${place.x.toFixed(2)} m along, ${place.y.toFixed(2)} m across, by dead reckoning` +
+    (found.sigma === null ? "" : `, give or take ${found.sigma.toFixed(2)} m`) +
     (near ? `; ${left.toFixed(2)} m to the ${near} wall after braking, the guard wants ${edge.toFixed(2)} m (dashed)` : "") +
-    (found.guessed ? "; armed before this page was served, so how it lay at the start is guessed" : "");
+    (found.unplaced ? "; " + found.unplaced : "");
   at("where").textContent = `${length} m by ${width} m, a square is 1 m; ${text}`;
   svg.setAttribute("aria-label", "the vehicle in the pool: " + text);
 }

@@ -14,12 +14,13 @@ from hindrax_analysis.plain import plain
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.refusal import check_goal
 from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment
 from hindrax_operator.monitor.draw import SILENT_s
 from hindrax_operator.snapshot import Frame, OnDone, WatchedVehicle
 from hindrax_operator.web.access import RefusedRequest
 from hindrax_operator.web.reports import Reports
-from hindrax_operator.web.summary import Chart, summary
+from hindrax_operator.web.summary import pool, summary
 
 PERIOD_S = 0.2
 VIEWER_LOST_S = 1.5
@@ -64,7 +65,7 @@ class PageController:
     def __init__(
         self,
         vehicle: OperatedVehicle,
-        chart: Chart,
+        of: Vehicle,
         reports: Reports,
         heartbeat: ViewerHeartbeat,
         *,
@@ -72,7 +73,7 @@ class PageController:
         log: Callable[[str], None],
     ) -> None:
         self.reports, self.read_only, self._heartbeat = reports, read_only, heartbeat
-        self._vehicle, self._chart, self._log = vehicle, chart, log
+        self._vehicle, self._of, self._log = vehicle, of, log
         self._lock = threading.Lock()
         self._outcomes: deque[Mapping[str, Any]] = deque(maxlen=OUTCOMES)
         self._number = 0
@@ -88,7 +89,7 @@ class PageController:
                     "title": self._vehicle.title,
                     "read_only": self.read_only,
                     "ordered": self._flying,
-                    "pool": self._chart.step(view),
+                    "pool": pool(self._of, view.place),
                     "outcomes": list(self._outcomes),
                 }
                 self._update = json.dumps(plain(found), allow_nan=False, separators=(",", ":"))

@@ -6,47 +6,26 @@ import math
 from typing import Any
 
 from hindrax_control.hold.holds import HoldState
-from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, walls_after_braking_m
-from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_operator.monitor.draw import BAND
-from hindrax_operator.snapshot import ANGLES, ManeuverView, Snapshot, Thrusters
+from hindrax_operator.snapshot import ANGLES, ManeuverView, PlaceView, Snapshot, Thrusters
 
 Json = dict[str, Any]
-LIMITS = ManeuverGuardKnobs()
-"""Where the pilot's guards draw the line unless its parameters say otherwise."""
 
 
-class Chart:
-    """The pool from above: as the pilot does, it takes the vehicle to lie along the pool until it is first armed."""
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
-        self._box: PoolBounds | None = None
-        self._was_armed = self._guessed = False
-
-    def step(self, view: Snapshot) -> Json:
-        """Return walls, hull and place [m, deg]; without a place while nothing is known.
-
-        `guessed`: the vehicle was armed before it was first seen, so nobody here saw how it lay.
-        """
-        navigation = view.navigation
-        known = navigation is not None and math.isfinite(navigation.attitude_rad[2])
-        if navigation is not None and known and (self._box is None or not self._was_armed):
-            self._guessed = self._box is None and view.thrusters.armed
-            self._box = PoolBounds(self._vehicle, navigation.attitude_rad[2])
-        self._was_armed = self._was_armed or view.thrusters.armed
-        pool, hull = self._vehicle.pool, self._vehicle.envelope_m
-        place = self._box.place(navigation) if self._box and navigation is not None else None
-        return {
-            "size": (pool.length_m, pool.width_m, pool.depth_m),
-            "hull": (hull[0], hull[1]),
-            "margin": LIMITS.wall_m,
-            "walls": self._box and place and walls_after_braking_m(place, self._box.walls_m(place), LIMITS),
-            "guessed": self._guessed,
-            "place": place and {"x": place.x_m, "y": place.y_m, "heading": math.degrees(place.heading_rad)},
-        }
+def pool(vehicle: Vehicle, found: PlaceView | None) -> Json:
+    """Return the pool from above as the pilot sees it: walls, hull and place [m, deg]."""
+    size, hull = vehicle.pool, vehicle.envelope_m
+    return {
+        "size": (size.length_m, size.width_m, size.depth_m),
+        "hull": (hull[0], hull[1]),
+        "margin": found and found.margin_m,
+        "walls": found and found.walls_m,
+        "sigma": found and found.sigma_m,
+        "unplaced": found.unplaced if found else "",
+        "place": found and {"x": found.along_m, "y": found.across_m, "heading": math.degrees(found.heading_rad)},
+    }
 
 
 def summary(view: Snapshot) -> Json:

@@ -62,15 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
-    from hindrax_operator.web.summary import Chart  # noqa: PLC0415  # as above
 
     found = told_presence(arguments)
     vehicle = load_vehicle(Path(found.vehicle) if found else vehicle_file(usual_vehicle()))
-    chart = Chart(vehicle)
     heartbeat = ViewerHeartbeat()
     link = GraphLink(found, sim_time=arguments.sim_time, namespace=arguments.namespace, present=heartbeat.present)
     reports = Reports(arguments.runs)
-    controller = PageController(link, chart, reports, heartbeat, read_only=arguments.read_only, log=report)
+    controller = PageController(link, vehicle, reports, heartbeat, read_only=arguments.read_only, log=report)
     with asked_to_end() as over:
         _serve(arguments, access, controller, link, over, servable=f"{vehicle.name} {servable_motions(AXES, vehicle)}")
     return 0
@@ -109,8 +107,6 @@ def _serve(
         if sys.stdout.isatty() and "localhost" not in access.hosts:
             print_whole(qr_code(page_url(arguments.address, server.port, access.token)))
         while not over() and link.is_alive():
-            # Also while no page is open: who opens one later has to know how the vehicle lay before it was armed.
-            controller.update()
             if not server.is_alive():
                 raise HindraxError(
                     "the server of the page has ended, by a mistake of ours; start `./hindrax web` again"
