@@ -123,8 +123,9 @@ def test_a_draft_starts_from_the_last_online_estimate_or_from_the_prior(
     vehicle: Vehicle, surge: DraftFit, patch: pytest.MonkeyPatch
 ) -> None:
     stand = Stand(patch, surge.fit)
-    found = drafted(vehicle, surge)
-    assert (found.record, found.belief, found.online, found.moved) == (surge.record, surge.belief, ONLINE, False)
+    online = {"first": ONLINE["rls"], **ONLINE}
+    found = drafted(vehicle, surge, online)
+    assert (found.record, found.belief, found.online, found.moved) == (surge.record, surge.belief, online, False)
     assert found.fit.theta.tolist() == (surge.fit.theta + 1.0).tolist()
     drafted(vehicle, surge, {})
     assert stand.starts == [(SURGE * 1.1).tolist(), surge.belief.values.tolist()]
@@ -370,7 +371,7 @@ def test_a_turn_is_judged_as_one(assessed: dict[int, Assessment], patch: pytest.
     assert evidence.turns
     assert evidence.noise == 0.0
     assert result.quality["residual_std"] == 0.03
-    evidence, _ = evidence_of(patch, "pitch", replace(one, fit=replace(one.fit, model=Model(4, 0.4))))
+    evidence, _ = evidence_of(patch, "roll", replace(one, fit=replace(one.fit, model=Model(3, 0.4))))
     assert evidence.turns
 
 
@@ -414,6 +415,17 @@ def test_the_next_step_leaves_least() -> None:
     assert _next_step(4.0, 10.0, {"weigh": 5.0, "wait": 3.0}) == NextStep("wait", math.sqrt(7.0))
     assert _next_step(4.0, 10.0, {}) == NextStep(FLY_TWICE, math.sqrt(8.0))
     assert _next_step(0.0, 10.0, {"wait": -1e-12}) == NextStep("wait", 0.0)
+
+
+def test_a_noisy_record_is_best_flown_twice(assessed: dict[int, Assessment]) -> None:
+    noisy = replace(assessed[0], noise=array(1e6 * assessed[0].noise))
+    result = result_of(MOTIONS["surge"], noisy)
+    assert result.next_step is not None
+    assert result.drag is not None
+    top = np.array([result.speeds[1] ** 2, result.speeds[1], 0.0, 0.0])
+    left = result.drag.std_calibrated[-1] ** 2 - 0.5 * float(top @ noisy.noise @ top)
+    assert result.next_step.remedy == FLY_TWICE
+    assert result.next_step.std == pytest.approx(math.sqrt(left))
 
 
 def test_rows_of_less_than_a_hundredth_of_the_largest_are_left_out() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -206,6 +209,64 @@ def test_a_search_begins_at_the_prior_where_its_start_diverges(late: Record) -> 
     assert nothing.error == math.inf
     assert (nothing.lag_s, nothing.latency_s) == (0.1, 0.2)
     assert nothing.theta.tolist() == diverging.tolist()
+
+
+class Trials(_Search):
+    """A search whose steps are good or bad as the test says, and their dampings."""
+
+    def of(self, outcomes: Iterable[bool | None], moves_s: float = 0.1) -> list[float]:
+        self.dampings, self._outcomes, self._moves_s = list[float](), iter(outcomes), moves_s
+        self._costs, self._tried, self._fails = 1000.0, array(np.zeros(0)), False
+        self.run(THETA, array(np.array([0.3, 0.1])))
+        return self.dampings
+
+    def _step(self, linear: LinearizedProblem, x: Array, damping: float) -> Array:  # noqa: ARG002  # as it is asked
+        self.dampings.append(damping)
+        outcome = next(self._outcomes)
+        self._fails, self._costs = outcome is None, self._costs + (0.0 if outcome is False else -1.0)
+        self._tried = array(x + self._moves_s * np.eye(6)[5] * (-1.0) ** len(self.dampings))
+        return self._tried
+
+    def _at(self, x: Array, *rest: Any) -> LinearizedProblem | None:
+        return None if self._fails and x is self._tried else super()._at(x, *rest)
+
+    def _cost(self, linear: LinearizedProblem, x: Array) -> float:  # noqa: ARG002  # as it is asked
+        return self._costs if x is self._tried else self._before
+
+    @property
+    def _before(self) -> float:
+        return self._costs + (0.0 if self._costs == 1000.0 else 1.0)
+
+
+def trials_of(record: Record) -> Trials:
+    return Trials(build_problem(SURGE, record), record, BELIEF, 0.3)
+
+
+@pytest.mark.parametrize("bad", [None, False])
+def test_a_search_that_finds_nothing_better_damps_ten_times_more_and_ends(late: Record, bad: bool | None) -> None:
+    """From a hundredth to a million."""
+    dampings = trials_of(late).of(itertools.repeat(bad))
+    assert dampings == pytest.approx([10.0 ** (k - 2) for k in range(9)])
+
+
+def test_a_search_that_always_finds_better_damps_ten_times_less_and_ends_after_25_steps(late: Record) -> None:
+    dampings = trials_of(late).of(itertools.repeat(True))
+    assert dampings == pytest.approx([10.0 ** (-2 - k) for k in range(25)], rel=1e-9, abs=0.0)
+
+
+@pytest.mark.parametrize(("moves_s", "steps"), [(0.9e-3, 1), (1.1e-3, 25)])
+def test_a_search_ends_when_the_delays_move_by_less_than_a_millisecond(
+    late: Record, moves_s: float, steps: int
+) -> None:
+    assert len(trials_of(late).of(itertools.repeat(True), moves_s)) == steps
+
+
+def test_the_mass_has_to_be_positive_and_nothing_else(late: Record) -> None:
+    model = Model(2, 15.22, split=True)
+    belief = Prior(array(np.ones(6)), array(np.ones(6)))
+    search = _Search(build_problem(model, late), late, belief, 0.3)
+    light = array(np.array([1.0, 0.1, 1.0, -0.1, 0.0, 0.5, 0.2, 0.1]))
+    assert search._at(light, search._problem.guess, lambda table: table) is not None
 
 
 @pytest.mark.parametrize("start", STARTS)

@@ -190,6 +190,31 @@ def test_without_a_record_of_inflow_each_thruster_has_its_share(case: Case) -> N
     assert diving.inflow == pytest.approx(inflow_by_rule(diving, 0.0))
 
 
+def test_thrusters_that_hold_and_turn_at_once_have_the_sum_of_both(case: Case) -> None:
+    heavy = replace(case, vehicle=replace(case.vehicle, volume_m3=0.0163, thrusters=case.vehicle.thrusters[:-1]))
+    rolling = on_axis(heavy, Model(3, 0.483, restores=True), array(np.array([1.0, 0.1, 0.0, 3.0, 0.7])))
+    held_N = heavy.vehicle.net_buoyancy_N
+    assert rolling.inflow == pytest.approx(inflow_by_rule(rolling, held_N))
+    assert rolling.inflow != pytest.approx(inflow_by_rule(rolling, -held_N))
+
+
+@pytest.mark.parametrize(
+    "name", ["sag under load", "dead band of the thrust", "exponent of the thrust", "dead bands that differ"]
+)
+def test_a_small_thrust_errs_like_a_great_one(case: Case, name: str) -> None:
+    doubted = replace(case, tuning=Tuning(thrust_doubt=0.3))
+    small = replace(doubted, record=replace(case.record, thrust=Series(COMMANDS.t, array(0.001 * COMMANDS.y))))
+    assert_effect(small, name, array(0.001 * row(name).effect(doubted)))
+
+
+def test_water_that_was_dragged_along_does_not_push_what_rests(case: Case) -> None:
+    stopping = array(np.where(TIMES > 1.0, 0.0, -np.abs(V)))
+    at_rest = replace(case, fit=moved(case.fit, stopping))
+    late = at_rest.delayed(4.0)
+    assert late[20] < 0.0
+    assert not row("own wake").effect(at_rest).any()
+
+
 def test_a_vehicle_without_thrusters_pushes_at_its_center(case: Case) -> None:
     bare = replace(case, vehicle=replace(case.vehicle, thrusters=()))
     assert bare.inflow == pytest.approx(np.sqrt(np.abs(THRUST)))
@@ -259,8 +284,12 @@ def test_the_supply_sags_from_the_start_of_each_run(case: Case, fit: OutputError
     found = row("sag over the run").effect(pooled)
     assert found == pytest.approx(of_force(3.0 * since / 900.0))
     # Less than a quarter of an hour later the battery is the same.
-    near = replace(case, fit=moved(fit, times=array(np.where(TIMES < 3.0, TIMES, TIMES + 890.0))))
-    assert row("sag over the run").effect(near)[-1, 0] > 3.0 * 0.1 * 0.9
+    for pause_s, begins_s in ((899.5, 0.0), (900.5, 5.0 + 897.5)):
+        later = array(np.where(TIMES < 3.0, TIMES, TIMES + pause_s - 3.0))
+        paused = replace(case, fit=moved(fit, times=later))
+        assert row("sag over the run").effect(paused)[-1, 0] == pytest.approx(
+            0.3 * (later[-1] - 0.05 - begins_s) / 900.0
+        )
 
 
 def test_sag_under_load_grows_with_the_square(case: Case) -> None:
@@ -468,6 +497,7 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
         scope, wanted, considered, near, alone, loss = PRIORS[one.name]
         assert sigma == pytest.approx(wanted), one.name
         assert (one.scope, one.considered, one.near, one.alone, one.loss) == (scope, considered, near, alone, loss)
+    assert all(one.considered for one in INFLUENCES if one.name not in PRIORS)
     plain = {one.name for one, _ in acting(case)}
     doubts = {"dead band of the thrust", "exponent of the thrust", "friction of the tether", "stamps of the record"}
     assert PRIORS.keys() - plain == doubts | {"gain of the wrench", "gain of the velocity"}
@@ -480,6 +510,7 @@ def test_what_nobody_told_is_doubted_more(case: Case) -> None:
         assert row(name).sigma(bare) == pytest.approx(0.1 * PULL)
     silent = replace(case, record=replace(case.record, thrust=NOTHING), tuning=Tuning(thrust_doubt=0.1))
     assert row("dead band of the thrust").sigma(silent) == 0.0
+    assert (row("thrust calibration").sigma(case), row("thrust calibration").sigma(silent)) == (1.0, 0.0)
 
 
 @pytest.mark.parametrize("sigma", [0.0, -1.0, math.nan, math.inf])

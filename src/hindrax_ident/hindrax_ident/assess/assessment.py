@@ -283,10 +283,10 @@ class _Drag(NamedTuple):
 
 def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     fit, budget = assessment.fit, assessment.budget
-    rows = reported_parameters(fit.model, motion).rows[:2]
+    k_q, k_l, *_ = reported_parameters(fit.model, motion).rows
     speed = np.linspace(excited.low, excited.high, SPEEDS)
     gradient = np.zeros((SPEEDS, len(fit.theta)))
-    gradient[:, rows[0]], gradient[:, rows[1]] = speed**2, speed
+    gradient[:, k_q], gradient[:, k_l] = speed**2, speed
     noise, own = (np.maximum(0.0, np.sum(gradient @ C * gradient, axis=1)) for C in (assessment.noise, fit.covariance))
     sensitivity = budget.drag_sensitivity(array(gradient), array(speed * (motion.side or 1)))
     wide, separable = (np.sqrt(noise + budget.variance(sensitivity, scopes)) for scopes in (ALL, (RUN, MODEL)))

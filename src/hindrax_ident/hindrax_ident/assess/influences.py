@@ -106,11 +106,11 @@ class Case:
         if len(told):
             return LaggedThrust(told.t, told.y, self.record.lag_s).force(self._thrust_s)
         held_N = 0.0 if self.axis == HEAVE else vehicle.net_buoyancy_N
-        holding = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
+        shares = thrust_shares(vehicle, HEAVE) if vehicle.thrusters else {}
+        holding = {index: share for index, (_, share) in shares.items()}
         out = np.zeros(len(self.v))
         for index, (per_newton, share) in thrust_shares(vehicle, self.axis).items():
-            _, hold = holding.get(index, (0.0, 0.0))
-            out += per_newton**2 * np.sqrt(np.abs(share * self.thrust + hold * held_N))
+            out += per_newton**2 * np.sqrt(np.abs(share * self.thrust + holding.get(index, 0.0) * held_N))
         return array(out)
 
     @cached_property
@@ -154,7 +154,7 @@ class Case:
 
     def of_force(self, force: Array) -> Array:
         """Impulses over each step of forces at its ends, (n,) or (n, k): (n, k) [N s, N m s]."""
-        table = force.reshape(len(self.v), -1)
+        table = np.column_stack([force])
         return array(0.5 * self.steps_s[:, None] * (table + np.roll(table, 1, axis=0)))
 
     def of_commands(self, commands: Array) -> Array:
@@ -164,11 +164,10 @@ class Case:
 
     def delayed(self, time_s: float) -> Array:
         """Velocity through a first-order lag, from rest at the start of each stretch: (n,) [m/s, rad/s]."""
-        value, out = 0.0, []
+        out: list[float] = []
         keep = np.exp(-self.steps_s / time_s).tolist()
         for v, one, start in zip(self.v.tolist(), keep, self.fit.problem.grid.starts.tolist(), strict=True):
-            value = v if start else v + (value - v) * one
-            out.append(value)
+            out.append(v if start else v + (out[-1] - v) * one)
         return np.array(out)
 
     @property
@@ -273,7 +272,7 @@ def _coasts(case: Case) -> bool:
     """Whether the thrust was taken away at speed, and for a while: beside plateaus, that tells inflow from drag."""
     idle = np.abs(case.thrust) < EDGE * case.pull
     fast = np.abs(case.v) > COASTS_FROM * case.speed
-    begins = np.flatnonzero(np.diff(idle, prepend=False) | case.fit.problem.grid.starts)
+    begins = np.flatnonzero(np.diff(idle, prepend=idle[:1]) | case.fit.problem.grid.starts)
     lasts_s = np.add.reduceat(np.where(case.fit.problem.grid.starts, 0.0, case.steps_s), begins)
     return bool(np.any(idle[begins] & fast[begins] & (lasts_s > COAST_S)))
 
@@ -281,8 +280,7 @@ def _coasts(case: Case) -> bool:
 def _drift(case: Case) -> Array:
     """Thrust that falls evenly from the start of a run, by all in 15 min; records that are pooled each start anew."""
     t = case.fit.problem.grid.times_s
-    begins = np.where(np.diff(t, prepend=-np.inf) > BETWEEN_RUNS_S, t, 0.0)
-    begins[0] = 0.0
+    begins = np.where(np.diff(t, prepend=t[:1]) > BETWEEN_RUNS_S, t, 0.0)
     return case.of_force(array(-case.thrust * (t - np.maximum.accumulate(begins)) / SAG_S))
 
 

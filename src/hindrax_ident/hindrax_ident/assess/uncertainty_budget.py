@@ -265,7 +265,8 @@ def _posterior(told: _Told, water: Array | None = None) -> _Posterior:
     """
     found = [_explained(told.information, told.gradient, *one) for one in zip(*told.prior, strict=True)]
     own = array([np.logaddexp.reduce(one.evidence) for one in found])
-    others = np.array(ODDS) + (0.0 if water is None else water - own)
+    odds = np.array(ODDS)
+    others = odds if water is None else odds + (water - own)
     evidence = np.concatenate([one.evidence + other for one, other in zip(found, others, strict=True)])
     mean, covariance = (np.concatenate(parts) for parts in ([x.mean for x in found], [x.covariance for x in found]))
     weight = np.exp(evidence - evidence.max())

@@ -48,7 +48,7 @@ STARTS = ((0.1, 0.0), (0.3, 0.0), (0.0, 0.2))
 
 def per_step(totals: Array, grid: Grid) -> Array:
     """Impulses over each step from impulses up to each time: (n, m) [N s, N m s]; zero at the start of a stretch."""
-    steps = np.diff(totals, axis=0, prepend=0.0)
+    steps = np.diff(totals, axis=0, prepend=totals[:1])
     steps[grid.starts] = 0.0
     return array(steps)
 
@@ -154,8 +154,7 @@ class _Search:
         if linear is None:
             return lambda table: table
         weights = np.ones(len(linear.raw))
-        for channel in (0, 1):
-            own = self._problem.channel == channel
+        for own in (self._problem.channel == 0, self._problem.channel == 1):
             if own.any():
                 usual = max(1e-9, float(np.percentile(np.abs(linear.raw[own]), 90.0)) / 1.645)
                 far = np.maximum(1.0, np.abs(linear.raw[own]) / (ROBUST * usual))

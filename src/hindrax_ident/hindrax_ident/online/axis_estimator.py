@@ -138,7 +138,6 @@ class AxisEstimator:
         if pause > tuning.gap_s:
             regression.restart()
             self._sum = ()
-            self.correlator.restart()
         age = t_s - regression.thrust_time_s
         sample = regression.velocity(t_s, v, DERIVED_SPREAD_s2 if derived else 0.0)
         if sample is not None and derived:
