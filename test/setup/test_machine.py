@@ -192,6 +192,11 @@ def test_what_a_vehicle_needs_is_whole_and_without_tools(name: str) -> None:
         for line in _needs(package):
             assert line in kept or (name == "native.lock" and line == "numpy"), f"{package} needs {line}"
     assert said.count("--hash=sha256:") > len(kept)
+    whole = re.findall(
+        r"^[a-z][\w.-]*(?:\[[\w,]+\])?==", (ROOT / "setup" / name).read_text(encoding="utf-8"), re.MULTILINE
+    )
+    page = " ".join((ROOT / "docs/how-to/fly-on-the-pi.md").read_text(encoding="utf-8").split())
+    assert re.search(rf"\b{len(kept)} (?:Python )?packages instead of {len(whole)}\b", page), (len(kept), len(whole))
 
 
 def _needs(package: str) -> set[str]:

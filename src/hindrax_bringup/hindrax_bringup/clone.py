@@ -8,6 +8,8 @@ from types import ModuleType
 
 from hindrax_core.errors import HindraxError
 
+VEHICLE_SETUP, WHOLE_SETUP = "this set-up is a vehicle's", "`./hindrax setup --all` brings it"
+
 
 def clone_root() -> Path:
     """Top folder of the clone; HindraxError when the tool was installed without one."""
@@ -18,10 +20,19 @@ def clone_root() -> Path:
 
 
 def developer_module(name: str) -> ModuleType:
-    """Import a module of the developers' tools (`tools/`); HindraxError without them, as on a vehicle."""
+    """Import a module of the developers' tools (`tools/`); HindraxError without them, or without what they need."""
     try:
         return import_module(f"hindrax_tools.{name}")
     except ModuleNotFoundError as error:
-        if error.name != "hindrax_tools":
+        missing = error.name or ""
+        if missing == "hindrax_tools":
+            why = "this command needs the folder tools/ of the clone, found none here; run it in the clone"
+            raise HindraxError(why) from error
+        if missing.startswith("hindrax_") or not is_vehicle_setup():
             raise
-    raise HindraxError("this command needs the folder tools/ of the clone, found none here; run it in the clone")
+        raise HindraxError(f"{VEHICLE_SETUP}, without {missing}; {WHOLE_SETUP}") from error
+
+
+def is_vehicle_setup() -> bool:
+    """Whether the set-up is that of a vehicle, without what only tests, peers and benchmarks need."""
+    return (clone_root() / ".hindrax" / "vehicle").exists()

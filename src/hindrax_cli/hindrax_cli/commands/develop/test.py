@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from hindrax_bringup.clone import clone_root
+from hindrax_bringup.clone import VEHICLE_SETUP, WHOLE_SETUP, clone_root, is_vehicle_setup
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 
@@ -40,8 +40,8 @@ TYPES = [sys.executable, "-m", "mypy"]
 def run(arguments: argparse.Namespace) -> int:
     """Run the checks and the tests, all to their end; 1 if any failed."""
     root = clone_root()
-    if (root / ".hindrax/vehicle").exists():
-        raise UsageError("this set-up is a vehicle's, without the tests; `./hindrax setup --all` brings them")
+    if is_vehicle_setup():
+        raise UsageError(f"{VEHICLE_SETUP}, without pytest; {WHOLE_SETUP}")
     words = arguments.arguments[1:] if arguments.arguments[:1] == ["--"] else arguments.arguments
     if words:
         return 0 if good("tests", [*PYTEST, *words], root) else 1

@@ -57,4 +57,7 @@ def show(rows: list[dict[str, Any]]) -> None:
 
 
 def _cell(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value if value is not None else "")
+    if not isinstance(value, float):
+        return "" if value is None else str(value)
+    text = f"{value:.3g}"
+    return f"{float(text):.0f}" if "e+" in text else text

@@ -1,0 +1,34 @@
+"""The table of `hindrax bench`, without measuring anything."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from hindrax_bringup import clone
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.explain.bench import show
+
+
+def test_a_vehicle_without_the_peers_gets_a_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clone, "is_vehicle_setup", lambda: True)
+    monkeypatch.setitem(sys.modules, "padasip", None)  # importing it then raises ModuleNotFoundError
+    monkeypatch.delitem(sys.modules, "hindrax_tools.benchmarks.rls", raising=False)
+    assert main(["bench", "rls"]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == "hindrax bench: this set-up is a vehicle's, without padasip; `./hindrax setup --all` brings it"
+    monkeypatch.setattr(clone, "is_vehicle_setup", lambda: False)
+    with pytest.raises(ModuleNotFoundError):
+        main(["bench", "rls"])
+
+
+def test_a_long_time_is_a_number_and_not_an_exponent(capsys: pytest.CaptureFixture[str]) -> None:
+    show([{"name": "surge run", "ours_us": 368_912.4, "peer_us": 1e6, "ratio": 2.7106, "peer": "real time"}])
+    show([{"name": "settled in 5.3 s", "ratio": 0.0965, "peer": "without the model"}])
+    said = capsys.readouterr().out
+    for words in ("369000", "1000000", "2.71", "0.0965", "without the model"):
+        assert words in said
+    assert "e+" not in said
