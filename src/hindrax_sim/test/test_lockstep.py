@@ -161,7 +161,7 @@ def test_a_measured_battery_takes_its_sag_out_of_the_drag_and_out_of_the_budget(
         return sum(one.std for one in result.budget["drag"] if one.influence.startswith("sag "))
 
     battery = Mount("ina226", "/dev/i2c-1", address=0x41)
-    measured = surge(replace(VEHICLE, sensors=VEHICLE.sensors | {"ina226": battery}))
+    measured = surge(replace(VEHICLE, sensors={**VEHICLE.sensors, "ina226": battery}))
     assumed = surge(VEHICLE)
     hydro = VEHICLE.hydrodynamics
     assert hydro is not None
