@@ -184,7 +184,7 @@ class Pilot:
             safety_knobs=knobs.guards,
             disabled=self._disabled,
         )
-        self._keeping_station, self._station = True, None
+        self._station = None
         return self._maneuver
 
     def whereabouts(self) -> GuardedPlace | None:
@@ -214,7 +214,7 @@ class Pilot:
             return BUSY
         if self.pool is None or self._navigation is None:
             return f"the heading is unknown; {SENSELESS}"
-        if not math.isfinite(sum(self._navigation.position_m) + self._navigation.attitude_rad[2]):
+        if not all(map(math.isfinite, (*self._navigation.position_m, self._navigation.attitude_rad[2]))):
             return f"the position is unknown; {SENSELESS}"
         try:
             start = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds).start_m
@@ -298,8 +298,10 @@ class Pilot:
                 self._knobs.pool_bounds,
                 origin_m=self._origin_m or (0.0, 0.0),
             )
-        place = self.pool.place(navigation) if self.pool else None
-        walls_m = self.pool.walls_m(place) if self.pool and place else {}
+        place, walls_m = None, {}
+        if self.pool is not None:
+            place = self.pool.place(navigation)
+            walls_m = self.pool.walls_m(place)
         self._guards = self._maneuver_guards.step(
             Situation(
                 navigation,
@@ -361,10 +363,7 @@ class Pilot:
         if self._operator_wrench is None:
             return ZERO6
         made, wrench = self._operator_wrench
-        if seconds_between(made, stamp) > self._knobs.operator_wrench.max_age_s:
-            self._operator_wrench = None
-            return ZERO6
-        return wrench
+        return ZERO6 if seconds_between(made, stamp) > self._knobs.operator_wrench.max_age_s else wrench
 
 
 def _sum(one: Vec6, other: Vec6) -> Vec6:

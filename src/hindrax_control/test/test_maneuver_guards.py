@@ -47,6 +47,7 @@ def look(hindrax: Vehicle) -> Callable[..., tuple[str, ...]]:
 
 def test_nothing_is_wrong_when_all_is_well(look: Callable[..., tuple[str, ...]]) -> None:
     assert look(WELL) == ()
+    assert Situation(WELL, None, {}, 0.0).thrust_N == (0.0, 0.0)
     assert look(WELL, battery_V=15.0, deadline_s=100.0, needed_axes=("surge",)) == ()
 
 

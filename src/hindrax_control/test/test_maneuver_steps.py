@@ -10,10 +10,14 @@ from typing import Any
 import pytest
 
 from hindrax_control.allocation.allocator import Allocator
+from hindrax_control.hold.holds import Setpoint
 from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
+from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput, abandoned
+from hindrax_control.maneuver.plan import CHARACTERS
 from hindrax_control.maneuver.refusal import check_goal
+from hindrax_control.maneuver.stages import RELEASED
 from hindrax_control.pool_bounds import PoolBounds
+from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.events import stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Navigation
@@ -67,6 +71,33 @@ def test_only_the_first_reason_ends_it_and_its_ending_may_be_another(make: Make)
     assert maneuver.step(AT_START, stamp_from_s(60.0)) is last
 
 
+def test_a_maneuver_without_a_state_is_abandoned_at_once() -> None:
+    told = abandoned("navigation: lost")
+    assert (told.wrench, told.force, told.velocity, told.setpoints) == (ZERO6, 0.0, 0.0, RELEASED)
+    assert (told.done, told.neutral, told.aborted) == (True, True, "navigation: lost")
+
+
+BRAKED = (Setpoint("heading"), Setpoint("roll", value=0.0), Setpoint("pitch", value=0.0), Setpoint("depth"))
+
+
+def test_what_is_in_trouble_brakes_at_once_and_ends_when_it_is_slow(make: Make) -> None:
+    maneuver = make("yaw")
+    told = stepped(maneuver, 100.0, TOO_LOW)
+    (braked,) = (index for index, one in enumerate(told) if one.setpoints == BRAKED)
+    assert STEP_s * braked == pytest.approx(75.0, abs=0.2)
+    assert told[-1].aborted.startswith("settle: altitude off by -0.30 m")
+    assert STEP_s * (len(told) - braked) == pytest.approx(1.0, abs=0.2), "it is at rest"
+
+
+def test_who_cancels_it_waits_for_one_stop(make: Make) -> None:
+    maneuver = make("yaw")
+    stepped(maneuver, 1.0)
+    maneuver.cancel()
+    told = stepped(maneuver, 20.0, begin_s=1.0)
+    assert [bool(one.setpoints) for one in told] == [True] + [False] * (len(told) - 1)
+    assert STEP_s * len(told) == pytest.approx(1.0, abs=0.2)
+
+
 def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> None:
     maneuver = make("yaw")
     *_, flown = stepped(maneuver, 6.0)
@@ -76,7 +107,7 @@ def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> 
     remaining_s = [one.remaining_s for one in told]
     assert 1.0 < remaining_s[0] < 5.0
     assert remaining_s == sorted(remaining_s, reverse=True)
-    assert min(remaining_s) == 0.0
+    assert min(remaining_s[:-1]) == 0.0, "it takes longer than it should"
     assert {one.progress for one in told} == {flown.progress}
     assert not any(one.aborted for one in told[:-1])
 
@@ -181,7 +212,9 @@ def test_goals_at_their_limits_are_flown() -> None:
     check_goal(Goal(("yaw",), levels=(0.0,) * 19 + (1.0,)))
 
 
-def test_an_excitation_is_as_strong_as_the_fastest_leg_but_no_stronger_than_its_boost(make: Make) -> None:
+def test_an_excitation_is_as_strong_as_the_fastest_leg_but_no_stronger_than_its_boost(
+    make: Make, hindrax: Vehicle
+) -> None:
     maneuver, time_s, forces = make("surge", excitation="steps"), 0.0, [0.0]
     start = replace(AT_START, position_m=(maneuver.plans[0].start_m[0] - 5.0, 0.0))
     while maneuver.step(start, stamp_from_s(time_s)).phase.phase == "settle":
@@ -190,4 +223,8 @@ def test_an_excitation_is_as_strong_as_the_fastest_leg_but_no_stronger_than_its_
         moving = replace(AT_START, velocity_mps=(math.copysign(0.4, forces[-1]), 0.0, 0.0))
         forces.append(maneuver.step(moving, stamp_from_s(time_s + STEP_s * (index + 1))).force)
     legs = maneuver.plans[0].legs
-    assert max(abs(leg.level) for leg in legs) < max(map(abs, forces)) < max(leg.boost for leg in legs)
+    fastest = max(legs, key=lambda leg: abs(leg.rate))
+    assert max(map(abs, forces)) < max(leg.boost for leg in legs)
+    # what holds its rate, and what reaches it in four times of its boost
+    quicker = prior_dynamics(hindrax)["surge"].inertia * fastest.rate / (4.0 * CHARACTERS["surge"].boost_s)
+    assert max(map(abs, forces)) == pytest.approx(abs(fastest.level) + abs(quicker))

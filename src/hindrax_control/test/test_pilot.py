@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from ideal_vehicle import IdealVehicle
 
-from hindrax_control.hold.holds import Setpoint
+from hindrax_control.allocation.allocator import AllocationKnobs
+from hindrax_control.allocation.thruster_fault_detector import (
+    FaultDetectorKnobs,
+    SuspectedFault,
+    ThrusterFaultDetector,
+)
+from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
+from hindrax_control.hold.holds import HoldKnobs, Setpoint
 from hindrax_control.maneuver.goal import Goal
-from hindrax_control.pilot import REFUSAL_S, Pilot, PilotOutput
-from hindrax_core.errors import HindraxError
+from hindrax_control.pilot import REFUSAL_S, Pilot, PilotKnobs, PilotOutput
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.vehicle import Vehicle
 
 
@@ -99,6 +109,180 @@ def test_water_in_the_hull_ends_a_maneuver_refuses_the_next_and_leaves_the_holds
     assert hovering.pilot.set(Setpoint("depth", value=0.2)) == ""
 
 
+def test_a_refusal_is_shown_beside_what_the_hold_says_itself(hovering: Hovering) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("heading"))
+    hovering.ideal.heading = math.nan
+    hovering.step()
+    hovering.pilot.refuse("heading", "hold heading: 3.0 s old")
+    assert hovering.step()["heading"] == "not measured: no effort; refused: hold heading: 3.0 s old"
+
+
+def test_disarming_ends_a_maneuver_neutral_with_the_reason_and_lets_go_of_its_place(hovering: Hovering) -> None:
+    for unarmed, words in (("", "disarmed"), ("tether cut", "disarmed (tether cut)")):
+        hovering.fly()
+        maneuver = hovering.pilot.fly(Goal(("surge",), on_cancel="hold"))
+        hovering.fly()
+        hovering.ideal.time_s += 0.02
+        hovering.pilot.step(hovering.ideal.navigation(), hovering.ideal.stamp, armed=False, unarmed=unarmed)
+        while not maneuver.done:
+            assert hovering.fly(armed=False).wrench == ZERO6
+        assert maneuver.last is not None
+        assert maneuver.last.aborted == f"disarmed: the thrusters were {words}; arm and fly again"
+        assert maneuver.last.neutral
+        hovering.ideal.north += 0.1
+        assert hovering.fly().wrench[0] == 0.0
+
+
+@pytest.mark.parametrize("ending", ["hold", "neutral"])
+def test_a_cancelled_maneuver_ends_in_its_place_or_neutral_as_it_is_told(hovering: Hovering, ending: str) -> None:
+    hovering.pilot.cancel()  # nothing flies: no harm
+    hovering.fly()
+    maneuver = hovering.pilot.fly(Goal(("surge",)))
+    hovering.fly()
+    hovering.pilot.cancel(ending=ending)
+    for _ in range(100):  # 2 s
+        hovering.fly()
+    assert maneuver.last is not None
+    assert maneuver.last.aborted == "cancelled: by the operator"
+    hovering.ideal.north += 0.5
+    assert (hovering.fly().wrench[0] < -1.0) is (ending == "hold")
+    assert (hovering.fly(armed=False).wrench, hovering.fly().wrench[0]) == (ZERO6, 0.0)
+
+
+def allocated(forces_N: tuple[float, ...], shortfall: Vec6 = ZERO6) -> Allocation:
+    count = len(forces_N)
+    return Allocation(ZERO6, ZERO6, shortfall, forces_N, (1500,) * count, (False,) * count)
+
+
+def test_thrusters_that_do_not_push_are_told_unless_they_are_disabled(
+    hovering: Hovering, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pilot, ideal = hovering.pilot, hovering.ideal
+
+    def suspected(forces_N: tuple[float, ...] = (5.0,) * 8) -> SuspectedFault | None:
+        return pilot.step(ideal.navigation(), ideal.stamp, allocated(forces_N), armed=True).suspected_fault
+
+    assert suspected() is None, "it has just begun"
+    found = SuspectedFault("T3", 0.9)
+    monkeypatch.setattr(ThrusterFaultDetector, "step", lambda *_: found)
+    assert suspected() == found
+    assert suspected(()) is None, "nobody knows their forces"
+    pilot.disable(frozenset({"T3"}))
+    assert suspected() is None
+    monkeypatch.setattr(ThrusterFaultDetector, "step", lambda *_: None)
+    assert suspected() is None
+
+
+def test_what_the_thrusters_could_not_give_stops_the_integral_of_a_hold(
+    hindrax: Vehicle, ideal_vehicle: type[IdealVehicle]
+) -> None:
+    moments: list[float] = []
+    for short_Nm in (0.0, 5.0):
+        pilot, ideal = Pilot(hindrax), ideal_vehicle(hindrax)
+        pilot.step(ideal.navigation(), ideal.stamp, armed=True)
+        pilot.set(Setpoint("heading", value=0.2))
+        allocation = allocated((1.0,) * 8, (0.0, 0.0, 0.0, 0.0, 0.0, short_Nm))
+        for _ in range(100):
+            ideal.time_s += 0.02
+            moments.append(pilot.step(ideal.navigation(), ideal.stamp, allocation, armed=True).wrench[5])
+    assert moments[99] > moments[199] + 0.1
+
+
+def engaged(flight: PilotOutput) -> set[str]:
+    return {state.axis for state in flight.holds if state.engaged}
+
+
+def pushed_by_hand(hovering: Hovering) -> tuple[str, ...]:
+    """Reasons of a refusal of 5 N ahead."""
+    stamp = hovering.ideal.stamp
+    return hovering.pilot.set_operator_wrench((5.0, 0.0, 0.0, 0.0, 0.0, 0.0), "base_link_fsd", stamp, stamp)
+
+
+def test_a_maneuver_engages_its_holds_and_bears_no_wrench_by_hand(hovering: Hovering) -> None:
+    hovering.fly()
+    hovering.pilot.fly(Goal(("surge",)))
+    assert engaged(hovering.fly()) == {"heading", "roll", "pitch", "altitude"}
+    before = hovering.fly(seconds=0.0).wrench
+    assert pushed_by_hand(hovering) == ("wrench: a maneuver is being flown; `./hindrax stop` ends it",)
+    assert hovering.fly(seconds=0.0).wrench == before
+    hovering.pilot.abandon()
+    flight = hovering.fly()
+    assert (flight.maneuver, flight.wrench, engaged(flight), hovering.pilot.flying) == (None, ZERO6, set(), False)
+
+
+def test_what_is_abandoned_pushes_no_more(hovering: Hovering) -> None:
+    hovering.fly()
+    for axis in ("station", "heading"):
+        hovering.pilot.set(Setpoint(axis))
+    pushed_by_hand(hovering)
+    assert hovering.fly().wrench[0] == 5.0
+    hovering.pilot.abandon()
+    hovering.ideal.north += 0.5
+    flight = hovering.fly()
+    assert (flight.wrench, engaged(flight)) == (ZERO6, set())
+
+
+def test_a_wrench_by_hand_ends_with_its_age_and_with_the_arming(hovering: Hovering) -> None:
+    age_s = WrenchGuardKnobs().max_age_s
+    hovering.fly()
+    pushed_by_hand(hovering)
+    assert hovering.fly(seconds=0.9 * age_s).wrench == (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert hovering.fly(seconds=0.2 * age_s).wrench == ZERO6
+    pushed_by_hand(hovering)
+    hovering.fly(armed=False)
+    assert hovering.fly().wrench == ZERO6
+
+
+def test_a_wrench_by_hand_takes_the_vehicle_from_the_place_at_which_a_maneuver_ended(hovering: Hovering) -> None:
+    hovering.fly()
+    hovering.pilot.fly(Goal(("surge",)))
+    hovering.fly()
+    hovering.pilot.cancel(ending="hold")
+    for _ in range(100):
+        hovering.fly()
+    pushed_by_hand(hovering)
+    hovering.ideal.north += 0.5
+    assert hovering.fly().wrench[0] == 5.0
+
+
+def test_an_axis_that_is_lost_ends_a_maneuver(hovering: Hovering) -> None:
+    pilot, ideal = hovering.pilot, hovering.ideal
+    hovering.fly()
+    maneuver = pilot.fly(Goal(("surge",)))
+    hovering.fly()
+    pilot.step(ideal.navigation(), ideal.stamp, replace(allocated(()), lost_axes=("surge",)), armed=True)
+    for _ in range(100):
+        hovering.fly()
+    assert maneuver.last is not None
+    assert maneuver.last.aborted.startswith("thrusters: surge cannot be served")
+
+
+def test_a_goal_is_checked_before_it_is_flown_and_a_refusal_may_come_before_a_state(hovering: Hovering) -> None:
+    hovering.pilot.check(Goal(("surge",)))
+    with pytest.raises(UsageError, match="goal: motion 'jump' unknown"):
+        hovering.pilot.check(Goal(("jump",)))
+    hovering.pilot.refuse("heading", "late")
+    hovering.ideal.time_s = 0.0
+    assert hovering.step(seconds=0.0) == {"heading": "refused: late"}
+
+
+def test_knobs_that_change_in_flight_are_used_from_then_on(hovering: Hovering) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("heading", value=0.2))
+    hovering.fly()
+    brisk = PilotKnobs(holds=HoldKnobs(heading_bandwidth_radps=4.0))
+    before = hovering.fly(seconds=0.0).wrench[5]
+    parts = (hovering.pilot._allocator, hovering.pilot._fault_detector)
+    hovering.pilot.tune(brisk)
+    assert hovering.fly(seconds=0.0).wrench[5] > 2.0 * before > 0.0
+    assert (hovering.pilot._allocator, hovering.pilot._fault_detector) == parts, "they keep what they have learnt"
+    others = replace(brisk, allocation=AllocationKnobs(hop_N=2.0), fault_detector=FaultDetectorKnobs(missing=0.7))
+    hovering.pilot.tune(others)
+    assert hovering.pilot._allocator is not parts[0]
+    assert hovering.pilot._fault_detector is not parts[1]
+
+
 # ---- place in the pool
 
 
@@ -121,6 +305,50 @@ def test_after_a_restart_no_maneuver_begins_until_somebody_says_where_the_vehicl
     assert hovering.fly().guards == ()
     assert place(hovering) == pytest.approx((4.0, 2.0))
     hovering.pilot.fly(Goal(("surge",)))
+
+
+def test_without_a_place_in_words_it_is_at_its_start(hovering: Hovering, hindrax: Vehicle) -> None:
+    assert hovering.pilot.recentre(1.0, 2.0).startswith("the heading is unknown")
+    hovering.ideal.heading = math.nan
+    hovering.fly(armed=False)
+    assert hovering.pilot.recentre(1.0, 2.0).startswith("the heading is unknown")
+    hovering.ideal.heading = 0.0
+    hovering.fly(armed=False)
+    middle = (0.5 * hindrax.pool.length_m, 0.5 * hindrax.pool.width_m)
+    assert hovering.pilot.recentre(math.nan, 2.0).startswith("x: found nan m, wanted 0.29 to")
+    assert hovering.pilot.recentre(4.0, 2.0) == ""
+    assert place(hovering) == pytest.approx((4.0, 2.0))
+    assert hovering.pilot.recentre() == ""
+    assert place(hovering) == pytest.approx(middle)
+    hovering.ideal.east = math.nan
+    hovering.fly(armed=False)
+    assert hovering.pilot.recentre().startswith("the position is unknown")
+
+
+def test_the_pool_lies_as_the_vehicle_did_until_it_was_armed_or_somebody_said_where_it_is(hovering: Hovering) -> None:
+    def axis_rad() -> float:
+        assert hovering.pilot.pool is not None
+        return hovering.pilot.pool.axis_rad
+
+    for heading_rad, armed, axis in ((0.3, False, 0.3), (0.5, False, 0.5), (0.7, True, 0.7), (0.9, False, 0.7)):
+        hovering.ideal.heading = heading_rad
+        hovering.fly(armed=armed)
+        assert axis_rad() == pytest.approx(axis)
+    told = Hovering(hovering.ideal.vehicle, hovering.ideal)
+    told.fly(armed=False)
+    assert told.pilot.recentre(4.0, 2.0) == ""
+    told.ideal.heading = 1.2
+    told.fly(armed=False)
+    assert told.pilot.pool is not None
+    assert told.pilot.pool.axis_rad == pytest.approx(0.9)
+
+
+def test_a_place_that_was_unknown_when_it_was_armed_counts_from_zero(hovering: Hovering, hindrax: Vehicle) -> None:
+    hovering.ideal.north = hovering.ideal.east = math.nan
+    hovering.fly()
+    hovering.ideal.north, hovering.ideal.east = 1.0, -0.5
+    at = (0.5 * hindrax.pool.length_m + 1.0, 0.5 * hindrax.pool.width_m - 0.5)
+    assert place(hovering) == pytest.approx(at)
 
 
 def test_the_origin_of_a_foreign_odometry_is_where_the_vehicle_lay(hovering: Hovering, hindrax: Vehicle) -> None:
@@ -165,12 +393,54 @@ def test_the_station_is_kept_where_the_vehicle_was(hovering: Hovering) -> None:
     engaged, force = keeping(hovering)
     assert engaged is True
     assert force == pytest.approx(0.0, abs=1e-6)
-    hovering.ideal.north += 0.5
+    hovering.ideal.north += 0.3
+    hovering.ideal.east -= 0.4
     engaged, force = keeping(hovering)
     assert engaged
     assert force < -1.0
+    flight = hovering.fly()
+    (station,) = (one for one in flight.holds if one.axis == "station")
+    assert station.setpoint == 0.0
+    assert station.error == pytest.approx(0.5)
+    assert flight.wrench[1] > 1.0
+    assert flight.wrench[2:] == (0.0,) * 4
+    assert hovering.fly().wrench[0] == pytest.approx(flight.wrench[0], abs=0.2), "its integral takes seconds"
     hovering.pilot.set(Setpoint("station", engaged=False))
     assert keeping(hovering) == (False, 0.0)
+
+
+def test_a_station_is_kept_where_the_vehicle_is_when_its_place_is_told(hovering: Hovering) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("station"))
+    hovering.fly()
+    hovering.ideal.north += 0.5
+    assert hovering.fly().wrench[0] < -1.0
+    assert hovering.pilot.recentre(4.0, 2.0) == ""
+    assert keeping(hovering)[1] == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("shortfall", "learns"),
+    [
+        (ZERO6, True),
+        ((0.0, 0.0, 9.0, 9.0, 9.0, 9.0), True),
+        ((4.0, *ZERO6[1:]), False),
+        ((0.0, -4.0, *ZERO6[2:]), False),
+    ],
+)
+def test_a_station_learns_a_current_unless_surge_or_sway_falls_short(
+    hovering: Hovering, shortfall: Vec6, learns: bool
+) -> None:
+    hovering.step()
+    hovering.pilot.set(Setpoint("station"))
+    hovering.fly()
+    hovering.ideal.north += 0.2
+    forces = []
+    for _ in range(150):
+        hovering.ideal.time_s += 0.02
+        now, stamp = hovering.ideal.navigation(), hovering.ideal.stamp
+        forces.append(hovering.pilot.step(now, stamp, allocated((), shortfall), armed=True).wrench[0])
+    assert (forces[-1] < forces[50] - 0.05) is learns
 
 
 def test_a_disarmed_vehicle_lets_go_of_its_station(hovering: Hovering) -> None:

@@ -14,6 +14,7 @@ from hindrax_control.maneuver.excitation import Bounds, Excite
 from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.plan import Leg, motion_name
 from hindrax_control.maneuver.stages import (
+    RELEASED,
     BrakeAndHold,
     ExciteMotion,
     Hover,
@@ -27,6 +28,13 @@ from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Drag, Vehicle
+
+
+def test_what_ends_neutral_lets_go_of_every_hold() -> None:
+    assert {(one.axis, one.engaged) for one in RELEASED} == {
+        (axis, False) for axis in ("heading", "roll", "pitch", "depth", "altitude")
+    }
+
 
 HERE = PoolPosition(5.0, 3.0, 0.0, 0.0, 0.0)
 AT_REST = Navigation((0.0, 0.0, 0.4), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.1, 0.9, (0.0, 0.0), dvl_locked=True)
@@ -96,8 +104,10 @@ def test_settling_holds_the_pose_upright_by_depth_where_the_sonar_is_silent(
 def test_what_has_come_to_rest_is_settled_a_little_later(station: StationKeeping) -> None:
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0))
-    told = [stage.step(moment(0.1 * index)) for index in range(20)]
-    assert [one.finished for one in told][:5] == [False] * 5
+    told = [stage.step(moment(0.1 * index - 0.05)) for index in range(20)]
+    assert [one.finished for one in told] == [False] * 9 + [True] * 11, "after 0.8 s"
+    assert (told[0].force, told[0].velocity, told[0].trouble) == (0.0, 0.0, "")
+    assert StageInput(AT_REST, HERE, 0.0, 0.05, 0.0).altitude_heard
     assert told[-1] == StageOutput(told[-1].wrench, "settle", finished=True)
     assert told[-1].wrench == pytest.approx((0.0,) * 6)
 
@@ -122,9 +132,10 @@ def test_what_does_not_come_to_rest_is_given_up_with_the_reason(
 ) -> None:
     stage = SettleAtPose("surge", station, POSE, seconds=3.0)
     stage.begin(moment(0.0, place, **changes))
-    for time_s in (0.0, 5.0, 60.0):
+    for time_s in (0.0, 5.0, 60.0, 75.0):
         told = stage.step(moment(time_s, place, **changes))
         assert (told.finished, told.trouble) == (False, "")
+    assert stage.step(moment(75.1, place, **changes)).trouble
     told = stage.step(moment(120.0, place, **changes))
     assert told.trouble.startswith(f"settle: {words} after 120 s; look for a current")
     assert not stage.step(moment(120.1)).finished
@@ -160,7 +171,9 @@ def test_hovering_lasts_its_time_on_the_setpoints_as_they_are(station: StationKe
     stage = Hover("heave_down", station, 8.0)
     assert stage.begin(moment(0.0)) == ()
     station.start(HERE)
+    assert not StageOutput((0.0,) * 6, "hover").finished
     assert [stage.step(moment(time_s)).finished for time_s in (0.0, 7.9, 8.0)] == [False, False, True]
+    assert not moment(1.0).held_back
     pushed = [stage.step(replace(moment(1.0, AWAY), held_back=held_back)).wrench for _ in range(20)]
     X, Y, *others = pushed[-1]
     assert X < 0.0 < Y
@@ -193,6 +206,7 @@ def test_driving_an_axis_releases_its_holds_and_no_others(
     station: StationKeeping, axis: str, freedom: PriorDynamics, released: tuple[str, ...], rate: float
 ) -> None:
     stage = excited(axis, freedom, station)
+    assert stage.motion == motion_name(axis, 0.0)
     assert stage.begin(moment(0.0)) == tuple(Setpoint(name, engaged=False) for name in released)
     moving = moment(0.0, velocity_mps=(0.3, 0.0, 0.2), rate_radps=(0.0, 0.0, 0.1))
     told = stage.step(moving)
@@ -288,4 +302,6 @@ def test_braking_holds_where_it_is_and_ends_when_it_is_slow(station: StationKeep
     slow = stage.step(moment(3.0, AWAY, velocity_mps=(0.01, math.nan, -0.01)))
     assert slow.finished
     assert (slow.wrench == (0.0,) * 6) is neutral
-    assert stage.step(moment(20.0, velocity_mps=(0.3, 0.0, 0.0))).finished
+    at_rest, fast_s = [stage.step(moment(time_s)).finished for time_s in (0.9, 1.1)], (7.9, 8.1)
+    assert at_rest == [False, True]
+    assert [stage.step(moment(time_s, velocity_mps=(0.3, 0.0, 0.0))).finished for time_s in fast_s] == [False, True]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
 from hindrax_core.curves.cubic import inverse, slope, stationary_points
-from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected
+from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches
 from hindrax_core.errors import UsageError
 
 # COB-2023-1394 Table 2.
@@ -51,6 +51,27 @@ def test_negative_row_up_to_the_stop_is_not_monotone() -> None:
 def test_what_cannot_be_a_thrust_curve_is_refused(curve: Curve, reason: str) -> None:
     with pytest.raises(UsageError, match=reason):
         ThrustCurve(curve)
+
+
+def test_each_branch_is_judged_by_its_own_sign() -> None:
+    forward = Branch(c=(-5.0, 0.001, 0.0, 0.0), from_us=1525.0, to_us=1900.0)
+    backward = Branch(c=(-5.0, 0.01, 0.0, 0.0), from_us=1100.0, to_us=1475.0)
+    assert problems_of(Curve(backward, forward)) == [
+        "negative branch gives 6 N at 1100 us, wanted a negative force",
+        "negative branch gives 9.75 N at 1475 us, wanted a negative force",
+        "positive branch gives -3.475 N at 1525 us, wanted a positive force",
+        "positive branch gives -3.1 N at 1900 us, wanted a positive force",
+    ]
+    silent = Branch(c=(-1.6, 0.001, 0.0, 0.0), from_us=1600.0, to_us=1900.0)
+    assert problems_of(replace(CURVE, positive=silent)) == [], "no force at its end is of either sign"
+
+
+@pytest.mark.parametrize(("dead_band_us", "below", "above"), [(10.0, 1480.0, 1530.0), (40.0, 1470.0, 1550.0)])
+def test_branches_end_at_the_dead_band_or_before(dead_band_us: float, below: float, above: float) -> None:
+    negative = Branch(c=(-15.0, 0.01, 0.0, 0.0), from_us=1100.0, to_us=1480.0)
+    positive = Branch(c=(-15.0, 0.01, 0.0, 0.0), from_us=1530.0, to_us=1900.0)
+    cut = running_branches(Curve(negative, positive, stop_us=1510.0, dead_band_us=dead_band_us))
+    assert cut == (replace(negative, to_us=below), replace(positive, from_us=above))
 
 
 @pytest.mark.parametrize("supply_V", [math.nan, math.inf, 0.0, -12.0])

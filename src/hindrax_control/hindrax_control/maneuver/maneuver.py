@@ -237,7 +237,6 @@ class Maneuver:
         )
 
     def _situation(self, moment: StageInput, lost_axes: tuple[str, ...], battery_V: float) -> Situation:
-        motion = self._stages[max(self._at, 0)].motion
         return Situation(
             navigation=moment.navigation,
             place=moment.place,
@@ -246,7 +245,7 @@ class Maneuver:
             battery_V=battery_V,
             deadline_s=self.seconds * self._knobs.overtime + self._knobs.overtime_s,
             lost_axes=lost_axes,
-            needed_axes=("heave" if motion.startswith("heave") else motion, "heave"),
+            needed_axes=(self._stages[max(self._at, 0)].motion, "heave"),
             thrust_N=self._thrust_N,
         )
 

@@ -131,7 +131,7 @@ class ManeuverGuards:
 
     def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
-        if place is None or not math.isfinite(place.x_m + place.y_m + place.heading_rad):
+        if place is None or not all(map(math.isfinite, (place.x_m, place.y_m, place.heading_rad))):
             return ""
         wanted_m, words = self.margin(place)
         wall, left_m = nearest(walls_after_braking_m(place, walls_m, self._knobs))

@@ -232,7 +232,7 @@ class ExciteMotion:
     def step(self, moment: StageInput) -> StageOutput:
         """Drive the axis, with what holds it against buoyancy and righting moment; keep station in the others."""
         coordinate, rate = along(self._axis, moment)
-        if not math.isfinite(coordinate + rate):
+        if not all(map(math.isfinite, (coordinate, rate))):
             return StageOutput((0.0,) * 6, "transient", trouble=f"navigation: {self._axis} unknown; {SENSELESS}")
         drive = self._drive(coordinate, rate, moment)
         if not isinstance(self._driver, LegController):

@@ -29,7 +29,7 @@ BOUNDS: Mapping[type, tuple[Bound, ...]] = {
     Pressure: (("pressure [Pa]", lambda one: one.pressure_Pa, MOST_PRESSURE_Pa),),
     Echo: (("range [m]", lambda one: one.range_m, FARTHEST_m),),
     BottomVelocity: (
-        ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or (0.0,))), FASTEST_mps),
+        ("speed [m/s]", lambda one: math.hypot(*(one.velocity_mps or ())), FASTEST_mps),
         ("deviation [m/s]", lambda one: one.sigma_mps, FASTEST_mps),
         ("interval [s]", lambda one: one.interval_s, LONGEST_s),
     ),
