@@ -13,8 +13,10 @@ import pytest
 from synthetic_runs import back_and_forth, fly
 
 from hindrax_ident.arrays import Array, Index, array
+from hindrax_ident.fit import delay as module
 from hindrax_ident.fit.delay import (
     STARTS,
+    DelayEstimate,
     _Search,
     delay_impulses,
     fit_with_delays,
@@ -190,6 +192,10 @@ def test_what_is_far_off_weighs_less_but_never_nothing(late: Record) -> None:
     assert weighed(channel, array(raw)) == pytest.approx(wanted)
     assert weighed(np.ones(n, np.intp), array(np.full(n, -1.645))) == pytest.approx(np.ones(n))
     assert weighed(np.zeros(n, np.intp), array(np.zeros(n))) == pytest.approx(np.full(n, 1e9))
+    usual = 0.9 * (n - 1) / 1.645
+    ladder = np.arange(n, dtype=float)
+    wanted = 1.0 / (usual * np.sqrt(np.maximum(1.0, ladder / (3.0 * usual))))
+    assert weighed(np.zeros(n, np.intp), array(ladder)) == pytest.approx(wanted)
     assert search._weights(None)(table) is table
 
 
@@ -308,3 +314,49 @@ def test_the_delays_of_a_fit_are_between_what_it_tells_and_what_is_believed(late
     if sigma_s == 1e-5:
         assert delays == pytest.approx([0.15, 0.05], abs=1e-3)
     assert fit.problem.lag_s == record.lag_s
+
+
+class Rounds:
+    """In the place of search, fit and score: delays that the residuals tell, one round after the other."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, first: tuple[float, float], *told: tuple[float, float]) -> None:
+        self.fitted, self._told, self.problem = list[tuple[float, float]](), iter(told), build_problem
+        self.model, self.theta, self._first = SURGE, THETA, first
+        self.information = array(np.diag([50.0, 200.0]))
+        patch.setattr(module, "search_delay", lambda *_: DelayEstimate(0.0, *self._first, THETA))
+        patch.setattr(module, "refine", self.refine)
+        patch.setattr(module, "score", lambda *_: self)
+        patch.setattr(module, "delay_impulses", lambda *_: None)
+
+    def refine(self, _model: Model, record: Record, _start: Array, _belief: Prior) -> Rounds:
+        self.fitted.append((record.lag_s, record.latency_s))
+        self.problem = build_problem(SURGE, record)  # type: ignore[assignment]  # for its grid
+        return self
+
+    @property
+    def values(self) -> Array:
+        """What is told less what the record has."""
+        return array(np.array(next(self._told)) - self.fitted[-1])
+
+
+@pytest.mark.parametrize(
+    ("told", "rounds"),
+    [
+        # Priors of 100 each: what is told of the lag has a third of the weight, of the latency two thirds.
+        ([(0.45, 0.35)], [(0.25, 0.25)]),
+        ([(0.45, 0.35), (0.4473, 0.35)], [(0.25, 0.25)]),
+        ([(0.75, 0.35), (0.75, 0.36), (0.75, 0.36)], [(0.35, 0.25), (0.35, 0.2566666)]),
+        ([(0.75, 0.35), (0.45, 0.35), (0.75, 0.35), (0.45, 0.35), (0.75, 0.35)], [(0.35, 0.25), (0.25, 0.25)] * 2),
+        ([(9.0, 9.0)], [(1.0, 1.0)]),
+        ([(-9.0, -9.0)], [(0.0, -1.0)]),
+    ],
+)
+def test_delays_are_weighed_until_they_stay_but_four_times_at_most(
+    late: Record, told: list[tuple[float, float]], rounds: list[tuple[float, float]]
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        one = Rounds(patch, (0.5, -0.2), *told, *told[-1:] * 5)
+        record, _ = fit_with_delays(late, THETA, SURGE, BELIEF, 0.1)
+    assert one.fitted[0] == (0.5, -0.2)
+    assert np.array(one.fitted[1:]) == pytest.approx(np.array(rounds), abs=1e-6)
+    assert (record.lag_s, record.latency_s) == one.fitted[-1]
