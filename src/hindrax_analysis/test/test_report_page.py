@@ -180,6 +180,12 @@ def test_a_value_has_two_digits_of_its_deviation(pair: tuple[float, float], text
     assert plus_minus(*pair) == text
 
 
+def test_the_deviation_to_quote_comes_first_and_gives_the_digits() -> None:
+    assert plus_minus(2.3379, 0.0050, 0.0471) == "2.338 \u00b1 0.047 <small>noise \u00b1 0.0050</small>"
+    assert plus_minus(2.3379, math.nan, 0.0471) == "2.338 \u00b1 0.047"
+    assert plus_minus(2.3379, math.nan, math.nan) == plus_minus(2.3379, math.nan)
+
+
 def test_no_negative_zero() -> None:
     assert plus_minus(-0.0001, 0.02) == "0.000 \u00b1 0.020"
 
@@ -307,7 +313,13 @@ def test_a_comparison_shows_every_run_and_their_mean() -> None:
         [a_run("monday", 66.0), a_run("tuesday", 67.0), a_run("bad <day>", 10.0, identifiable=False)]
     )
     ET.fromstring(main_of(text))
-    for word in ("monday", "tuesday", "bad &lt;day&gt;", "66.50 \u00b1 0.50", "not identifiable"):
+    for word in (
+        "monday",
+        "tuesday",
+        "bad &lt;day&gt;",
+        "66.5 \u00b1 1.0 <small>noise \u00b1 0.50</small>",
+        "not identifiable",
+    ):
         assert word in text, word
 
 

@@ -59,13 +59,14 @@ def definitions(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def plus_minus(value: float, std: float, std_calibrated: float = math.nan) -> str:
-    """Value with its deviations, rounded to the second digit of the smaller one: 66.68 ± 0.22, below it ± 1.35."""
-    digits = decimals(value, std)
-    if not math.isfinite(std):
+    """Value with the deviation to quote, rounded to its second digit, and below it the noise: 66.7 ± 1.4, ± 0.22."""
+    quoted = std_calibrated if math.isfinite(std_calibrated) else std
+    digits = decimals(value, quoted)
+    if not math.isfinite(quoted):
         return number(value, digits)
-    text = f"{number(value, digits)} \u00b1 {number(std, digits)}"
-    if math.isfinite(std_calibrated):
-        text += f" <small>(\u00b1 {number(std_calibrated, digits)})</small>"
+    text = f"{number(value, digits)} \u00b1 {number(quoted, digits)}"
+    if quoted is not std and math.isfinite(std):
+        text += f" <small>noise \u00b1 {number(std, decimals(value, std))}</small>"
     return text
 
 

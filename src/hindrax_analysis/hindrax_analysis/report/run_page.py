@@ -129,8 +129,8 @@ def _how_to_read(report: RunReport) -> str:
     mass = "(m + m<sub>a</sub>) v\u0307 = thrust \u2212 k<sub>q</sub>|v|v \u2212 k<sub>l</sub>v \u2212 b"
     words = (
         f"<p>Model of every motion: {mass}, in SI units and SNAME axes (x forward, y starboard, z down). A value "
-        "stands with one standard deviation from the noise of this run; the one in brackets holds all influences of "
-        "the uncertainty budget as well, and is the one to quote for the vehicle.</p>"
+        "stands with the standard deviation to quote for the vehicle, which holds all influences of the uncertainty "
+        "budget; below it is the part that is the noise of this run.</p>"
     )
     if report.conditions.assumptions:
         rows = "".join(f"<li>{prose(one)}</li>" for one in report.conditions.assumptions)
