@@ -1,1 +1,1 @@
-"""A Debian machine under emulation, deployed to and then harmed: `python -m hindrax_tools.virtual_vehicle`."""
+"""A Debian machine that is a process, deployed to and then harmed: `python -m hindrax_tools.virtual_vehicle`."""

@@ -14,7 +14,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_tools.virtual_vehicle.checks import CHECKS, Trial, deployment
 from hindrax_tools.virtual_vehicle.evidence import Finding
 from hindrax_tools.virtual_vehicle.image import image_of, missing_packages
-from hindrax_tools.virtual_vehicle.machine import Machine, kvm_works
+from hindrax_tools.virtual_vehicle.machine import Machine
 
 
 def parser() -> argparse.ArgumentParser:
@@ -44,9 +44,8 @@ def main() -> int:
         image = image_of(clone, words.cache, report)
         with (
             tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder,
-            Machine(image, Path(folder), kvm_works(image, Path(folder) / "kvm.console")) as machine,
+            Machine(image, Path(folder)) as machine,
         ):
-            report(f"processor: {machine.processor}")
             for finding in findings(Trial(machine, clone, words.cuts, words.seed), words.only):
                 report(finding.line())
                 bad += not finding.good

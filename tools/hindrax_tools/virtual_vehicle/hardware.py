@@ -1,4 +1,4 @@
-"""The devices of the virtual vehicle, run there in a service of their own: `python hardware.py SECONDS_PER_STEP`.
+"""The devices of the virtual vehicle, run there in a service of their own: `python hardware.py`.
 
 The bus is the file that the vehicle file names, the serial ports are ptys. What is on the wires goes to the second
 serial line of the machine, ten times a second and whenever it changes between neutral and thrust: the pulses as the
@@ -7,7 +7,6 @@ emulated PCA9685 gives them, whatever was killed, with the times of both clocks.
 
 from __future__ import annotations
 
-import sys
 import time
 from pathlib import Path
 from typing import TextIO
@@ -39,7 +38,7 @@ class Witness:
 
 
 class Devices(MockVehicle):
-    """The mock vehicle in longer steps: an emulated processor has none to spare."""
+    """The mock vehicle in longer steps: the machine has none to spare."""
 
     step_s = 0.02
 
@@ -51,7 +50,6 @@ def main() -> None:
     """Serve until the end."""
     file = load_vehicle(default_vehicle())
     FOLDER.mkdir(parents=True, exist_ok=True)
-    Devices.step_s = float(sys.argv[1])
     with (
         Devices(file, FOLDER, seed=1, rate=1.0) as vehicle,
         vehicle.offer_file(file.output.port),

@@ -1,7 +1,7 @@
-"""The disk of the virtual vehicle: Debian, its kernel, and the set-up of this commit, made once and kept.
+"""The disk of the virtual vehicle: Debian, a kernel beside it, and the set-up of this commit, made once and kept.
 
-The emulated processor would take an hour to compile the message packages. So the first set-up runs in the disk's folder
-before it becomes a disk, on the real processor; a deployment then finds it done.
+The network of the machine ends at its host, so that nothing can be fetched there. The first set-up runs in the disk's
+folder before it becomes a disk; a deployment then finds it done.
 """
 
 from __future__ import annotations
@@ -18,19 +18,24 @@ from pathlib import Path
 from hindrax_core.errors import HindraxError
 
 TOOLS = {
-    "qemu-system-x86_64": "qemu-system-x86",
-    "qemu-img": "qemu-utils",
     "mmdebstrap": "mmdebstrap",
+    "patchelf": "patchelf",
     "mke2fs": "e2fsprogs",
+    "ip": "iproute2",
+    "nsenter": "util-linux",
     "ssh": "openssh-client",
     "git": "git",
 }
 """Programs that are needed here, and the Debian packages that bring them."""
 DEBIAN = "bookworm"
 PACKAGES = (
-    *("linux-image-cloud-amd64", "initramfs-tools", "systemd-sysv", "udev", "kmod", "procps", "iproute2", "sudo"),
+    *("systemd-sysv", "udev", "kmod", "procps", "iproute2", "sudo"),
     *("openssh-server", "ca-certificates", "python3", "python3-venv", "python3-dev", "g++"),
 )
+KERNEL_DEBIAN, KERNEL_MIRROR = "forky", "deb http://deb.debian.org/debian forky main"
+"""Where User-mode Linux comes from: 7.2; that of older releases knows no seccomp. It runs on a C library of its own."""
+KERNEL, MODULES, LIBRARIES = "usr/bin/linux.uml", "usr/lib/uml/modules", "usr/lib/x86_64-linux-gnu"
+ADDRESS, FIRST_DATE, NO_CLOCK = "10.0.2.15", "2020-01-01", "/usr/sbin/no-clock"
 DISK_SIZE = "8G"
 CLONE, USER, USER_ID = "opt/hindrax", "pilot", 1000
 BUILD_INPUTS = ("setup", "src/*/package.xml", "src/*/setup.py", "src/*/setup.cfg", "src/hindrax_msgs")
@@ -39,25 +44,23 @@ CERTIFICATES = "etc/ssl/certs/ca-certificates.crt"
 FILES = {
     "etc/hostname": "vehicle\n",
     "etc/hosts": "127.0.0.1 localhost vehicle\n",
-    "etc/fstab": "/dev/vda / ext4 errors=remount-ro 0 1\n",
-    "etc/systemd/network/ether.network": "[Match]\nName=en* eth*\n[Network]\nDHCP=ipv4\n",
+    "etc/fstab": "/dev/ubda / ext4 errors=remount-ro 0 1\n",
+    "etc/systemd/network/ether.network": f"[Match]\nName=vec*\n[Network]\nAddress={ADDRESS}/24\n",
     "etc/sudoers.d/pilot": f"{USER} ALL=(ALL) NOPASSWD: ALL\n",
     # Names of addresses are asked for at every login, and nobody answers here.
     "etc/ssh/sshd_config.d/vehicle.conf": "UseDNS no\nUsePAM no\n",
-    "etc/initramfs-tools/conf.d/vehicle": "MODULES=list\n",
+    # No battery clock: every boot begins at the same time, long ago.
+    NO_CLOCK[1:]: f"#!/bin/sh\ndate --set {FIRST_DATE} >/dev/null\nexec /sbin/init\n",
 }
 UNUSED = ("apt-daily.timer", "apt-daily-upgrade.timer", "dpkg-db-backup.timer", "e2scrub_all.timer", "fstrim.timer")
-MODULES = "virtio_pci\nvirtio_blk\next4\n"
-"""All that the kernel needs to reach its disk."""
 
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """What a machine boots from. The disk is never written: each machine has an overlay of its own."""
+    """What a machine boots from. The disk is never written: each machine has a copy of its own."""
 
     disk: Path
     kernel: Path
-    initrd: Path
     key: Path
     """Private key of the user `USER`."""
 
@@ -69,14 +72,16 @@ def missing_packages() -> list[str]:
 
 def identity(listing: str) -> str:
     """Name of an image: of its packages, of what is written to it, and of `git ls-tree` of BUILD_INPUTS."""
-    return hashlib.sha256(f"{DEBIAN} {PACKAGES} {DISK_SIZE} {FILES} {UNUSED} {listing}".encode()).hexdigest()[:12]
+    return hashlib.sha256(
+        f"{DEBIAN} {KERNEL_DEBIAN} {PACKAGES} {DISK_SIZE} {FILES} {UNUSED} {listing}".encode()
+    ).hexdigest()[:12]
 
 
 def image_of(clone: Path, cache: Path, report: Callable[[str], None]) -> Image:
     """The image of the last commit of a clone, made unless it is in the cache. Root only where it has to be made."""
     files = _run("git", "ls-files", *BUILD_INPUTS, cwd=clone).split()
     folder = cache.resolve() / identity(_run("git", "ls-tree", "-r", "HEAD", *files, cwd=clone))
-    image = Image(folder / "disk.ext4", folder / "vmlinuz", folder / "initrd", folder / "key")
+    image = Image(folder / "disk.ext4", folder / "kernel" / KERNEL, folder / "key")
     if not image.disk.exists():
         _make(image, clone, report)
     return image
@@ -90,26 +95,28 @@ def _make(image: Image, clone: Path, report: Callable[[str], None]) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     _run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(image.key))
-    report(f"unpacking Debian {DEBIAN} into {root}")
-    hook = f'mkdir -p "$1/etc/initramfs-tools"; printf "{MODULES}" >>"$1/etc/initramfs-tools/modules"'
-    _run(
-        "mmdebstrap",
-        "--variant=minbase",
-        f"--include={','.join(PACKAGES)}",
-        f"--essential-hook={hook}",
-        DEBIAN,
-        str(root),
-    )
+    report(f"unpacking Debian {DEBIAN} into {root}, and its kernel")
+    _run("mmdebstrap", "--variant=minbase", f"--include={','.join(PACKAGES)}", DEBIAN, str(root))
+    _unpack_kernel(image.kernel, root)
     report("setting hindrax up in it")
     _configure(root, image.key.with_suffix(".pub").read_text(encoding="ascii"))
     _set_up(root, clone)
-    for name, kept in (("vmlinuz", image.kernel), ("initrd.img", image.initrd)):
-        shutil.copyfile(next((root / "boot").glob(f"{name}-*")), kept)
     report("writing the disk")
     unfinished = image.disk.with_suffix(".unfinished")
     _run("mke2fs", "-q", "-t", "ext4", "-d", str(root), str(unfinished), DISK_SIZE)
     unfinished.rename(image.disk)
     shutil.rmtree(root)
+
+
+def _unpack_kernel(kernel: Path, root: Path) -> None:
+    """Fetch the kernel with its C library, whatever C library this machine has; its modules go to the disk."""
+    unpacked = kernel.parents[2]
+    lagging = 'Acquire::Check-Valid-Until "false"'  # a mirror of a release that is not out yet may be weeks old
+    release = [KERNEL_DEBIAN, str(unpacked), KERNEL_MIRROR]
+    _run("mmdebstrap", "--variant=extract", "--include=user-mode-linux", f"--aptopt={lagging}", *release)
+    loader = unpacked / LIBRARIES / "ld-linux-x86-64.so.2"
+    _run("patchelf", "--set-interpreter", str(loader), "--set-rpath", str(unpacked / LIBRARIES), str(kernel))
+    _run("cp", "-a", f"{unpacked / MODULES}/.", str(root / "usr/lib/modules"))
 
 
 def _configure(root: Path, public_key: str) -> None:
@@ -133,7 +140,7 @@ def _configure(root: Path, public_key: str) -> None:
     _run("chown", "-R", f"{USER_ID}:{USER_ID}", str(root / home))
     _run("chroot", str(root), "systemctl", "--quiet", "enable", "systemd-networkd", "ssh")
     _run("chroot", str(root), "systemctl", "--quiet", "mask", *UNUSED)
-    _run("chroot", str(root), "update-initramfs", "-u")
+    (root / NO_CLOCK[1:]).chmod(0o755)
 
 
 def _set_up(root: Path, clone: Path) -> None:
@@ -157,6 +164,8 @@ def _set_up(root: Path, clone: Path) -> None:
 
 
 def _of_the_index(key: str) -> bool:
+    if key.endswith("_CACHE_DIR"):  # a folder of this machine
+        return False
     return key.startswith(("PIP_", "UV_")) or key.lower() in ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
 
 
