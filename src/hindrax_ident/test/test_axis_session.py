@@ -102,6 +102,20 @@ def test_thrust_of_its_axis_counts_with_what_each_thruster_did(vehicle: Vehicle)
 
 
 @pytest.mark.parametrize(
+    ("assumed_s", "measured"), [((), True), ((1.5,), False), ((2.0,), False), ((2.5,), True), ((3.5,), False)]
+)
+def test_the_supply_is_measured_where_it_was_for_every_thrust_of_the_stretches(
+    vehicle: Vehicle, assumed_s: tuple[float, ...], measured: bool
+) -> None:
+    session, _ = begun(vehicle, 5)
+    for t_s in (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0):
+        session.thrust(t_s, Thrust((1.0,) * 6, (), t_s not in assumed_s))
+    flown = (Stretch(1.0, 2.0), Stretch(3.0, 4.0))
+    assert session.record(flown, (), MASSES).supply_measured is measured
+    assert session.record((), (), MASSES).supply_measured is False
+
+
+@pytest.mark.parametrize(
     ("axis", "force"),
     [
         # Heavier than water by 0.15 N: what sinks pulls ahead with the nose down, and to starboard with a roll to it.

@@ -503,6 +503,12 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
     assert PRIORS.keys() - plain == doubts | {"gain of the wrench", "gain of the velocity"}
 
 
+def test_of_a_measured_supply_a_two_hundredth_is_left(case: Case) -> None:
+    """Its voltage is used in steps of 0.1 V, of 14.8 V."""
+    told = replace(case, record=replace(case.record, supply_measured=True))
+    assert row("sag over the run").sigma(told) == row("sag under load").sigma(told) == 0.005
+
+
 def test_what_nobody_told_is_doubted_more(case: Case) -> None:
     bare = replace(case, vehicle=replace(case.vehicle, thrusters=()), tuning=Tuning(thrust_doubt=0.1))
     assert row("exponent of the thrust").sigma(bare) == 0.15
