@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 
@@ -107,6 +108,7 @@ def test_numbers_of_older_bags_are_the_same_qualities() -> None:
     forever = "{sec: 2147483647, nsec: 4294967295}"
     text = f"- {{history: 3, depth: 0, reliability: 1, durability: 1, deadline: {forever}, lifespan: {forever}}}"
     assert qualities_of(text) == (Quality(latched=True),)
+    assert qualities_of(text.replace("reliability: 1", "reliability: 2")) == (Quality(latched=True, reliable=False),)
 
 
 def test_rosbags_reads_the_folder(tmp_path: Path) -> None:
@@ -124,6 +126,53 @@ def test_a_bag_is_never_overwritten(tmp_path: Path) -> None:
     small_bag(tmp_path / "bag", count=1)
     with pytest.raises(HindraxError, match="exists already"):
         writer(tmp_path / "bag")
+
+
+def test_a_bag_is_made_in_a_folder_that_may_be_there_or_not(tmp_path: Path) -> None:
+    for folder in (tmp_path / "data" / "dive" / "bag", tmp_path / "empty" / "bag"):
+        (tmp_path / "empty" / "bag").mkdir(parents=True, exist_ok=True)
+        writer(folder).close()
+        assert bag_files(folder) == [folder / "bag_0.mcap"]
+
+
+def test_a_resumed_bag_goes_on_after_all_of_its_files_and_names_the_unfinished(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(split_s=1.9, keep_free_MB=0.0))
+    _record(bag, 3)
+    bag._give_up(OSError(28, "No space left on device"))
+    bag.close()
+    unfinished = tmp_path / "bag" / "bag_1.mcap"
+    unfinished = unfinished.rename(unfinished.with_name("bag_10.mcap"))
+    resumed = BagWriter(tmp_path / "bag", lookup)
+    assert resumed.open(resume=True) == [unfinished]
+    assert resumed.path.name == "bag_11.mcap"
+    resumed.close()
+
+
+def test_another_bag_in_the_folder_is_not_resumed(tmp_path: Path) -> None:
+    small_bag(tmp_path / "bag", count=1).rename(tmp_path / "bag" / "other_0.mcap")
+    with pytest.raises(HindraxError, match=r"holds another bag \(found other_0.mcap, wanted bag_0.mcap and the like"):
+        BagWriter(tmp_path / "bag", lookup).open(resume=True)
+
+
+def test_two_recorders_do_not_write_into_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def open_files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    bag, before = writer(tmp_path / "bag"), open_files()
+    with pytest.raises(HindraxError, match="another recorder writes there"):
+        BagWriter(tmp_path / "bag", lookup).open(resume=True)
+    assert open_files() == before
+    with bag.path.open("rb") as file, pytest.raises(BlockingIOError):
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    bag.close()
+    closed: list[int] = []
+    monkeypatch.setattr(os, "close", closed.append)
+    bag.close()
+    assert closed == [], "the lock is given back once"
+    monkeypatch.undo()
+    next_one = BagWriter(tmp_path / "bag", lookup)
+    next_one.open(resume=True)
+    next_one.close()
 
 
 def test_what_was_flushed_is_on_disk_without_an_end(tmp_path: Path) -> None:

@@ -244,6 +244,7 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
         (Setpoint("depth", value=9.0), "found 9 m, wanted 0 to 1.6 m"),
         (Setpoint("depth", value=1.7), "found 1.7 m, wanted 0 to 1.6 m"),
         (Setpoint("roll", value=2.0), "found 114.592 deg, wanted -55 to 55 deg"),
+        (Setpoint("heading", value=2e6), "found 1.14592e+08 deg, wanted -5.72958e+07 to 5.72958e+07 deg"),
         (Setpoint("pitch", value=-2.0), "found -114.592 deg, wanted -55 to 55 deg"),
         (Setpoint("altitude", value=0.1), "found 0.1 m, wanted 0.2 to 1.8 m, by depth_rating_m and pool.depth_m"),
         (Setpoint("altitude", value=9.0), "found 9 m, wanted 0.2 to 1.8 m"),
@@ -251,7 +252,9 @@ def test_setpoint_of_nan_is_where_the_vehicle_is() -> None:
 )
 def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> None:
     holds = Holds(HINDRAX)
-    assert reason in holds.set(setpoint)
+    told = holds.set(setpoint)
+    assert reason in told
+    assert told.endswith((" deg", "of the vehicle file", "station"))
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
 
 
@@ -264,6 +267,18 @@ def test_the_hull_may_touch_the_surface_and_the_floor_and_no_vehicle_goes_deeper
     assert lake.set(Setpoint("depth", value=60.0)) == ""
     assert "found 60.1 m, wanted 0 to 60 m" in lake.set(Setpoint("depth", value=60.1))
     assert lake.set(Setpoint("altitude", value=150.0)) == ""
+
+
+def test_an_altitude_where_it_is_waits_for_the_sonar_and_no_other_hold_does() -> None:
+    holds, vehicle = Holds(HINDRAX), IdealVehicle(depth_m=0.77)
+    for axis in ("altitude", "heading"):
+        holds.set(Setpoint(axis))
+    silent = replace(vehicle.navigation(), altitude_m=math.nan)
+    output = holds.step(silent, vehicle.stamp)
+    assert math.isnan(state(output, "altitude").setpoint)
+    assert state(output, "heading").setpoint == silent.attitude_rad[2]
+    output = holds.step(vehicle.navigation(), vehicle.stamp)
+    assert state(output, "altitude").setpoint == pytest.approx(FLOOR_M - 0.77)
 
 
 def test_unmeasured_axis_gets_no_effort_and_says_so() -> None:

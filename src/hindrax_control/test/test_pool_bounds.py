@@ -79,6 +79,9 @@ def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> N
     box.recentre(replace(navigation(), position_sigma_m=0.3), 4.0, 2.0, 0.0)
     assert box.place(replace(navigation(), position_sigma_m=0.3)).sigma_m == pytest.approx(0.1)
     assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.4))
+    box.recentre(replace(navigation(), position_sigma_m=math.inf), 4.0, 2.0, 0.0)
+    assert box.place(replace(navigation(), position_sigma_m=math.inf)).sigma_m == math.inf
+    box.recentre(replace(navigation(), position_sigma_m=0.3), 4.0, 2.0, 0.0)
     # A navigator that began anew says less than before, and counts from there.
     assert box.place(replace(navigation(), position_sigma_m=0.2)).sigma_m == pytest.approx(math.hypot(0.1, 0.2))
     assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.5))
@@ -88,7 +91,7 @@ def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> N
     ("x_m", "y_m", "turned_rad", "words"),
     [
         (0.29, 3.0, 0.0, "x: found 0.29 m, wanted 0.29"),
-        (9.71, 3.0, 0.0, "x: found 9.71 m"),
+        (9.71, 3.0, 0.0, r"x: found 9.71 m, wanted 0.\d\d to 9.7\d m, the hull within the pool"),
         (5.0, 0.23, 0.0, "y: found 0.23 m"),
         (5.0, 5.77, 0.0, "y: found 5.77 m"),
         (0.29, 3.0, math.pi / 2.0, ""),
@@ -113,4 +116,6 @@ def test_wall_ahead_is_the_one_the_vehicle_moves_towards() -> None:
         ((math.nan, math.nan, 0.0), 2.705),
     ):
         assert box.ahead_m(box.place(navigation((2.0, 0.0), 0.0, velocity))) == pytest.approx(expected)
+    for aside_mps, expected in ((0.2, 1.765), (-0.2, 3.765)):
+        assert box.ahead_m(box.place(navigation((2.0, 1.0), 0.0, (0.1, aside_mps, 0.0)))) == pytest.approx(expected)
     assert math.isnan(box.ahead_m(box.place(navigation((math.nan, 0.0)))))

@@ -94,6 +94,8 @@ def test_every_sample_at_20_hz_counts_and_what_comes_in_between_does_not() -> No
 def test_slope_and_its_scatter_are_those_of_least_squares() -> None:
     slope, sigma = line(deque([(0.0, 1.0), (1.0, 2.0), (2.0, 3.0)]))
     assert (slope, sigma) == pytest.approx((1.0, 0.0))
+    # Residuals -1/3, 2/3, -1/3: their squares over one degree of freedom and a spread of 2.
+    assert line(deque([(0.0, 0.0), (1.0, 1.0), (2.0, 0.0)])) == pytest.approx((0.0, math.sqrt(2.0 / 3.0 / 2.0)))
     # By hand: residuals 0.25, -0.75, 0.75, -0.25 about 1.2 t + 0.45 ... variance 1.25 / 2 / 5.
     slope, sigma = line(deque([(0.0, 1.0), (1.0, 1.0), (2.0, 3.0), (3.0, 3.0)]))
     assert (slope, sigma) == pytest.approx((0.8, math.sqrt(0.8 / 2.0 / 5.0)))

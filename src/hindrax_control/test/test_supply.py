@@ -34,6 +34,12 @@ def test_a_measurement_counts_until_it_is_stale(supply: SupplyVoltage) -> None:
     assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
 
 
+def test_how_long_a_measurement_counts_is_a_knob() -> None:
+    for supply, counts_s in ((SupplyVoltage(14.8), 10.0), (SupplyVoltage(14.8, SupplyKnobs(silent_s=5.0)), 5.0)):
+        supply.update(13.0, at(0.0))
+        assert [supply.measured_V(at(seconds)) for seconds in (counts_s, counts_s + 0.1)] == [13.0, None]
+
+
 def test_a_sensor_that_speaks_again_is_believed_again(supply: SupplyVoltage) -> None:
     supply.update(13.0, at(0.0))
     assert supply.measured_V(at(60.0)) is None

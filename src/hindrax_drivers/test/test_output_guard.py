@@ -1,6 +1,7 @@
 """The output guard: examples of each rule, and a machine that tries to get a pulse out that must not be."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
+from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
@@ -18,10 +20,12 @@ from hindrax_drivers.output.output_guard import (
     Pulses,
     Refusal,
     Request,
+    guard_of,
 )
 
 KNOBS = OutputGuardKnobs()
 GUARD = OutputGuard(thrusters=8, lights=2, knobs=KNOBS)
+VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 NEUTRAL = (1500.0,) * 8
 FULL = (1900.0,) * 8
 EPOCH_S = 1000.0
@@ -587,3 +591,10 @@ class HostileHost(RuleBasedStateMachine):
 
 HostileHost.TestCase.settings = settings(max_examples=80, stateful_step_count=40, deadline=None)
 TestHostileHost = HostileHost.TestCase
+
+
+def test_the_guard_of_a_vehicle_has_its_thrusters_and_lamps() -> None:
+    made = guard_of(VEHICLE)
+    assert (made.thrusters, made.lights, made.knobs) == (8, 2, OutputGuardKnobs())
+    slow = OutputGuardKnobs(arming_s=9.0)
+    assert guard_of(VEHICLE, slow).knobs == slow

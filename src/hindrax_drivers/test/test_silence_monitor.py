@@ -21,6 +21,10 @@ def told(monitor: SilenceMonitor, at_s: float) -> list[str]:
     return [one.text for one in monitor.tick(stamp_from_s(at_s))]
 
 
+def test_a_line_is_well_before_anybody_has_looked() -> None:
+    assert SilenceMonitor("DVL", "$DV sentences", STALL_S).condition == "well"
+
+
 def test_silence_is_told_once_and_again_after_it_was_well(monitor: SilenceMonitor) -> None:
     assert told(monitor, 103.0) == []
     (text,) = told(monitor, 103.1)

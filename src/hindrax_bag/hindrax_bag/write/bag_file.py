@@ -73,7 +73,7 @@ class BagFile:
         """Put key and value metadata inside."""
         self._mcap.add_metadata(name, dict(values))
 
-    def flush(self, *, sync: bool = False) -> None:
+    def flush(self, *, sync: bool) -> None:
         """Write the open chunk to disk; with `sync` also through the cache of the kernel (power loss)."""
         self._mcap.flush()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
         if sync:

@@ -55,7 +55,7 @@ class StationKeeping:
         `left_free` ("x" or "y") names the pool axis along which someone else drives: the goal follows the vehicle
         there. With `held_back` the allocator cannot give what was asked: the integral part stands still.
         """
-        if not math.isfinite(place.x_m + place.y_m + place.vx_mps + place.vy_mps):
+        if not all(map(math.isfinite, (place.x_m, place.y_m, place.vx_mps, place.vy_mps))):
             self.goal_m = None
             return (0.0, 0.0)
         if self.goal_m is None:

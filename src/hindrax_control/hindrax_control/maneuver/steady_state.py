@@ -54,6 +54,6 @@ def line(samples: deque[tuple[float, float]]) -> tuple[float, float]:
     mean_t = sum(t for t, _ in samples) / n
     mean_v = sum(v for _, v in samples) / n
     spread = sum((t - mean_t) ** 2 for t, _ in samples)
-    slope = sum((t - mean_t) * (v - mean_v) for t, v in samples) / spread
+    slope = sum((t - mean_t) * v for t, v in samples) / spread
     rest = sum((v - mean_v - slope * (t - mean_t)) ** 2 for t, v in samples)
     return slope, math.sqrt(rest / max(1, n - 2) / spread)
