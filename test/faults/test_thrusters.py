@@ -113,6 +113,7 @@ def test_with_a_second_commander_neither_moves_anything_until_one_is_gone(flight
     assert flight.is_neutral()
     pilot.speaking = False
     stranger.destroy_node()
+    pilot.until(lambda: pilot.arm().accepted, "the stranger to be gone")
     flight.take_off()
 
 

@@ -6,13 +6,22 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.allocator import LARGEST, AllocationKnobs, Allocator, bounded_axes
+from hindrax_control.allocation.allocator import (
+    KEPT_LAYOUTS,
+    LARGEST,
+    AllocationKnobs,
+    Allocator,
+    _unchecked,
+    bounded_axes,
+)
+from hindrax_control.allocation.deadband_bias import NullPattern
 from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
@@ -220,3 +229,26 @@ def test_order_of_thrusters_does_not_matter(order: list[int], wrench: Vec6) -> N
     shuffled = Allocator(replace(HINDRAX, thrusters=tuple(HINDRAX.thrusters[index] for index in order)))
     given_wrench = shuffled.B @ np.array(shuffled.forces(wrench))
     assert given_wrench == pytest.approx(B @ np.array(ALLOCATOR.forces(wrench)), abs=0.02)
+
+
+def test_voltages_are_told_apart_by_a_tenth_of_a_volt_and_a_few_of_them_are_kept() -> None:
+    allocator, nobody = Allocator(HINDRAX), frozenset[str]()
+    wrench = (10.0, 0.0, 5.0, 0.0, 0.0, 0.0)
+    at_14 = allocator.allocate(wrench, nobody, (), 14.0).pulses_us
+    assert allocator.allocate(wrench, nobody, (), 14.04).pulses_us == at_14
+    assert allocator.allocate(wrench, nobody, (), 14.06).pulses_us != at_14
+    kept = allocator._kept(nobody, 14.0)
+    assert allocator._kept(nobody, 14.8) is not kept
+    assert allocator._kept(nobody, 14.0) is kept
+    for tenths in range(100):
+        allocator._kept(nobody, 5.0 + tenths / 10.0)
+        assert len(allocator._setups) <= KEPT_LAYOUTS
+
+
+def test_limits_of_a_thruster_are_checked_at_the_end_unless_exactly_one_pattern_has_checked_them() -> None:
+    once, twice, never = (NullPattern(((0, 1.0), (1, -1.0))), NullPattern(((1, 1.0),)), 2)
+    layout = SimpleNamespace(patterns=(once, twice))
+    limits = [(-1.0, 2.0), (-3.0, 4.0), (-5.0, 6.0)]
+    checked = _unchecked(layout, limits)  # type: ignore[arg-type]
+    assert [index for index, _, _ in checked] == [1, never]
+    assert [pytest.approx(interval) for _, *interval in checked] == [[-3.0, 4.0], [-5.0, 6.0]]

@@ -157,3 +157,10 @@ def test_patterns_take_few_thrusters() -> None:
     assert [[index for index, _ in one] for one in shares] == [[0, 1], [2, 3]]
     assert shares[0][0][1] / shares[0][1][1] == pytest.approx(-2.0)
     assert [share for _, share in shares[1]] == pytest.approx([1.0, 1.0])
+
+
+def test_a_preferred_size_beyond_the_limits_gives_the_nearest_one_within_them() -> None:
+    one = DeadbandBias(NullPattern(((0, 1.0),)), [(-10.0, 1.5)], [(-1.0, 1.0)], 2.0, 0.0)
+    forces_N = [0.0]
+    assert one.add_nearest(forces_N, 2.0)
+    assert forces_N == [1.5]

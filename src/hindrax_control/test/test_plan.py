@@ -16,6 +16,7 @@ from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.plan import (
     ALONG,
     CHARACTERS,
+    LEVEL_SHARE,
     MOTIONS,
     PACE_LEAST,
     Leg,
@@ -254,3 +255,27 @@ def test_vehicle_without_hydrodynamics_gets_a_plan_too(hindrax: Vehicle) -> None
     allocator = Allocator(bare)
     for motion in MOTIONS:
         assert planned(bare, allocator, motion)[1].legs
+
+
+def test_a_boost_without_reserve_is_the_limit_and_makes_a_tenth_of_its_acceleration(
+    hindrax: Vehicle, allocator: Allocator
+) -> None:
+    planner = Planner(hindrax, allocator, PlanKnobs())
+    freedom = planner.freedoms["surge"]
+    limit = planner.force_limit("surge", 1.0)
+    boost, pace = planner._boost("surge", freedom, 3.0)  # its drag is far more than the limit
+    assert boost == pytest.approx(limit)
+    assert pace == pytest.approx(0.1 * limit / freedom.inertia)
+
+
+def test_the_weaker_direction_says_how_fast_both_are_flown(
+    hindrax: Vehicle, allocator: Allocator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fastest = {}
+    for weaker in (1.0, -1.0):
+        limits = {weaker: 4.0, -weaker: 20.0}
+        monkeypatch.setattr(Planner, "force_limit", lambda _self, _motion, sign, limits=limits: limits[sign])
+        planner = Planner(hindrax, allocator, PlanKnobs())
+        (fastest[weaker],) = planner._rates("surge", [1.0])
+        assert fastest[weaker] == pytest.approx(planner.freedoms["surge"].rate_at(LEVEL_SHARE * 4.0))
+    assert fastest[1.0] == fastest[-1.0]

@@ -136,3 +136,8 @@ def test_a_small_vehicle_must_be_trimmed_as_well(hindrax: Vehicle) -> None:
         with pytest.raises(UsageError, match=f"found 1 N of {pull}, wanted less than the 0 N"):
             motions_to_fly(("all",), replace(hindrax, curves=weak, mass_kg=floating_kg + off_kg))
     motions_to_fly(("all",), replace(hindrax, curves=weak, mass_kg=floating_kg + 0.01))
+
+
+def test_a_goal_that_no_vehicle_can_fly_is_refused_for_what_is_wrong_with_it(hindrax: Vehicle) -> None:
+    with pytest.raises(UsageError, match="goal: ending 'sink' unknown"):
+        require_flyable(Goal(("surge",), on_cancel="sink"), hindrax)

@@ -101,6 +101,23 @@ def test_a_joystick_that_is_started_anew_with_an_earlier_clock_is_obeyed() -> No
     assert hand.joystick(pushed(surge=1.0), PRESSED, 3.0, 110.0)
 
 
+def test_after_an_earlier_clock_delays_are_those_of_that_clock() -> None:
+    hand = Teleop(LIMITS)
+    assert hand.joystick(pushed(surge=1.0), PRESSED, 5000.0, 100.0)
+    assert hand.joystick(pushed(surge=1.0), PRESSED, 3.0, 110.0)
+    assert hand.joystick(pushed(surge=1.0), PRESSED, 3.2, 110.2)
+    assert hand.joystick(pushed(surge=1.0), PRESSED, 3.4, 110.8) == ZERO6
+
+
+def test_a_delay_that_stays_is_not_forgotten_in_a_minute() -> None:
+    hand = Teleop(LIMITS)
+    assert hand.joystick(pushed(surge=1.0), PRESSED, 0.0, 0.0)
+    for turn in range(10, 1200):
+        now_s = 0.05 * turn
+        late = hand.joystick(pushed(surge=1.0), PRESSED, now_s - 0.4, now_s)
+        assert late in (None, ZERO6), now_s
+
+
 def test_two_clocks_that_drift_apart_are_never_taken_for_a_delay() -> None:
     hand = Teleop(LIMITS)
     for turn in range(4000):

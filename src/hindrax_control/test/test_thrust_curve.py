@@ -226,3 +226,10 @@ def test_stationary_points_are_those_of_the_derivative() -> None:
     assert stationary_points((0.0, 0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0))
     assert stationary_points((0.0, 2.0, 1.0, 0.0)) == pytest.approx((-1.0,))
     assert stationary_points((0.0, 3.0, 0.0, 1.0)) == ()
+
+
+@pytest.mark.parametrize("rising", [1.0, -1.0])
+def test_a_cubic_with_a_threefold_root_is_inverted_on_both_sides_of_it(rising: float) -> None:
+    found = inverse((5.0 - 8.0 * rising, 12.0 * rising, -6.0 * rising, rising), 0.0, 4.0)  # 5 + rising (x - 2)^3
+    for x in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0):
+        assert found(5.0 + rising * (x - 2.0) ** 3) == pytest.approx(x)

@@ -205,3 +205,11 @@ def test_a_restart_forgets_offset_but_keeps_the_rate() -> None:
     base.restart()
     assert base.map(7, Stamp(START + 3600 * NS_PER_S)) == START + 3600 * NS_PER_S
     assert base.drift_ppm == drift
+
+
+def test_no_drift_is_told_before_one_is_found() -> None:
+    timebase = Timebase(1e-6)
+    assert timebase.drift_ppm == 0.0
+    for index in range(3):
+        timebase.map(index * 50_000, Stamp(START + index * 50 * MS))
+        assert timebase.drift_ppm == 0.0

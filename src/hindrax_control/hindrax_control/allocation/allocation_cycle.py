@@ -86,7 +86,7 @@ class AllocationCycle:
 
     def achieved(self, sequence: int, pulses_us: Sequence[float]) -> Allocation:
         """Allocation that applied pulses [us] achieve, against the plan of the command `sequence`; 0: no command."""
-        plan = self._plans.get(sequence, NO_PLAN) if sequence else NO_PLAN
+        plan = self._plans.get(sequence, NO_PLAN)
         forces_N = self._applied.forces_N(pulses_us)
         achieved = self._applied.wrench(forces_N)
         return replace(
