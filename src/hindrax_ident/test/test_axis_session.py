@@ -113,6 +113,15 @@ def test_the_supply_is_measured_where_it_was_for_every_thrust_of_the_stretches(
     flown = (Stretch(1.0, 2.0), Stretch(3.0, 4.0))
     assert session.record(flown, (), MASSES).supply_measured is measured
     assert session.record((), (), MASSES).supply_measured is False
+    assert session.record((Stretch(0.0, 0.5),), (), MASSES).supply_measured is False, "no thrust, nothing measured"
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_the_thrust_in_force_as_a_stretch_begins_counts(vehicle: Vehicle, measured: bool) -> None:
+    session, _ = begun(vehicle, 5)
+    session.thrust(1.0, Thrust((1.0,) * 6, (), measured))
+    session.thrust(2.5, Thrust((1.0,) * 6, (), True))
+    assert session.record((Stretch(2.0, 3.0),), (), MASSES).supply_measured is measured
 
 
 @pytest.mark.parametrize(

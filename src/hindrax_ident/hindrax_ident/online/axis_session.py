@@ -186,6 +186,10 @@ class AxisSession:
         )
 
     def _is_measured(self, stretches: tuple[Stretch, ...]) -> bool:
-        """Whether all thrust within the stretches was computed with a measured supply voltage."""
+        """Whether all thrust that acts within the stretches was computed with a measured supply voltage."""
         told = series(self._supply_measured)
-        return bool(stretches) and all(np.all(told.between(one.start_s, one.end_s).y) for one in stretches)
+        acting = [
+            told.y[max(0, begin - 1) : end]
+            for begin, end in (np.searchsorted(told.t, [one.start_s, one.end_s], side="right") for one in stretches)
+        ]
+        return bool(acting) and all(len(one) and np.all(one) for one in acting)
