@@ -117,11 +117,20 @@ def test_the_altimeter_gives_the_height_above_the_bottom_while_it_is_heard() -> 
     found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
     assert found is not None
     assert found.reading.altitude_m == pytest.approx(1.2 + sonar.position_m[2])
+    assert found.reading.ages_s["ping1d"] == 0.0
     later = after(NOW, 3.0)
     found, _ = odometry.step(Stamped(later, LEVEL), MINE, later)
     assert found is not None
     assert math.isnan(found.reading.altitude_m)
     assert found.reading.ages_s["ping1d"] == pytest.approx(3.0)
+
+
+def test_a_range_that_is_stamped_after_the_state_is_not_older_than_it() -> None:
+    odometry = ExternalOdometry(VEHICLE)
+    odometry.range(after(NOW, 0.1), 1.2)
+    found, _ = odometry.step(Stamped(NOW, LEVEL), MINE, NOW)
+    assert found is not None
+    assert found.reading.ages_s["ping1d"] == 0.0
 
 
 @pytest.mark.parametrize(("range_m", "heard"), [(0.2, True), (0.0, False), (-1.0, False), (math.inf, False)])
