@@ -213,3 +213,30 @@ def test_no_drift_is_told_before_one_is_found() -> None:
     for index in range(3):
         timebase.map(index * 50_000, Stamp(START + index * 50 * MS))
         assert timebase.drift_ppm == 0.0
+
+
+@pytest.mark.parametrize(
+    ("ticks", "arrival_s", "kind", "shift_s"), [(5_001_000, 9.0, "host step", 1.0), (2_000_000, 10.1, "reset", -3.0)]
+)
+def test_a_step_back_of_either_clock_is_told_with_its_size(
+    ticks: int, arrival_s: float, kind: str, shift_s: float
+) -> None:
+    breaks: list[Break] = []
+    timebase = Timebase(1e-6, on_break=breaks.append)
+    timebase.map(5_000_000, Stamp(START + 10 * NS_PER_S))
+    timebase.map(ticks, Stamp(START + round(arrival_s * NS_PER_S)))
+    assert [(one.kind, one.shift_s) for one in breaks] == [(kind, pytest.approx(shift_s))]
+
+
+def test_the_least_delay_so_far_is_what_later_ones_are_counted_from() -> None:
+    timebase = Timebase(1e-6, TimebaseKnobs(latency_s=0.0))
+    taken = [timebase.map(ms * 1000, Stamp(START + (ms + late) * MS)) for ms, late in ((0, 10), (100, 0), (200, 5))]
+    assert taken == [START + 10 * MS, START + 100 * MS, START + 200 * MS]
+
+
+def test_a_drift_is_found_in_less_than_half_a_block() -> None:
+    knobs = TimebaseKnobs()
+    timebase = Timebase(1e-6, knobs)
+    for index in range(round(0.45 * knobs.block_s / 0.01)):
+        timebase.map(index * 10_000, Stamp(START + round(index * 10 * MS * (1.0 + 100e-6))))
+    assert timebase.drift_ppm == pytest.approx(100.0, abs=1.0)
