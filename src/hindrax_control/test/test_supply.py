@@ -34,6 +34,13 @@ def test_a_measurement_counts_until_it_is_stale(supply: SupplyVoltage) -> None:
     assert supply.silence_warning(at(17.0)) == "battery sensor silent for 12 s: reckoning with 14.8 V"
 
 
+def test_a_knob_that_is_set_in_flight_counts_at_once(supply: SupplyVoltage) -> None:
+    supply.update(13.0, at(0.0))
+    assert supply.measured_V(at(8.0)) == 13.0
+    supply.tune(SupplyKnobs(silent_s=5.0))
+    assert supply.measured_V(at(8.0)) is None
+
+
 def test_how_long_a_measurement_counts_is_a_knob() -> None:
     for supply, counts_s in ((SupplyVoltage(14.8), 10.0), (SupplyVoltage(14.8, SupplyKnobs(silent_s=5.0)), 5.0)):
         supply.update(13.0, at(0.0))
