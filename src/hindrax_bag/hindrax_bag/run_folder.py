@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 
 FREE_BYTES_WANTED = 500_000_000
 FIRST_YEAR = 2025
@@ -52,9 +52,7 @@ def make_run_folder(wanted: str | None, vehicle_file: Path, wanted_bytes: int = 
             )
         shutil.copyfile(vehicle_file, folder.vehicle)
     except OSError as error:
-        raise UsageError(
-            f"{path} cannot be written ({error.strerror or error}); name another folder with --out"
-        ) from error
+        raise UsageError(f"{path} cannot be written ({cause(error)}); name another folder with --out") from error
     return folder
 
 
@@ -81,7 +79,7 @@ def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> It
             try:
                 shutil.rmtree(path)
             except OSError as error:
-                yield f"{path}: cannot be removed ({error.strerror or error})"
+                yield f"{path}: cannot be removed ({cause(error)})"
                 continue
             total -= size
             yield f"{path}: removed, {size / 1e6:.1f} MB; the runs take {total / 1e6:.1f} MB now"

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 
 BLOCK = 1 << 18
 SSH_FAILED = 255
@@ -39,7 +39,7 @@ class Remote:
             done = subprocess.run(self.shell(line), capture_output=True, text=True, check=False)  # noqa: S603  # quoted
         except OSError as error:
             raise HindraxError(
-                f"{self.command[0]}: cannot be run ({error.strerror}); install it, or name another with --ssh"
+                f"{self.command[0]}: cannot be run ({cause(error)}); install it, or name another with --ssh"
             ) from error
         if done.returncode != 0:
             words = (done.stderr.strip().splitlines() or [f"{self.command[0] if self.command else 'sh'} said nothing"])[
@@ -86,7 +86,7 @@ def fetch(remote: Remote, out: Path, progress: Progress = lambda _name, _here, _
         return [_fetch_one(remote, name, size, out, progress) for name, size in found]
     except OSError as error:
         place = error.filename or out
-        raise HindraxError(f"{place}: cannot be written ({error.strerror}); name another with --out") from error
+        raise HindraxError(f"{place}: cannot be written ({cause(error)}); name another with --out") from error
 
 
 def _listing(remote: Remote) -> list[tuple[str, int]]:

@@ -20,7 +20,7 @@ from typing import NoReturn, Protocol
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
-from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, screen_width
+from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width
 
 GROUPS = {
     "pool": ("the main job", ("pool-test", "report", "export")),
@@ -173,7 +173,7 @@ def print_overview() -> None:
     for title, names in grouped():
         print_fitted(f"\n{title}")
         for name in names:
-            print_fitted(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
+            print_whole(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
     print_fitted("\n./hindrax --version says which software this is")
     print_fitted("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hindrax_bringup.stack import MockOptions
 from hindrax_bringup.stack_lock import runtime_folder
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_sim.buses.udp_line import UdpLine
@@ -67,7 +67,7 @@ def _own(folder: Path) -> Iterator[Path]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / "lock").open("w")
     except OSError as error:
-        raise UsageError(f"{folder}: cannot be made ({error.strerror}); choose another with --folder") from error
+        raise UsageError(f"{folder}: cannot be made ({cause(error)}); choose another with --folder") from error
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.vehicle import vehicle_from_text
 
 
@@ -23,7 +23,7 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
         vehicle_from_text(changed, str(file))
         file.write_text(changed, encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"{file}: cannot be changed ({error.strerror})") from error
+        raise UsageError(f"{file}: cannot be changed ({cause(error)})") from error
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:

@@ -7,7 +7,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from hindrax_bag.read.survey import survey
@@ -114,19 +113,19 @@ class Trial:
     def thrust(self) -> None:
         """Arm, push, and wait until it is on the wires. A wrench that comes late finds the thrusters disarmed again."""
         self.machine.run("sudo pkill -f '[h]indrax_cli.* wrench'")  # of an earlier check
+        if not any(self._pushes() for _ in range(ATTEMPTS)):
+            raise HindraxError(f"no thrust in {ATTEMPTS} attempts; {self.machine.folder / STARTED} says why")
+
+    def _pushes(self) -> bool:
+        """Arm and push once; whether it is on the wires before the commands end."""
         began = len(self.seen())
-        for _ in range(ATTEMPTS):
-            pilot = self.machine.start(f"{HINDRAX} arm && {HINDRAX} wrench 8 0 0 0 0 0 --for 600")
-            self.machine.until("thrust", partial(self._thrusts_or_ended, began, pilot))
-            if self._thrusts(began):
-                return
-        raise HindraxError(f"no thrust in {ATTEMPTS} attempts; {self.machine.folder / STARTED} says why")
 
-    def _thrusts_or_ended(self, began: int, pilot: subprocess.Popen[bytes]) -> bool:
-        return self._thrusts(began) or pilot.poll() is not None
+        def thrusts() -> bool:
+            return any(one.thrust for one in self.seen()[began:])
 
-    def _thrusts(self, began: int) -> bool:
-        return any(one.thrust for one in self.seen()[began:])
+        pilot = self.machine.start(f"{HINDRAX} arm && {HINDRAX} wrench 8 0 0 0 0 0 --for 600")
+        self.machine.until("thrust", lambda: thrusts() or pilot.poll() is not None)
+        return thrusts()
 
     def at(self, script: str) -> float:
         """Run a script there as root, and return the time of the monotonic clock just before it [s]."""

@@ -17,7 +17,7 @@ from hindrax_analysis.report import RunReport, Trace, run_page
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bag.software_version import software_version
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import Stamp
 from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
@@ -70,9 +70,7 @@ def write(file: Path, text: str) -> None:
     try:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise HindraxError(
-            f"{file}: cannot be written ({error.strerror or error}); make room or name another place"
-        ) from error
+        raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
 
 
 def traces_of(bag: Path, origin: Stamp | None) -> dict[str, Trace]:

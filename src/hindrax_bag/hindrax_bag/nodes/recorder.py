@@ -28,6 +28,7 @@ from hindrax_bag.software_version import software_version
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_bag.write.publication_gaps import PublicationGaps
+from hindrax_core.errors import cause
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic
 from hindrax_ros.batched_node import BatchedNode
@@ -176,7 +177,7 @@ def _free_MB(folder: Path) -> str:
     try:
         return f"{free_bytes(folder) / 1e6:.0f}"
     except OSError as error:  # the folder is gone, or its disk
-        return str(error.strerror)
+        return cause(error)
 
 
 def starts_with_stamp(topic: Topic) -> bool:

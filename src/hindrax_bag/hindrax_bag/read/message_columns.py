@@ -13,7 +13,7 @@ from typing import Any, TextIO
 from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.header_stamp import stamp_of
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.events import NS_PER_S
 
 MOST_NAMED = 12
@@ -29,7 +29,7 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     try:
         return _extract(bag, folder, topics)
     except OSError as error:
-        raise HindraxError(f"{folder}: cannot be written ({error.strerror or error}); name another") from error
+        raise HindraxError(f"{folder}: cannot be written ({cause(error)}); name another") from error
 
 
 def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:

@@ -17,7 +17,7 @@ from hindrax_bag.read.bag_reader import bag_files
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.sqlite_file import rows
 from hindrax_bag.write.bag_file import BagFile
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.events import NS_PER_S
 
 
@@ -62,9 +62,7 @@ def recover(
         shutil.rmtree(output)
         raise
     except OSError as error:
-        raise HindraxError(
-            f"{output}: cannot be written ({error.strerror or error}); name another with --out"
-        ) from error
+        raise HindraxError(f"{output}: cannot be written ({cause(error)}); name another with --out") from error
     return Recovered(output, copy.total, damage.lost_s, tuple(damage.notes))
 
 

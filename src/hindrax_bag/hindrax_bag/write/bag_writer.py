@@ -21,7 +21,7 @@ from hindrax_bag.definitions import Lookup, definition, share_lookup
 from hindrax_bag.metadata import Channel, Contents
 from hindrax_bag.write.bag_file import BagFile
 from hindrax_bag.write.limits import BagLimits, free_bytes
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import NS_PER_S
 
 ROOM_AGAIN = 1.5
@@ -81,9 +81,7 @@ class BagWriter:
                 f"{self.path} exists already; a bag is never overwritten, name another folder"
             ) from error
         except OSError as error:
-            raise HindraxError(
-                f"{self.folder}: cannot record there ({error.strerror}); check disk and rights"
-            ) from error
+            raise HindraxError(f"{self.folder}: cannot record there ({cause(error)}); check disk and rights") from error
 
     def attach(self, name: str, media_type: str, data: bytes, stamp: int) -> None:
         """Put a file inside every part: the vehicle file, parameters."""
@@ -213,7 +211,7 @@ class BagWriter:
 
     def _give_up(self, error: OSError) -> str:
         """Leave the file unfinished: `recover` completes it."""
-        self.stopped = f"{self.path}: {error.strerror or error}; recording stopped, ./hindrax bag recover completes it"
+        self.stopped = f"{self.path}: {cause(error)}; recording stopped, ./hindrax bag recover completes it"
         part, self._part = self._part, None
         if part is not None:
             with suppress(OSError, ValueError):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, Write
+from hindrax_core.errors import cause
 from hindrax_drivers.buses.clock import SystemClock
 
 GPIO_PREFIX = "gpio:"
@@ -33,7 +34,7 @@ def find_chip(chip: str) -> str:
             with library().Chip(str(path)) as opened:
                 info = opened.get_info()
         except OSError as error:
-            raise DeviceError(f"GPIO {path}: {error.strerror}; add the user to the group gpio") from error
+            raise DeviceError(f"GPIO {path}: {cause(error)}; add the user to the group gpio") from error
         if chip in (info.label, info.name, str(path)):
             return str(path)
         labels.append(info.label)
@@ -47,7 +48,7 @@ def request_line(chip: str, line: int, **settings: Any) -> Any:
         return gpiod.request_lines(path, consumer=CONSUMER, config={line: gpiod.LineSettings(**settings)})
     except OSError as error:
         raise DeviceError(
-            f"GPIO {chip}:{line}: cannot be had ({error.strerror or error}); find who uses it with `gpioinfo`, and add "
+            f"GPIO {chip}:{line}: cannot be had ({cause(error)}); find who uses it with `gpioinfo`, and add "
             "the user to the group gpio"
         ) from error
 
@@ -73,7 +74,7 @@ class EdgeLines:
                 event = request.read_edge_events()[-1]
                 self._newest[line] = (event.line_seqno & 0xFFFFFFFF, event.timestamp_ns)
         except OSError as error:
-            raise DeviceError(f"GPIO line {line}: cannot be read ({error.strerror or error})") from error
+            raise DeviceError(f"GPIO line {line}: cannot be read ({cause(error)})") from error
         return _EDGE.pack(*self._newest[line])
 
     def close(self) -> None:
@@ -118,7 +119,7 @@ class GpioBus(SystemClock):
         try:
             return bytes([self._lines[line].get_value(line) == library().line.Value.ACTIVE])
         except OSError as error:
-            raise DeviceError(f"GPIO {self._chip}:{line}: cannot be read ({error.strerror or error})") from error
+            raise DeviceError(f"GPIO {self._chip}:{line}: cannot be read ({cause(error)})") from error
 
     def close(self) -> None:
         """Give the lines back."""

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
+from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
 from hindrax_drivers.buses.serial_port import SerialPort
@@ -105,7 +106,7 @@ def _listening(path: str) -> socket.socket:
     except OSError as error:
         one.close()
         raise DeviceError(
-            f"{path}: cannot listen there ({error.strerror or error}); wanted an address of this machine, "
+            f"{path}: cannot listen there ({cause(error)}); wanted an address of this machine, "
             "0.0.0.0 for all, and a port that no other program has"
         ) from error
     return one

@@ -14,6 +14,7 @@ from collections import deque
 from pathlib import Path
 
 from hindrax_core.bus_operations import DeviceError, Read, Transaction, WriteRead
+from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Alarm, Meanwhile, nothing
@@ -41,7 +42,7 @@ class VirtualClock:
         except OSError as error:
             self._alarm.close()
             raise DeviceError(
-                f"{MOCK_PREFIX}{path}: no mock hardware answers ({error.strerror or error}); "
+                f"{MOCK_PREFIX}{path}: no mock hardware answers ({cause(error)}); "
                 "start it with `./hindrax mock`, or give the real port in the vehicle file"
             ) from error
 

@@ -42,10 +42,7 @@ class AxisSession:
         self._velocities: dict[str, list[tuple[float, float]]] = {}
         self._positions: dict[str, list[tuple[float, float]]] = {}
         self._per_newton = tuple(unit_wrench(vehicle, thruster)[model.axis] for thruster in vehicle.thrusters)
-        self._thrusts: list[tuple[float, float]] = []
-        self._forces: list[tuple[float, ...]] = []
-        """Of all thrusters, one entry for each thrust."""
-        self._supply_measured: list[tuple[float, float]] = []
+        self._thrusts: list[tuple[float, Thrust]] = []
         self._hydrostatics: list[tuple[float, float]] = []
         self._other_velocities: list[tuple[float, ...]] = []
         self._others: tuple[float, ...] = ZERO6
@@ -56,18 +53,16 @@ class AxisSession:
 
     def thrust(self, t_s: float, thrust: Thrust) -> None:
         """Thrust commanded from this time on."""
-        force = thrust.wrench[self.model.axis]
-        self._thrusts.append((t_s, force))
-        self._forces.append(thrust.forces_N)
-        self._supply_measured.append((t_s, float(thrust.supply_measured)))
-        self.estimator.thrust(t_s, force)
+        self._thrusts.append((t_s, thrust))
+        self.estimator.thrust(t_s, thrust.wrench[self.model.axis])
 
     def _of_forces(self) -> tuple[Series, Series]:
         """Effort and inflow of a record, from the forces of all thrusters; empty where one thrust did not tell them."""
-        known = {len(one) for one in self._forces} == {len(self._per_newton)} and bool(self._per_newton)
+        told = [one.forces_N for _, one in self._thrusts]
+        known = {len(one) for one in told} == {len(self._per_newton)} and bool(self._per_newton)
         if not known:
             return series([]), series([])
-        share, forces = np.array(self._per_newton), np.array(self._forces)
+        share, forces = np.array(self._per_newton), np.array(told)
         times = [t for t, _ in self._thrusts]
         # Thrusters that oppose each other are unsteady too, and lose thrust too.
         effort, inflow = (share * forces) ** 2, share**2 * np.sqrt(np.abs(forces))
@@ -172,7 +167,7 @@ class AxisSession:
         effort, inflow = self._of_forces()
         return Record(
             velocity=velocity,
-            thrust=series(self._thrusts),
+            thrust=series([(t, one.wrench[self.model.axis]) for t, one in self._thrusts]),
             effort=effort,
             inflow=inflow,
             stretches=stretches,
@@ -187,7 +182,7 @@ class AxisSession:
 
     def _is_measured(self, stretches: tuple[Stretch, ...]) -> bool:
         """Whether all thrust that acts within the stretches was computed with a measured supply voltage."""
-        told = series(self._supply_measured)
+        told = series([(t, float(one.supply_measured)) for t, one in self._thrusts])
         acting = [
             told.y[max(0, begin - 1) : end]
             for begin, end in (np.searchsorted(told.t, [one.start_s, one.end_s], side="right") for one in stretches)

@@ -9,7 +9,7 @@ from typing import Any
 
 from hindrax_analysis.digits import measured
 from hindrax_bag.run_folder import RunFolder
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_operator.web.access import RefusedRequest
 
@@ -45,7 +45,7 @@ class Reports:
             with file.open("rb") as opened:
                 content = opened.read(LARGEST_bytes + 1)
         except OSError as error:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, f"report: cannot be read ({error.strerror})") from error
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, f"report: cannot be read ({cause(error)})") from error
         if len(content) > LARGEST_bytes:
             raise RefusedRequest(HTTPStatus.NOT_FOUND, f"report: larger than {LARGEST_bytes // 1_000_000} MB")
         return content

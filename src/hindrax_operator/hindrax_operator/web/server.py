@@ -13,7 +13,7 @@ from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPConnection, HTTPServerConnectionDelegate
 from tornado.iostream import IOStream
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_operator.web.access import Access
 from hindrax_operator.web.page_controller import PageController
 from hindrax_operator.web.request import BODY_bytes, Request, Site
@@ -106,4 +106,4 @@ def _unbound(address: str, port: int, error: OSError) -> str:
         return f"port {port} of {address} is taken by another program; name a free one with --port, or --port 0"
     if error.errno == errno.EADDRNOTAVAIL:
         return f"{address} is not an address of this machine; `ip address` lists them"
-    return f"port {port} of {address} cannot be served ({error.strerror}); name another with --port"
+    return f"port {port} of {address} cannot be served ({cause(error)}); name another with --port"

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Self
 
 from hindrax_core.bus_operations import Read, Transaction, Write
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import Stamp
 from hindrax_sim.buses import i2cdev_abi as abi
 from hindrax_sim.buses.caller_memory import fetch, store
@@ -222,7 +222,7 @@ def _prepare(path: Path) -> bool:
         try:
             path.touch()
         except OSError as error:
-            raise HindraxError(f"{path}: cannot be made ({error.strerror}); choose another place") from error
+            raise HindraxError(f"{path}: cannot be made ({cause(error)}); choose another place") from error
         return True
     if not path.is_file():
         raise HindraxError(f"{path}: is there already and no ordinary file; a real bus is never hidden by a mock")
@@ -242,7 +242,7 @@ def _mount(path: Path) -> int:
     try:
         fd = os.open(DEVICE, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
-        raise HindraxError(f"{path}: cannot become a bus ({DEVICE}: {error.strerror}); {remedy}") from error
+        raise HindraxError(f"{path}: cannot become a bus ({DEVICE}: {cause(error)}); {remedy}") from error
     options = f"fd={fd},rootmode={stat.S_IFREG | 0o666:o},user_id=0,group_id=0,allow_other"
     arguments = (SOURCE.encode(), str(path).encode(), b"fuse", MS_NOSUID | MS_NODEV, options.encode())
     if _libc.mount(*arguments) != 0:

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Self
 
 from hindrax_core.bus_operations import Transaction
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import EPOCH, NEVER
@@ -220,7 +220,7 @@ def _listen(path: str) -> socket.socket:
         listener.bind(path)
     except OSError as error:
         listener.close()
-        raise UsageError(f"{path}: cannot listen there ({error.strerror or error}); choose another place") from error
+        raise UsageError(f"{path}: cannot listen there ({cause(error)}); choose another place") from error
     listener.listen()
     listener.setblocking(False)
     return listener

@@ -11,7 +11,7 @@ import os
 import socket
 from typing import Self
 
-from hindrax_core.errors import HindraxError
+from hindrax_core.errors import HindraxError, cause
 
 HERE = "127.0.0.1"
 TO_HOST, OF_DEVICE = 27000, 50000
@@ -31,7 +31,7 @@ class UdpLine:
             self._port = _opened(path)
         except OSError as error:
             self._socket.close()
-            raise HindraxError(f"udp {own_port} for {path}: {error.strerror}; another mock may have it") from error
+            raise HindraxError(f"udp {own_port} for {path}: {cause(error)}; another mock may have it") from error
 
     def turn(self) -> None:
         """Forward received data in both directions."""

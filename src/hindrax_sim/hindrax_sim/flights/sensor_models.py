@@ -6,7 +6,7 @@ Biases and noise are drawn from the seed and the name of the sensor, so one sens
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -251,9 +251,9 @@ class BatterySensor(_MountedSensor):
         return (Stamped(world.stamp, Battery(voltage_V, world.supply_A)),)
 
 
-Model: TypeAlias = ImuSensor | MagnetometerSensor | PressureSensor | SonarSensor | DvlSensor | BatterySensor
+Make: TypeAlias = Callable[[World, str, Mount, Noise, int], SensorModel]
 
-KINDS: dict[str, tuple[type[Model], ...]] = {
+KINDS: dict[str, tuple[Make, ...]] = {
     "icm20948": (ImuSensor, MagnetometerSensor),
     "ms5837": (PressureSensor,),
     "ping1d": (SonarSensor,),
@@ -266,7 +266,7 @@ KINDS: dict[str, tuple[type[Model], ...]] = {
 def sensors(world: World, noise: Noise, seed: int) -> list[SensorModel]:
     """Models of all sensors of the vehicle file whose kind has one."""
     return [
-        kind(world, source, mount, noise, seed)
+        make(world, source, mount, noise, seed)
         for source, mount in world.vehicle.sensors.items()
-        for kind in KINDS.get(mount.device, ())
+        for make in KINDS.get(mount.device, ())
     ]

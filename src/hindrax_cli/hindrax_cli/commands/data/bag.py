@@ -29,7 +29,7 @@ from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
 
 NAME = "bag"
@@ -161,7 +161,7 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
     try:
         figure.savefig(out, dpi=120)
     except OSError as error:
-        raise HindraxError(f"{out}: cannot be written ({error.strerror or error}); name another with --out") from error
+        raise HindraxError(f"{out}: cannot be written ({cause(error)}); name another with --out") from error
 
 
 def exported(arguments: argparse.Namespace) -> dict[str, Any]:
