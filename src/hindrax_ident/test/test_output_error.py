@@ -268,10 +268,10 @@ def test_what_is_less_than_a_thousandth_of_a_deviation_off_has_converged(
 def test_a_step_within_the_tolerance_ends_the_search(
     fit: OutputErrorFit, patch: pytest.MonkeyPatch, samples: int, beyond: float, scale: float
 ) -> None:
-    """One of 1.02 tolerances is, once it is damped by a tenth."""
+    """One of 1.02 tolerances is not, however small damping makes it."""
     limit = 0.01 * math.sqrt(1.0 + samples)
     near = Landscape(patch, beyond * limit, itertools.chain([1000.0] * 2, itertools.repeat(None)), scale)
-    assert near.searched(fit, samples, 0.01) == (0 if beyond < 1.0 else 2, True)
+    assert near.searched(fit, samples, 0.01) == (0, True) if beyond < 1.0 else (13, False)
 
 
 # ---- the noise at first

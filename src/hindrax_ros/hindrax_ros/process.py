@@ -24,9 +24,15 @@ from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
 from hindrax_ros.heartbeat import Heartbeat
 from hindrax_ros.parameters import warn_of_unknown_parameters
 
+LONGEST_END_S = 60
+"""The supervisor waits for less; this is for a process that has outlived it."""
+
 
 class StopSignal:
-    """Set by the first SIGINT or SIGTERM."""
+    """Set by the first SIGINT or SIGTERM. What has not ended `LONGEST_END_S` later is ended by the kernel (SIGALRM).
+
+    A close that hangs inside of a library lets no handler of Python run, so it would be deaf to every later signal.
+    """
 
     def __init__(self) -> None:
         self.asked = False
@@ -34,6 +40,9 @@ class StopSignal:
         signal.signal(signal.SIGTERM, self._ask)
 
     def _ask(self, _number: int, _frame: FrameType | None) -> None:
+        if not self.asked:
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(LONGEST_END_S)
         self.asked = True
 
 

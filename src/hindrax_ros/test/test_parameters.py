@@ -84,6 +84,7 @@ def test_a_process_warns_when_it_begins_to_spin(monkeypatch: pytest.MonkeyPatch,
     try:
         assert spin(make, words) == 0
     finally:
+        signal.alarm(0)
         for number, handler in kept.items():
             signal.signal(number, handler)
     assert made[0].warned == [

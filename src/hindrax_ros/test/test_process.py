@@ -4,6 +4,8 @@ import gc
 import inspect
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -41,7 +43,27 @@ def test_what_is_slow_once_is_done_before_the_first_turn(monkeypatch: pytest.Mon
     try:
         assert spin(make, ["curious"]) == 0
     finally:
+        signal.alarm(0)
         gc.unfreeze()
         for number, handler in kept.items():
             signal.signal(number, handler)
     assert made[0].found == [(True, True)]
+
+
+HANGING = """
+import ctypes, os, signal
+from hindrax_ros import process
+
+process.LONGEST_END_S = 1
+stop = process.StopSignal()
+os.kill(os.getpid(), signal.SIGINT)
+assert stop.asked
+os.kill(os.getpid(), signal.SIGTERM)
+ctypes.PyDLL(None).sigsuspend((ctypes.c_ulong * 16)(1 << (signal.SIGTERM - 1)))
+"""
+
+
+def test_an_end_that_hangs_inside_of_a_library_is_ended_by_the_kernel() -> None:
+    """It waits with the interpreter's lock held, as a destructor does that waits for what never comes."""
+    ended = subprocess.run([sys.executable, "-c", HANGING], timeout=60.0, check=False)
+    assert ended.returncode == -signal.SIGALRM

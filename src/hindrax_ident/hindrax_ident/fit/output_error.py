@@ -147,7 +147,10 @@ def _descend(
     *,
     tolerance: float = TOLERANCE,
 ) -> tuple[LinearizedProblem, Array, bool]:
-    """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas."""
+    """Final linearization, parameters, (p,), and convergence of Levenberg-Marquardt, scaled by the sigmas.
+
+    What ends it is the step without damping: a damped one is small wherever nothing lower is found.
+    """
     theta, linear = _feasible_start(problem, start, path, white, belief)
     damping = 1e-3
     for _ in range(STEPS):
@@ -156,9 +159,9 @@ def _descend(
         scale = array(np.sqrt(np.diag(information)))
         normal = array(information / np.outer(scale, scale))
         wanted = float(np.abs(np.linalg.solve(normal, gradient / scale)).max())
-        step = np.linalg.solve(normal + damping * np.eye(len(theta)), gradient / scale) / scale
-        if float(np.abs(step * scale).max()) < tolerance * math.sqrt(1.0 + problem.samples):
+        if wanted < tolerance * math.sqrt(1.0 + problem.samples):
             return linear, theta, True
+        step = np.linalg.solve(normal + damping * np.eye(len(theta)), gradient / scale) / scale
         tried = linearize(problem, theta + step, restarted(problem, linear, step), white)
         if tried is not None and _total(tried, theta + step, belief) < _total(linear, theta, belief):
             theta, linear, damping = theta + step, tried, damping * 0.02
