@@ -19,6 +19,7 @@ MARGIN = 0.8
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
 UP, DOWN = "\u2299", "\u2297"
 WIDE, TALL = 45, 15
+UNITS = ("N",) * 3 + ("Nm",) * 3
 
 
 def findings(vehicle: Vehicle) -> list[Check]:
@@ -67,9 +68,14 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
             "check unit and origin of position_m" if far else "",
         )
     )
-    reach_N, need_N = largest_wrench(vehicle)["heave"], abs(vehicle.net_buoyancy_N)
+    reach = largest_wrench(vehicle)
+    reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
     found.append(judged("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
+    limits = zip(AXES, vehicle.limits.wrench, UNITS, strict=True)
+    capped = [f"{axis} {most:g} of {reach[axis]:.0f} {unit}" for axis, most, unit in limits if most < reach[axis]]
+    if capped:
+        found.append(judged("limits.wrench", f"leaves {', '.join(capped)}"))
     if math.isfinite(upright := upright_speed_mps(vehicle)):
         most = vehicle.limits.speed_mps
         slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""

@@ -131,6 +131,16 @@ def test_what_looks_wrong_is_named_with_a_remedy() -> None:
     assert remedies >= {"net buoyancy", "righting arm", "channels", "thruster positions", "dvl75", "hydrodynamics"}
 
 
+def test_a_limit_below_what_the_thrusters_reach_is_told() -> None:
+    """Its own 60 N in surge are more than it reaches, and a limit on the reach takes nothing."""
+    reach = largest_wrench(load_vehicle(default_vehicle()))
+    tight = {"wrench": [20.0, reach["sway"], 80.0, 20.0, 25.0, 7.5]}
+    for limits, told in ((tight, ["leaves surge 20 of 36 N, yaw 7.5 of 23 Nm"]), ({}, [])):
+        checks = findings(changed(limits=limits))
+        assert [one.found for one in checks if one.name == "limits.wrench"] == told
+        assert all(one.ok for one in checks)
+
+
 def test_the_largest_wrench_of_an_axis_is_what_the_allocator_gives() -> None:
     vehicle = load_vehicle(default_vehicle())
     for axis, most in enumerate(largest_wrench(vehicle).values()):
