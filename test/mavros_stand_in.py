@@ -24,7 +24,7 @@ from rclpy.serialization import serialize_message
 from hindrax_bag.metadata import Channel
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.topics import Quality
-from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.messages.convert import stamp_to_msg
 
 VELOCITY_mps, RATE_radps = 0.003, 0.002
 """Noise."""

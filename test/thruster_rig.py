@@ -103,7 +103,7 @@ class Pilot:
 
     def speak(self) -> None:
         from hindrax_msgs.msg import ThrusterCommand
-        from hindrax_ros.convert import stamp_to_msg
+        from hindrax_ros.messages.convert import stamp_to_msg
 
         if self.speaking:
             self.sequence += 1
@@ -125,7 +125,7 @@ class Pilot:
 
     def arm(self, *, age_s: float = 0.0) -> Any:
         from hindrax_msgs.srv import Arm
-        from hindrax_ros.convert import stamp_to_msg
+        from hindrax_ros.messages.convert import stamp_to_msg
 
         self.until(self.client.service_is_ready, "the service thrusters/arm")
         self.sequence += 1

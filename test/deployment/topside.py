@@ -35,7 +35,7 @@ class Heard:
 
 def fly(operator: Operator) -> None:
     from hindrax_msgs.action import FlyManeuver
-    from hindrax_ros.convert import stamp_to_msg
+    from hindrax_ros.messages.convert import stamp_to_msg
 
     goal = FlyManeuver.Goal(motions=["surge"], excitation="plateaus", seed=1, on_cancel="hold")
     goal.stamp = stamp_to_msg(operator.now())

@@ -15,8 +15,8 @@ from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import ODOMETRY
-from hindrax_ros.convert import navigation_from_msg, odometry_to_msg
-from hindrax_ros.serialization import serialized
+from hindrax_ros.messages.convert import navigation_from_msg, odometry_to_msg
+from hindrax_ros.messages.serialization import serialized
 
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"
 NAMES = {

@@ -40,9 +40,9 @@ from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import Replayed, replay
 from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
-from hindrax_ros.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
 from hindrax_ros.graph import message_class
-from hindrax_ros.serialization import current_bytes, serialized
+from hindrax_ros.messages.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
+from hindrax_ros.messages.serialization import current_bytes, serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())
 SURGE = clone_root() / "test" / "replay" / "bags" / "surge"

@@ -25,7 +25,7 @@ from hindrax_ident.nodes.identifier import Identifier
 from hindrax_ident.online.aim import Aim, ExperimentGoal
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_operator.nodes.operator_node import Operator
-from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.messages.convert import stamp_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -25,7 +25,7 @@ from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import ThrusterState
-from hindrax_ros.serialization import serialized
+from hindrax_ros.messages.serialization import serialized
 
 pytestmark = pytest.mark.ros
 

@@ -71,11 +71,11 @@ from hindrax_ident.nodes.identifier import Identifier
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ThrusterHealth, ThrusterState
-from hindrax_ros import convert
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
-from hindrax_ros.fast_serialization import command_from_bytes
 from hindrax_ros.graph import message_class
-from hindrax_ros.serialization import serialized
+from hindrax_ros.messages import convert
+from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg, wrench_to_msg
+from hindrax_ros.messages.fast_serialization import command_from_bytes
+from hindrax_ros.messages.serialization import serialized
 
 pytestmark = pytest.mark.ros
 

@@ -40,8 +40,8 @@ from hindrax_core.topics import (
 )
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldSetpoint, ThrusterHealth, ThrusterState
-from hindrax_ros.convert import inertial_to_msg, stamp_to_msg, wrench_to_msg
 from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.messages.convert import inertial_to_msg, stamp_to_msg, wrench_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -45,8 +45,8 @@ from hindrax_core.topics import (
 from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ManeuverStatus, ModelEstimate, ThrusterState
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import navigation_to_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import navigation_to_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
 
 pytestmark = pytest.mark.ros
 

@@ -37,8 +37,8 @@ from hindrax_msgs.msg import ManeuverStatus, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_operator.nodes.operator_node import Operator
 from hindrax_operator.nodes.orders import recentre
-from hindrax_ros.convert import estimate_to_msg, stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import estimate_to_msg, stamp_to_msg
 
 pytestmark = pytest.mark.ros
 

@@ -32,8 +32,8 @@ from hindrax_core.topics import (
 )
 from hindrax_msgs.msg import Heartbeat, ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.stack_time import VARIABLE, StackTime, epoch_ns
 
 pytestmark = pytest.mark.ros

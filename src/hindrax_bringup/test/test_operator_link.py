@@ -15,8 +15,8 @@ from hindrax_core.topics import OPERATOR_WRENCH
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ManeuverStatus
 from hindrax_operator.nodes.operator_node import Operator
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import subscription
+from hindrax_ros.messages.convert import stamp_to_msg
 
 NOW = Stamp(1_000 * 10**9)
 

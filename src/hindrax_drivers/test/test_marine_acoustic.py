@@ -16,8 +16,8 @@ from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes import marine_acoustic
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
-from hindrax_ros.convert import dvl_to_msg
 from hindrax_ros.graph import message_class, optional_class
+from hindrax_ros.messages.convert import dvl_to_msg
 
 
 class Dvl:

@@ -15,8 +15,8 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
 from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
 from hindrax_drivers.nodes.reading_messages import MAKERS
-from hindrax_ros import convert
-from hindrax_ros.fast_serialization import in_place
+from hindrax_ros.messages import convert
+from hindrax_ros.messages.fast_serialization import in_place
 
 number = st.floats(width=32, allow_nan=False)
 three = st.tuples(*[number] * 3)

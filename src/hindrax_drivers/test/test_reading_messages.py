@@ -17,7 +17,7 @@ from hindrax_core.readings import Air, Battery, BottomTrack, BottomVelocity, Ech
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.nodes.device_node import one_of_many
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
-from hindrax_ros.serialization import deserialized
+from hindrax_ros.messages.serialization import deserialized
 
 TRACK = BottomTrack(True, 0.0, 0.0, 0.0, 1.5, (0.0, 0.0), (), "3333", 0)
 

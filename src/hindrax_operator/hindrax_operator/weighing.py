@@ -12,7 +12,7 @@ from hindrax_control.maneuver.servable import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, Vehicle
-from hindrax_ros.convert import stamp_from_msg
+from hindrax_ros.messages.convert import stamp_from_msg
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator

@@ -16,7 +16,7 @@ from hindrax_core.events import Stamp, Stamped, after, stamp_from_s
 from hindrax_core.vehicle import load_vehicle
 from hindrax_operator.nodes import orders
 from hindrax_operator.weighing import HOLD_S, SETTLE_S, weigh_on
-from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.messages.convert import stamp_to_msg
 
 VEHICLE = load_vehicle(default_vehicle())
 LOADS = (0.0, 15.0, -15.0)

@@ -25,10 +25,10 @@ from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import SAMPLE_NS, Samples, compare_lazily
-from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
-from hindrax_ros.fast_serialization import ThrusterStateFields, applied_from_bytes, command_from_bytes
 from hindrax_ros.graph import message_class
-from hindrax_ros.serialization import current_bytes, deserialized
+from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
+from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_from_bytes, command_from_bytes
+from hindrax_ros.messages.serialization import current_bytes, deserialized
 
 WRENCH_NAME, COMMAND_NAME, STATE_NAME = map(resolved, (WRENCH, THRUSTER_COMMAND, THRUSTER_STATE))
 STATUS_NAME, HEALTH_NAME, BATTERY_NAME = map(resolved, (ALLOCATION, THRUSTER_HEALTH, BATTERY))

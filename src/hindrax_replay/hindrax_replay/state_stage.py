@@ -21,9 +21,9 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
-from hindrax_ros.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
 from hindrax_ros.graph import message_class
-from hindrax_ros.serialization import deserialized, serialized
+from hindrax_ros.messages.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
+from hindrax_ros.messages.serialization import deserialized, serialized
 
 NEAR_NS = NS_PER_S // 50
 """A recorded navigation state has a replayed one within a tick."""

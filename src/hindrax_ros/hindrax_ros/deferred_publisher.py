@@ -13,7 +13,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 
-from hindrax_ros.serialization import serialized
+from hindrax_ros.messages.serialization import serialized
 
 
 class PublishQueue:

@@ -11,8 +11,8 @@ from rclpy.node import Node
 
 from hindrax_core.events import Rejected, Stamp, seconds_between
 from hindrax_core.topics import DIAGNOSTICS
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher
+from hindrax_ros.messages.convert import stamp_to_msg
 
 
 @dataclass(slots=True)

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.topics import RAW_FRAMES
 from hindrax_msgs.msg import RawFrames
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher
+from hindrax_ros.messages.convert import stamp_to_msg
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
 UNHEARD_S = 10.0

@@ -13,9 +13,9 @@ from hindrax_core.signals import Navigation
 from hindrax_core.topics import ROBOT_DESCRIPTION, TF, TF_STATIC
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import odometry_to_msg, xyzw
-from hindrax_ros.frames import Frame, frames_of, urdf_of
 from hindrax_ros.graph import publisher
+from hindrax_ros.messages.convert import odometry_to_msg, xyzw
+from hindrax_ros.messages.frames import Frame, frames_of, urdf_of
 
 
 def base_of(odometry: Odometry) -> TransformStamped:

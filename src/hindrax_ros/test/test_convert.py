@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
 from hindrax_core.signals import Estimate, Navigation
-from hindrax_ros import convert, fast_serialization
+from hindrax_ros.messages import convert, fast_serialization
 
 STAMP = Stamp(1_234_567_890_123_456_789)
 NAVIGATION = Navigation(

@@ -19,8 +19,8 @@ from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec3, Vec6
 from hindrax_core.signals import Navigation
 from hindrax_msgs.msg import AllocationStatus, NavigationStatus, ThrusterCommand, ThrusterState
-from hindrax_ros import convert, fast_serialization
-from hindrax_ros.cdr_layout import CdrLayout, CdrReader
+from hindrax_ros.messages import convert, fast_serialization
+from hindrax_ros.messages.cdr_layout import CdrLayout, CdrReader
 
 counts = st.integers(0, 2**32 - 1)
 number = st.floats(width=32, allow_nan=False)

@@ -108,7 +108,7 @@ class FaultyStack:
 
     def on_navigation(self, message: Any) -> None:
         """Keep a state."""
-        from hindrax_ros.convert import navigation_from_msg  # noqa: PLC0415  # as the operator's
+        from hindrax_ros.messages.convert import navigation_from_msg  # noqa: PLC0415  # as the operator's
 
         state = navigation_from_msg(message)
         self.believed[to_s(state.stamp)] = state.reading
@@ -182,7 +182,7 @@ class FaultyStack:
 
     def _lie(self, who: str) -> Any:
         from hindrax_msgs.msg import ThrusterCommand, ThrusterState  # noqa: PLC0415  # as the operator's
-        from hindrax_ros.convert import stamp_to_msg  # noqa: PLC0415
+        from hindrax_ros.messages.convert import stamp_to_msg  # noqa: PLC0415
 
         count, operator = len(self.operator.thrusters.pulses), self.operator
         if who == CONTROL.name:
@@ -225,7 +225,7 @@ class FaultyStack:
     def _fly(self, mode: str, seed: int) -> None:
         # rclpy reads the environment as it is imported.
         from hindrax_operator.nodes.orders import hold, recentre  # noqa: PLC0415
-        from hindrax_ros.convert import wrench_to_msg  # noqa: PLC0415
+        from hindrax_ros.messages.convert import wrench_to_msg  # noqa: PLC0415
 
         operator = self.operator
         if mode == MANEUVER and self.last is not None:

@@ -27,10 +27,10 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
-from hindrax_ros.fast_serialization import applied_from_bytes
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg
+from hindrax_ros.messages.fast_serialization import applied_from_bytes
 from hindrax_ros.parameters import SAFETY, knobs
 from hindrax_ros.process import spin
 from hindrax_ros.stack_time import STEP_S

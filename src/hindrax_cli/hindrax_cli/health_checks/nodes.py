@@ -29,8 +29,8 @@ def stack(operator: Operator, vehicle: Vehicle, title: str) -> list[Check]:
 def far_clock(operator: Operator, seconds: float = LISTEN_S) -> Check:
     """Compare the vehicle's stamps, received over the link, with the clock of this machine."""
     from hindrax_core.events import seconds_between  # noqa: PLC0415  # with the next one, which needs ROS
-    from hindrax_ros.convert import stamp_from_msg  # noqa: PLC0415  # rclpy is loaded by then
     from hindrax_ros.graph import subscription  # noqa: PLC0415  # as above
+    from hindrax_ros.messages.convert import stamp_from_msg  # noqa: PLC0415  # rclpy is loaded by then
 
     ages_s: list[float] = []
 

@@ -10,7 +10,7 @@ from hindrax_core.rotation import FSD
 from hindrax_core.signals import Allocation
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import AllocationStatus
-from hindrax_ros.fast_serialization import AllocationWriter, ThrusterStateFields, command_writer
+from hindrax_ros.messages.fast_serialization import AllocationWriter, ThrusterStateFields, command_writer
 
 
 class AllocationMessages:

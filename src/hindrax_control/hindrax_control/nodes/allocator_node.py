@@ -28,10 +28,10 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher
-from hindrax_ros.fast_serialization import applied_from_bytes
 from hindrax_ros.graph import publisher, publishers_of, subscription
+from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
+from hindrax_ros.messages.fast_serialization import applied_from_bytes
 from hindrax_ros.parameters import SAFETY, knobs
 
 REPORT_S = 1.0

@@ -14,11 +14,11 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher
-from hindrax_ros.fast_serialization import ThrusterStateFields
+from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.fast_serialization import ThrusterStateFields
+from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
-from hindrax_ros.serialization import deserialized
 
 REPORT_EVERY = 50
 ASK_AGAIN_S = 0.1

@@ -23,7 +23,8 @@ from hindrax_core.topics import (
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
-from hindrax_ros.fast_serialization import (
+from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.fast_serialization import (
     attitude_from_bytes,
     dvl_from_bytes,
     echo_from_bytes,
@@ -34,7 +35,6 @@ from hindrax_ros.fast_serialization import (
     pressure_from_bytes,
     thrust_from_bytes,
 )
-from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.parameters import knobs
 from hindrax_ros.transforms import Transforms
 

@@ -15,7 +15,7 @@ from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans, PoolPlace
-from hindrax_ros.convert import stamp_to_msg
+from hindrax_ros.messages.convert import stamp_to_msg
 
 LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
 """Motions of which there may be an estimate."""

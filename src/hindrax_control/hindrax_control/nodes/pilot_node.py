@@ -59,18 +59,18 @@ from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import ThrusterHealth, ThrusterState
 from hindrax_msgs.srv import Recentre
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import (
+from hindrax_ros.diagnostics import DiagnosticsPublisher
+from hindrax_ros.graph import publisher, publishers_of, subscription
+from hindrax_ros.messages.convert import (
     estimate_from_msg,
     odometry_from_msg,
     stamp_from_msg,
     stamp_to_msg,
     wrench_from_msg,
 )
-from hindrax_ros.diagnostics import DiagnosticsPublisher
-from hindrax_ros.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
-from hindrax_ros.graph import publisher, publishers_of, subscription
+from hindrax_ros.messages.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
+from hindrax_ros.messages.serialization import deserialized
 from hindrax_ros.parameters import SAFETY, knobs
-from hindrax_ros.serialization import deserialized
 
 SendWrench: TypeAlias = Callable[[Vec6, str, Stamp, Stamp], object]
 """Called with a wrench, its frame, its stamp and the time."""

@@ -20,8 +20,8 @@ from hindrax_core.readings import Vec6
 from hindrax_core.topics import JOYSTICK, NAMESPACE, OPERATOR_WRENCH, TWIST
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.checked_node import CheckedNode
-from hindrax_ros.convert import stamp_from_msg, wrench_to_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import stamp_from_msg, wrench_to_msg
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 

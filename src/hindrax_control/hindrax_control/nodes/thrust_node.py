@@ -12,9 +12,9 @@ from hindrax_core.refusal_counts import Refusals
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_from_msg, wrench_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import optional_class, publisher, subscription
+from hindrax_ros.messages.convert import stamp_from_msg, wrench_to_msg
 from hindrax_ros.parameters import text
 from hindrax_ros.process import spin
 

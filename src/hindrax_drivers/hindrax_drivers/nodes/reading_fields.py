@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo
-from hindrax_ros.convert import UNKNOWN_COVARIANCE, half_turn, xyzw_from_sname
+from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, xyzw_from_sname
 
 Fields: TypeAlias = tuple[Sequence[str], Callable[..., Sequence[Any] | None]]
 """Paths in the order of the definition; their values from a reading, arrays flattened, None if it has no message."""

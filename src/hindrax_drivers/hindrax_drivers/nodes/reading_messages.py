@@ -35,9 +35,9 @@ from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.nodes import marine_acoustic
 from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
 from hindrax_msgs.msg import PingProfile
-from hindrax_ros import convert
-from hindrax_ros.fast_serialization import in_place
 from hindrax_ros.graph import optional_class
+from hindrax_ros.messages import convert
+from hindrax_ros.messages.fast_serialization import in_place
 
 Write: TypeAlias = Callable[[Stamped[Any]], Any]
 """Message of a reading, or its bytes; None if the reading has no data for the topic."""

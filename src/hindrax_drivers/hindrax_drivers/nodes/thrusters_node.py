@@ -35,9 +35,9 @@ from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
 from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
-from hindrax_ros.convert import battery_to_msg, stamp_from_msg
-from hindrax_ros.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.graph import publisher, publishers_of, subscription
+from hindrax_ros.messages.convert import battery_to_msg, stamp_from_msg
+from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_writer, command_from_bytes
 from hindrax_ros.parameters import SAFETY, knobs, text
 from hindrax_ros.process import spin
 

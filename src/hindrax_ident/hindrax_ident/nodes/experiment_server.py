@@ -21,8 +21,8 @@ from hindrax_ident.online.experiment import Drag, Experiment
 from hindrax_ident.online.session import Session
 from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg
 from hindrax_ros.graph import end_goal
+from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg
 
 RUN, FLY = "ident/run", "maneuver/fly"
 PLATEAUS, LATE = "plateaus", "late"

@@ -36,10 +36,10 @@ from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.records.feed import DROPPED, Feed
 from hindrax_ident.tuning import Tuning
 from hindrax_ros.batched_node import TURN_S, BatchedNode
-from hindrax_ros.convert import estimate_to_msg
 from hindrax_ros.diagnostics import DiagnosticsPublisher, status
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.messages.convert import estimate_to_msg
 from hindrax_ros.parameters import knobs, text
 from hindrax_ros.process import spin
 

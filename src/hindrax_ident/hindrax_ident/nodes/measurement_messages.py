@@ -11,7 +11,7 @@ from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import NAN, UNKNOWN6, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.topics import ALLOCATION, DVL_DETAIL, MANEUVER, NAVIGATION, PRESSURE, Quality, Topic
 from hindrax_ident.records.feed import Measurement
-from hindrax_ros.convert import (
+from hindrax_ros.messages.convert import (
     dvl_from_msg,
     half_turn,
     navigation_from_msg,
@@ -20,7 +20,12 @@ from hindrax_ros.convert import (
     stamp_from_msg,
     wrench_from_msg,
 )
-from hindrax_ros.fast_serialization import dvl_from_bytes, navigation_from_bytes, pressure_from_bytes, thrust_from_bytes
+from hindrax_ros.messages.fast_serialization import (
+    dvl_from_bytes,
+    navigation_from_bytes,
+    pressure_from_bytes,
+    thrust_from_bytes,
+)
 
 Listen: TypeAlias = Callable[[Any], Stamped[Measurement]]
 

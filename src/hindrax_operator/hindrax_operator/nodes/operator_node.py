@@ -43,8 +43,8 @@ from hindrax_msgs.action import FlyManeuver, RunExperiment
 from hindrax_msgs.msg import Heartbeat
 from hindrax_msgs.srv import Arm
 from hindrax_ros.batched_node import BatchedNode, events_executor
-from hindrax_ros.convert import estimate_from_msg, navigation_from_msg, stamp_from_msg, stamp_to_msg
 from hindrax_ros.graph import publisher, subscription
+from hindrax_ros.messages.convert import estimate_from_msg, navigation_from_msg, stamp_from_msg, stamp_to_msg
 
 UP = "`./hindrax up` starts the stack"
 ANSWER_S = 5.0

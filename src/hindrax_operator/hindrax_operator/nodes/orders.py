@@ -22,7 +22,7 @@ from hindrax_msgs.msg import HoldSetpoint, ThrusterCommand, ThrusterHealth
 from hindrax_msgs.srv import Recentre
 from hindrax_operator.nodes.operator_node import UP, Operator
 from hindrax_operator.snapshot import ANGLES
-from hindrax_ros.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
+from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_to_msg
 
 SEEN_S = 5.0
 WRENCH_PERIOD_S = 0.1

@@ -20,8 +20,8 @@ from hindrax_core.events import Stamp, to_s
 from hindrax_core.topics import CLOCK, NAMESPACE, namespace_arguments
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.assess.results import truth_of
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.heartbeat import Heartbeat
+from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault

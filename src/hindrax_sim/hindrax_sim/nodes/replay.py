@@ -34,10 +34,10 @@ from hindrax_core.topics import (
 )
 from hindrax_core.vehicle import Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import message_class, publisher, subscription
+from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.serialization import current_bytes
 from hindrax_ros.process import StopSignal
-from hindrax_ros.serialization import current_bytes
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import Ports
 from hindrax_sim.nodes.hardware_process import main_of

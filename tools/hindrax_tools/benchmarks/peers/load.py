@@ -14,9 +14,9 @@ from rclpy.signals import SignalHandlerOptions
 from hindrax_core.events import Stamp
 from hindrax_core.topics import NAMESPACE, RAW_FRAMES, resolved
 from hindrax_msgs.msg import RawFrames
-from hindrax_ros.convert import stamp_to_msg
 from hindrax_ros.graph import publisher
-from hindrax_ros.serialization import serialized
+from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.serialization import serialized
 
 READY_S = 20.0
 SETTLE_S = 1.0

@@ -16,7 +16,7 @@ from hindrax_cli.argument_types import add_vehicle
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ros.frames import urdf_of
+from hindrax_ros.messages.frames import urdf_of
 
 NAME = "export"
 HELP = "coefficients for gz-sim, Stonefish, uuv_simulator, Python, the vehicle file, CSV or LaTeX; a vehicle as URDF"

@@ -18,8 +18,8 @@ from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec6
 from hindrax_core.signals import Navigation, Thrust
 from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
-from hindrax_ros import convert
-from hindrax_ros.cdr_layout import CdrReader, CdrWriter
+from hindrax_ros.messages import convert
+from hindrax_ros.messages.cdr_layout import CdrReader, CdrWriter
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO3 = (0.0, 0.0, 0.0)
