@@ -5,8 +5,8 @@ The graph is that of `up`: this machine, or the tether that is named.
 
 import rclpy
 
+from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.stack import adopted, environment
-from hindrax_bringup.tether import tether_setting
 from hindrax_core.topics import OPERATOR_WRENCH, THRUSTER_STATE
 from hindrax_msgs.msg import ThrusterState
 from hindrax_msgs.srv import Arm

@@ -138,7 +138,7 @@ def test_asking_for_the_arguments_makes_no_file_and_waits_for_nothing(
 def test_the_nodes_start_when_the_tether_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HINDRAX_TETHER", "nowhere0")
     (waiting,) = executed("vehicle")
-    assert waiting.keywords["cmd"] == [sys.executable, "-m", "hindrax_bringup.tether"]
+    assert waiting.keywords["cmd"] == [sys.executable, "-m", "hindrax_bringup.network.tether"]
     given_up = waiting.keywords["on_exit"](SimpleNamespace(returncode=1), None)
     assert given_up.kind == "Shutdown"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from deployment.machines import ROOT, TOPSIDE, VEHICLE, Machines, ip, three_machines
 
-from hindrax_bringup.security import policies
+from hindrax_bringup.network.security import policies
 
 HERE = ROOT / "test/deployment"
 CUT_S, SILENT_S = 10.0, 3.0
@@ -150,4 +150,4 @@ def assert_allowed(graph: dict[str, dict[str, list[str]]]) -> None:
         for verb, path in paths.items():
             allowed = {one.text for profile in profiles for one in profile.findall(path)}
             actual = {name for name in found[verb] if "/_action/" not in name}
-            assert actual <= allowed, f"{node} {verb} what its role has not: hindrax_bringup/security.py"
+            assert actual <= allowed, f"{node} {verb} what its role has not: hindrax_bringup/network/security.py"

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from documentation.pages import PAGES, ROOT
 
-from hindrax_bringup.security import ROLES
+from hindrax_bringup.network.security import ROLES
 from hindrax_core.topics import TOPICS
 
 LINE = re.compile(r"(?:^|`)(ros2 [a-z]+ [^`\n]*)", re.MULTILINE)

@@ -41,8 +41,8 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 
-from hindrax_bringup import security
-from hindrax_bringup.security import ROLES
+from hindrax_bringup.network import security
+from hindrax_bringup.network.security import ROLES
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted
 from hindrax_bringup.stack_lock import FOLDER

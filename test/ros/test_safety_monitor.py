@@ -18,8 +18,8 @@ from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 
-from hindrax_bringup.link_monitor import HOLD, NEUTRAL, STAY
 from hindrax_bringup.liveness import LivenessFile
+from hindrax_bringup.network.link_monitor import HOLD, NEUTRAL, STAY
 from hindrax_bringup.nodes.safety_monitor import SafetyMonitor
 from hindrax_bringup.stack import adopted, environment, own_domain
 from hindrax_core.topics import (

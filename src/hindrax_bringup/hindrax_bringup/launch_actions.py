@@ -17,12 +17,12 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
+from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.node_options import NodeOptions, Tuning
 from hindrax_bringup.processes import ONBOARD, Process
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
 from hindrax_bringup.stack import stack_environment
 from hindrax_bringup.stack_lock import LAUNCHED, StackLock, announced, graph_settings, runtime_folder
-from hindrax_bringup.tether import tether_setting
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
@@ -106,7 +106,8 @@ def _beside_the_tether(context: LaunchContext, start: Callable[[LaunchContext], 
         ready = getattr(event, "returncode", 1) == 0
         return start(context) if ready else Shutdown(reason="the tether was not waited for")
 
-    return [ExecuteProcess(cmd=[sys.executable, "-m", "hindrax_bringup.tether"], output="screen", on_exit=proceed)]
+    words = [sys.executable, "-m", "hindrax_bringup.network.tether"]
+    return [ExecuteProcess(cmd=words, output="screen", on_exit=proceed)]
 
 
 def _node(process: Process, file: Path, options: NodeOptions) -> Node:

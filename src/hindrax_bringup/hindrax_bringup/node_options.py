@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from hindrax_bringup import security
+from hindrax_bringup.network import security
 from hindrax_bringup.processes import EVERY, ONBOARD, RECORDER, Process
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE, namespace_arguments

@@ -15,15 +15,15 @@ from typing import IO
 
 from hindrax_bag.bag_index import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
-from hindrax_bringup import security
-from hindrax_bringup.graph_presence import occupied_domains, require_no_stack
 from hindrax_bringup.liveness import NOTIFY
-from hindrax_bringup.network_profile import profile_file
+from hindrax_bringup.network import security
+from hindrax_bringup.network.graph_presence import occupied_domains, require_no_stack
+from hindrax_bringup.network.network_profile import profile_file
+from hindrax_bringup.network.tether import Tether
 from hindrax_bringup.node_options import NodeOptions, Tuning
 from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
-from hindrax_bringup.tether import Tether
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE

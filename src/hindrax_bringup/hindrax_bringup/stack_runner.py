@@ -16,12 +16,12 @@ from pathlib import Path
 from hindrax_bag.read.completion import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_liveness
+from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
 from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
-from hindrax_bringup.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle

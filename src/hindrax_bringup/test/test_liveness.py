@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.link_monitor import LinkMonitor
 from hindrax_bringup.liveness import (
     NODES,
     NOTIFY,
@@ -24,6 +23,7 @@ from hindrax_bringup.liveness import (
     stacks_well,
     tool_liveness,
 )
+from hindrax_bringup.network.link_monitor import LinkMonitor
 from hindrax_bringup.stack_lock import FOLDER
 
 

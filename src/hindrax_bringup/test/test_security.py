@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup import security
+from hindrax_bringup.network import security
+from hindrax_bringup.network.security import FROM_WHEELS, OVERRIDE, ROLES, Role, policies, settings, with_enclave
 from hindrax_bringup.processes import ONBOARD, RECORDER
-from hindrax_bringup.security import FROM_WHEELS, OVERRIDE, ROLES, Role, policies, settings, with_enclave
 from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack import adopted
 from hindrax_core import topics
@@ -73,7 +73,9 @@ def files() -> list[Path]:
 @pytest.mark.parametrize("file", files(), ids=lambda file: file.stem)
 def test_what_a_node_does_it_may(file: Path) -> None:
     name = str(file.relative_to(SOURCES)).partition("/")[2]
-    assert name in NODES_OF_FILE, f"say here which node {name} is, and give it a role in hindrax_bringup/security.py"
+    assert name in NODES_OF_FILE, (
+        f"say here which node {name} is, and give it a role in hindrax_bringup/network/security.py"
+    )
     for verbs, allowed in ((SAY, "publishes"), (HEAR, "subscribes")):
         granted = {topic for node in NODES_OF_FILE[name] for role in roles(node) for topic in getattr(role, allowed)}
         assert {topic.name for topic in uses(file, verbs)} <= {getattr(topic, "name", topic) for topic in granted}

@@ -9,13 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup import stack_runner, tether
+from hindrax_bringup import stack_runner
 from hindrax_bringup.liveness import stacks_well, tool_liveness
-from hindrax_bringup.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
-from hindrax_bringup.stack import PROFILE, environment
-from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
-from hindrax_bringup.tether import (
+from hindrax_bringup.network import tether
+from hindrax_bringup.network.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
+from hindrax_bringup.network.tether import (
     SETTING,
     Tether,
     add_tether,
@@ -25,6 +23,9 @@ from hindrax_bringup.tether import (
     tether_setting,
     wait_for_address,
 )
+from hindrax_bringup.stack import PROFILE, environment
+from hindrax_bringup.stack_lock import FOLDER
+from hindrax_bringup.stack_runner import UpOptions, _require_same, awaited
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate import up
 from hindrax_core.errors import HindraxError, UsageError

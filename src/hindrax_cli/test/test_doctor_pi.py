@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hindrax_bringup.clone import clone_root
-from hindrax_bringup.tether import SETTING, Tether
+from hindrax_bringup.network.tether import SETTING, Tether
 from hindrax_cli.command_line import main
 from hindrax_cli.health_checks import machine, nodes, pi
 

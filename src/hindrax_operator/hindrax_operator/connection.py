@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from hindrax_bringup.network.tether import add_tether, tether_setting, wait_for_address
 from hindrax_bringup.stack import adopted, environment
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
-from hindrax_bringup.tether import add_tether, tether_setting, wait_for_address
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
 from hindrax_ros.stack_time import StackTime

@@ -15,12 +15,12 @@ from hindrax_analysis.plain import print_json
 from hindrax_bag.run_folder import RunFolder, make_run_folder
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.liveness import STARTING, LivenessFile, health_change, tool_liveness
+from hindrax_bringup.network.tether import available_tether
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor, stop_signals
-from hindrax_bringup.tether import available_tether
 from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.plan import plans_of
 from hindrax_control.maneuver.servable import motions_to_fly

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from hindrax_bringup.network.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role
 from hindrax_bringup.processes import EVERY
-from hindrax_bringup.security import ARM, ASSESS, CANCEL, FLY, RECENTRE, ROLES, RUN, Role
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.topics import NAMESPACE, Topic, resolved
 from hindrax_drivers.lifecycle import State

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hindrax_bag.write.limits import BagLimits
-from hindrax_bringup.link_monitor import SafetyMonitorKnobs
+from hindrax_bringup.network.link_monitor import SafetyMonitorKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.supply_voltage import SupplyKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs

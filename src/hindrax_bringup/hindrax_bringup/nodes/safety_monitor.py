@@ -18,8 +18,8 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from hindrax_bringup.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
+from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_core.events import Stamp
 from hindrax_core.refusal_counts import Refusals
 from hindrax_core.stamp_window import TIMELESS, order_window

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
+from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_bringup.tether import Tether, address_of
 from hindrax_cli.health_checks.check import Check, bad, good
 from hindrax_core.errors import HindraxError
 

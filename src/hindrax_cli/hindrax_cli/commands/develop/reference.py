@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root, developer_module
-from hindrax_bringup.security import policies
+from hindrax_bringup.network.security import policies
 from hindrax_bringup.share_files import share_folder
 from hindrax_core.errors import HindraxError
 from hindrax_core.text.screen_text import print_fitted

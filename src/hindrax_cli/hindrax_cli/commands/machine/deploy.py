@@ -8,8 +8,8 @@ import subprocess
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
+from hindrax_bringup.network.tether import parse_tether
 from hindrax_bringup.stack_runner import report
-from hindrax_bringup.tether import parse_tether
 from hindrax_cli.deployment.remote import looked, outline
 from hindrax_cli.deployment.remote import run as run_step
 from hindrax_cli.deployment.steps import DeploymentKind, Target, kind_of, plan

@@ -17,10 +17,10 @@ from rich.text import Text
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import console
 from hindrax_bag.run_folder import RunFolder
+from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_bringup.tether import add_tether, tether_setting
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check

@@ -6,9 +6,9 @@ import argparse
 import math
 from pathlib import Path
 
+from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.stack import FAULT_HELP, WORLD_HELP, MockOptions
 from hindrax_bringup.stack_runner import UpOptions, run_up
-from hindrax_bringup.tether import add_tether, tether_setting
 from hindrax_cli.argument_types import add_tuning, add_vehicle, pace, positive, seed, tuning_of
 from hindrax_core.errors import UsageError
 

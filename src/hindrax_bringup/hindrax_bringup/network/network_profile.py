@@ -11,9 +11,9 @@ import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+from hindrax_bringup.network.tether import Tether
 from hindrax_bringup.share_files import share_folder
 from hindrax_bringup.stack_lock import runtime_folder
-from hindrax_bringup.tether import Tether
 
 SPACE = "http://www.eprosima.com"
 GROUP = "239.255.0.1"

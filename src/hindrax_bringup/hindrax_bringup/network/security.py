@@ -230,7 +230,7 @@ def policies() -> str:
             if path(role.enclave) == enclave:
                 _profile(profiles, role)
     ET.indent(document)
-    head = "<!-- Made by `./hindrax reference` from the roles of hindrax_bringup.security; a test compares. -->"
+    head = "<!-- Made by `./hindrax reference` from the roles of hindrax_bringup.network.security; a test compares. -->"
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{head}\n{ET.tostring(document, encoding="unicode")}\n'
 
 
