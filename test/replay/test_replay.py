@@ -33,7 +33,8 @@ from hindrax_core.readings import Pressure, Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import DIAGNOSTICS, NAVIGATION, ODOMETRY, RAW_FRAMES, resolved
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.devices import icm20948_registers, ms5837
+from hindrax_drivers.devices import ms5837
+from hindrax_drivers.devices.imu import icm20948_registers
 from hindrax_drivers.nodes import reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED

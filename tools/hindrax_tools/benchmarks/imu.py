@@ -19,9 +19,9 @@ from smbus2 import __version__ as smbus2_version
 from hindrax_core.bus_operations import run
 from hindrax_core.events import Stamp, after, stamp_from_s
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
-from hindrax_drivers.devices import icm20948_registers as registers
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
-from hindrax_drivers.devices.icm20948_samples import SAMPLE, Samples
+from hindrax_drivers.devices.imu import icm20948_registers as registers
+from hindrax_drivers.devices.imu.icm20948_samples import SAMPLE, Samples
 from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 from hindrax_sim.buses.ioctl_seam import seam

@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass
 
 from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.input_checks.stamp_window import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import ZERO6
-from hindrax_core.stamp_window import StampWindow
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
 
 LIMITED_TOGETHER = ((0, 1), (2,), (3,), (4,), (5,))

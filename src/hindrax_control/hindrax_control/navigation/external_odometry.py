@@ -13,9 +13,9 @@ from hindrax_control.navigation.estimator_health import FASTEST
 from hindrax_control.navigation.sensor_mount import sensor_mount
 from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.input_checks.stamp_window import StampWindow
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Navigation
-from hindrax_core.stamp_window import StampWindow
 from hindrax_core.vehicle import Vehicle
 
 WINDOW = StampWindow(0.5, 0.1)

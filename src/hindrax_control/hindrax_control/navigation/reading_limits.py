@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamped
+from hindrax_core.input_checks.stamp_window import impossible
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
-from hindrax_core.stamp_window import impossible
 
 MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2
 """Beyond the range of every inertial sensor that a vehicle carries (ICM-20948: 157 m/s^2 and 35 rad/s)."""

@@ -17,9 +17,9 @@ from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, secon
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, chip_and_line
-from hindrax_drivers.devices import icm20948_registers as r
-from hindrax_drivers.devices.ak09916 import Ak09916
-from hindrax_drivers.devices.icm20948_samples import Samples
+from hindrax_drivers.devices.imu import icm20948_registers as r
+from hindrax_drivers.devices.imu.ak09916 import Ak09916
+from hindrax_drivers.devices.imu.icm20948_samples import Samples
 from hindrax_drivers.driver import Driver
 from hindrax_drivers.imu_calibration import correction
 from hindrax_drivers.timebase import Timebase, TimebaseKnobs

@@ -23,8 +23,8 @@ from rclpy.node import Node
 
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Rejected, Stamp, Stamped
+from hindrax_core.input_checks.single_publisher import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
-from hindrax_core.single_publisher import SinglePublisher
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from hindrax_core.events import Stamp, after, seconds_between
+from hindrax_core.input_checks.stamp_window import StampWindow
 from hindrax_core.knobs import knob
-from hindrax_core.stamp_window import StampWindow
 from hindrax_core.vehicle import Vehicle
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import Magnetic
-from hindrax_drivers.devices import icm20948_registers as r
+from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.imu_calibration import Correction
 
 SET_UP_EVERY_S = 1.0

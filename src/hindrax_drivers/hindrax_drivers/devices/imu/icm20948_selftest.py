@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from hindrax_core.bus_operations import Pause, Program, Write, WriteRead
 from hindrax_core.readings import Vec3
-from hindrax_drivers.devices import ak09916
-from hindrax_drivers.devices import icm20948_registers as r
+from hindrax_drivers.devices.imu import ak09916
+from hindrax_drivers.devices.imu import icm20948_registers as r
 
 READINGS = 200
 SPACING_S = 0.01
