@@ -15,6 +15,7 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
+from hindrax_bag.bag_index import is_whole
 from hindrax_bag.definitions import definition
 from hindrax_bag.metadata import Channel, qualities_of
 from hindrax_bag.read.bag_reader import bag_files, messages
@@ -285,6 +286,36 @@ def test_recording_goes_on_in_the_next_file_when_there_is_room_again(tmp_path: P
         assert next(iter(make_reader(stream).iter_metadata())).metadata == {"notes": "full"}
 
 
+def test_a_disk_that_is_full_as_a_file_ends_leaves_no_file_unfinished(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(split_s=1.9, keep_free_MB=50.0))
+    bag.free = lambda _folder: 1_000_000_000
+    _record(bag, 1)
+    bag.free = lambda _folder: 1_000_000
+    stamp = 3 * NS_PER_S
+    bag.write(WORD, word("late"), stamp, stamp)
+    assert bag.flush() == [
+        "bag_0.mcap is full; bag_1.mcap goes on",
+        "less than 50 MB are free on the disk; recording waits for room",
+    ]
+    files = bag_files(tmp_path / "bag")
+    assert [(file.name, is_whole(file)) for file in files] == [("bag_0.mcap", True), ("bag_1.mcap", True)]
+    bag.close()
+
+
+def test_a_resumed_bag_of_nothing_begins_with_its_first_file(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "bag", lookup)
+    assert bag.open(resume=True) == []
+    assert bag.path.name == "bag_0.mcap"
+    bag.close()
+
+
+def test_a_bag_that_was_never_opened_closes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[int] = []
+    monkeypatch.setattr(os, "close", closed.append)
+    BagWriter(tmp_path / "bag", lookup).close()
+    assert closed == []
+
+
 def test_a_bag_of_no_planned_length_begins_on_a_full_disk_and_waits(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "bag", lookup, limits=BagLimits(keep_free_MB=50.0))
     bag.free = lambda _folder: 1_000_000
@@ -362,7 +393,27 @@ def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(
     assert "No space left on device" in said
     assert "bag recover" in said
     assert bag.flush() == []
+    with bag.path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # nobody has it any more: it can be recovered
     bag.close()
     damage = Damage()
     assert len(list(messages(Path(bag.folder), damage=damage))) == 100
     assert damage.unfinished
+
+
+def test_a_disk_that_refuses_a_message_ends_the_recording_with_what_was_flushed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = writer(tmp_path / "bag")
+    _record(bag, 1)
+
+    def refuse(*_args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(type(bag._part), "write", refuse)
+    for _ in range(2):
+        bag.write(WORD, word("lost"), 5 * NS_PER_S, 5 * NS_PER_S)
+    assert "bag_0.mcap: No space left on device; recording stopped" in bag.stopped
+    assert bag.counts == {WORD.topic: 100}
+    bag.close()
+    assert len(list(messages(tmp_path / "bag"))) == 100

@@ -117,11 +117,10 @@ class BagWriter:
 
     def close(self) -> None:
         """Finish the file with its index, and write metadata.yaml; `stopped` names a disk error."""
-        if self._part is not None:
-            try:
-                self._finish(self._part)
-            except OSError as error:
-                self._give_up(error)
+        try:
+            self._finish()
+        except OSError as error:
+            self._give_up(error)
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
@@ -172,7 +171,7 @@ class BagWriter:
         said: list[str] = []
         contents = part.contents
         if self.limits.split_due(part.size_bytes, (contents.last - contents.first) / NS_PER_S):
-            self._finish(part)
+            self._finish()
             self._next_part()
             said.append(f"{contents.name} is full; {self.path.name} goes on")
         while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
@@ -180,7 +179,7 @@ class BagWriter:
         if self.limits.over_budget(self.size_bytes):
             said.append(self._stop(f"the bag has used its {self.limits.budget_MB:g} MB of the disk"))
         elif not self._has_room():
-            self._finish(part)
+            self._finish()
             said.append(self._wait_for_room())
         return said
 
@@ -205,8 +204,7 @@ class BagWriter:
 
     def _stop(self, why: str) -> str:
         self.stopped = f"{why}; recording stopped"
-        if self._part is not None:
-            self._finish(self._part)
+        self._finish()
         return self.stopped
 
     def _give_up(self, error: OSError) -> str:
@@ -218,8 +216,11 @@ class BagWriter:
                 part.abandon()
         return self.stopped
 
-    def _finish(self, part: BagFile) -> None:
-        part.close()
-        self._part = None
-        self._done[part.path.name] = part.contents
-        self.index()
+    def _finish(self) -> None:
+        """Finish the file that is written now, if there is one."""
+        part = self._part
+        if part is not None:
+            part.close()
+            self._part = None
+            self._done[part.path.name] = part.contents
+            self.index()
