@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import dataclass
 
@@ -60,3 +61,20 @@ def test_a_slewed_clock_has_not_stepped(clocks: Clocks) -> None:
     stack = StackTime.of({VARIABLE: str(epoch_ns())})
     clocks.wall_ns += S // 20
     assert stack.step() == ""
+
+
+@pytest.mark.parametrize("pauses_s", [{0: (2, 0)}, {0: (0, 2)}, {1: (2, 0)}, {1: (0, 2), 2: (2, 0)}])
+def test_whoever_is_interrupted_between_the_two_clocks_sees_no_step(
+    clocks: Clocks, monkeypatch: pytest.MonkeyPatch, pauses_s: dict[int, tuple[int, int]]
+) -> None:
+    stack, looks = StackTime(epoch_ns()), itertools.count()
+
+    def wall_ns() -> int:
+        before_s, after_s = pauses_s.get(next(looks), (0, 0))
+        clocks.run(before_s)
+        found = clocks.wall_ns
+        clocks.run(after_s)
+        return found
+
+    monkeypatch.setattr(time, "time_ns", wall_ns)
+    assert stack.step_s() == 0.0
