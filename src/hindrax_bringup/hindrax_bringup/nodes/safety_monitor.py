@@ -103,11 +103,10 @@ class SafetyMonitor(BatchedNode):
             self.report(f"refused: {sentence}")
 
     def _check_link(self, now_s: float) -> None:
-        allowed_s = self._link.allowed_s
-        if self._link.step(now_s):
+        allowed_s, lost = self._link.allowed_s, self._link.step(now_s)
+        if lost:
             self._act_on_lost_link(allowed_s)
-            self._report_s = 0.0  # report a loss at once
-        if now_s - self._report_s >= REPORT_S:
+        if lost or now_s - self._report_s >= REPORT_S:
             self._report_s = now_s
             refused = self._refusals.new_refusals()
             level = DiagnosticStatus.WARN if self._link.lost or refused else DiagnosticStatus.OK
@@ -146,9 +145,9 @@ class SafetyMonitor(BatchedNode):
     def _check_clock(self) -> None:
         """Disarm when the wall clock is set: orders of those who stamp with it would be refused from now on."""
         step, step_s = self.stack_time.step(), self.stack_time.step_s()
-        if step and abs(step_s - self._step_s) > STEP_S:
+        if abs(step_s - self._step_s) > STEP_S:
             self._step_s = step_s
-            if self.armed:
+            if step and self.armed:
                 self._disarm(step)
         level = DiagnosticStatus.WARN if step else DiagnosticStatus.OK
         text = f"{step}; stamps do not follow until the stack starts anew" if step else "as the wall clock"
