@@ -17,8 +17,10 @@ from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from hindrax_bag.bag_index import is_whole, write_metadata
+from hindrax_bag.read import completion
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.completion import begin_completion, complete, main, unfinished_files
+from hindrax_bag.read.recovery import copy_of
 from hindrax_bag.read.survey import find_bags
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
@@ -141,6 +143,29 @@ def test_a_copy_that_was_cut_short_before_is_made_anew(tmp_path: Path) -> None:
     (tmp_path / "bag" / "bag_0.mcap.completed").write_bytes(b"half a copy")
     assert "completed, 181 messages" in complete(path)
     assert [file.name for file in path.parent.iterdir()] == ["bag_0.mcap"]
+
+
+def test_a_file_that_is_dropped_meanwhile_does_not_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = unfinished_bag(tmp_path / "bag")
+
+    def copy_and_drop(source: Path, target: Path) -> object:
+        made = copy_of(source, target)
+        source.unlink()
+        return made
+
+    monkeypatch.setattr(completion, "copy_of", copy_and_drop)
+    assert complete(path) == f"{path}: was left unfinished; dropped meanwhile"
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_copy_is_made_where_there_is_room_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = unfinished_bag(tmp_path / "bag")
+    size, before = path.stat().st_size, path.read_bytes()
+    monkeypatch.setattr(completion, "free_bytes", lambda _folder: size - 1)
+    assert "cannot be completed (0 MB are free, 0 MB are wanted for a copy); try" in complete(path)
+    assert (path.read_bytes(), list(path.parent.iterdir())) == (before, [path])
+    monkeypatch.setattr(completion, "free_bytes", lambda _folder: size)
+    assert "completed, 181 messages" in complete(path)
 
 
 def test_files_are_completed_beside_the_flight_or_nothing_is_started(tmp_path: Path) -> None:

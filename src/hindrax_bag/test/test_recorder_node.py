@@ -6,9 +6,10 @@ import os
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,12 +28,26 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32MultiArray
 
 from hindrax_bag.bag_index import is_whole
-from hindrax_bag.nodes.recorder import QUEUE, Recorder
+from hindrax_bag.nodes import recorder as module
+from hindrax_bag.nodes.recorder import QUEUE, SYNC_EVERY, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
+from hindrax_bag.read.completion import complete
 from hindrax_bag.software_version import software_version
+from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import DIAGNOSTICS, IMU, LIGHTS, NAMESPACE, ROSOUT, STATE, THRUSTER_COMMAND, Topic, resolved
-from hindrax_ros.batched_node import SpinLoop, events_executor
+from hindrax_core.topics import (
+    DIAGNOSTICS,
+    IMU,
+    LIGHTS,
+    NAMESPACE,
+    ROSOUT,
+    STATE,
+    THRUSTER_COMMAND,
+    TOPICS,
+    Topic,
+    resolved,
+)
+from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
 from hindrax_ros.graph import message_class, publisher, subscription
 
 PATIENT_S = 60.0
@@ -74,6 +89,8 @@ class Bench:
     def report(self) -> DiagnosticStatus:
         """What the recorder says of itself next."""
         self.statuses.clear()
+        for _ in range(SYNC_EVERY):
+            self.recorder._flush()
         self.until(lambda: self.statuses)
         return self.statuses[-1]
 
@@ -209,6 +226,38 @@ def test_it_says_that_it_records_and_how_much_fits(bench: Callable[..., Bench]) 
     assert float(words["size [MB]"]) == pytest.approx((made.bag / "bag_0.mcap").stat().st_size / 1e6, abs=0.1)
 
 
+def test_a_power_cut_costs_a_second_and_the_operator_hears_every_second(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timers: list[tuple[float, Callable[[], None]]] = []
+    syncs: list[bool] = []
+    reports: list[DiagnosticStatus] = []
+
+    def flush(_bag: BagWriter, *, sync: bool) -> list[str]:
+        syncs.append(sync)
+        return []
+
+    monkeypatch.setattr(Recorder, "every", lambda _node, seconds, act: timers.append((seconds, act)))
+    monkeypatch.setattr(BagWriter, "flush", flush)
+    made = bench()
+    monkeypatch.setattr(made.recorder._reporter, "publish", lambda _now, status: reports.append(status))
+    ((period_s, act),) = timers
+    for _ in range(6):
+        act()
+    assert (period_s, syncs) == (0.5, [False, True] * 3), "given to the disk once a second"
+    assert len(reports) == 3
+
+
+def test_it_takes_whatever_is_offered_and_keeps_it_until_its_turn(bench: Callable[..., Bench]) -> None:
+    made = bench()
+    found = {one.topic_name: one.qos_profile for one in super(BatchedNode, made.recorder).subscriptions}
+    assert found.keys() >= {resolved(topic) for topic in TOPICS}
+    for topic in TOPICS:
+        quality = found[resolved(topic)]
+        assert quality.depth == QUEUE
+        assert (quality.deadline.nanoseconds, quality.lifespan.nanoseconds) == (0, 0), "unlimited"
+
+
 def test_what_its_queue_has_lost_is_a_warning_with_the_topic(bench: Callable[..., Bench]) -> None:
     made = bench()
     inertial = made.voice(IMU)
@@ -278,8 +327,12 @@ def test_the_bag_names_the_quality_that_was_offered_and_that_of_the_table_if_the
 
 
 def test_a_bag_that_a_killed_recorder_left_is_resumed_and_in_the_end_whole(
-    bench: Callable[..., Bench], tmp_path: Path
+    bench: Callable[..., Bench], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def completed_when_waited_for(files: Sequence[Path]) -> object:
+        return SimpleNamespace(wait=lambda: [complete(file) for file in files])
+
+    monkeypatch.setattr(module, "begin_completion", completed_when_waited_for)
     left = small_bag(tmp_path / "bag")
     left.write_bytes(left.read_bytes()[:-20])
     (tmp_path / "bag" / "metadata.yaml").unlink()

@@ -14,7 +14,7 @@ from hindrax_bag.read.survey import ListedBag, find_bags, survey
 from hindrax_core.errors import UsageError
 
 START = 1_700_000_000_000_000_000
-TIMES_s = {"/a": (1.0, 0.0, 2.0, 4.0), "/b": (3.0,)}
+TIMES_s = {"/a": (1.0, 0.0, 2.0, 3.0), "/b": (2.5,)}
 
 
 def written(folder: Path, name: str = "bag_0.mcap", *, finish: bool = True) -> Path:
@@ -46,23 +46,29 @@ def test_a_bag_is_counted_topic_by_topic_from_the_first_message_to_the_last(
     monkeypatch.setattr(module, "EVERY", 2)
     found = survey(tmp_path / "bag", told.append)
     assert told == [2, 4]
-    assert (found.first, found.last, found.seconds, found.messages) == (START, START + 4 * 10**9, 4.0, 5)
+    assert (found.first, found.last, found.seconds, found.messages) == (START, START + 3 * 10**9, 3.0, 5)
     document = found.document()
     assert document["topics"] == {
-        "/a": {"type": "std_msgs/msg/Empty", "count": 4, "bytes": 20, "rate_Hz": 1.0},
-        "/b": {"type": "std_msgs/msg/Empty", "count": 1, "bytes": 5, "rate_Hz": 0.25},
+        "/a": {"type": "std_msgs/msg/Empty", "count": 4, "bytes": 20, "rate_Hz": 1.33},
+        "/b": {"type": "std_msgs/msg/Empty", "count": 1, "bytes": 5, "rate_Hz": 0.33},
     }
     assert document["bytes"] == file.stat().st_size
     assert document["files"] == ["bag_0.mcap"]
-    assert (document["finished"], document["damage"], document["seconds"]) == (True, [], 4.0)
+    assert (document["finished"], document["damage"], document["seconds"]) == (True, [], 3.0)
 
 
 def test_a_bag_of_one_moment_has_no_rate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(TIMES_s, "/a", (3.0,))
+    monkeypatch.setitem(TIMES_s, "/a", (2.5,))
     written(tmp_path / "bag")
     found = survey(tmp_path / "bag")
     assert found.seconds == 0.0
     assert {found.rate_Hz(one) for one in found.topics.values()} == {0.0}
+
+
+def test_a_bag_of_no_message_lasts_no_time(tmp_path: Path) -> None:
+    (tmp_path / "bag_0.mcap").write_bytes(b"")
+    found = survey(tmp_path)
+    assert (found.first, found.last, found.seconds, found.messages) == (0, 0, 0.0, 0)
 
 
 def test_bags_are_listed_with_what_their_metadata_or_their_last_file_says(tmp_path: Path) -> None:

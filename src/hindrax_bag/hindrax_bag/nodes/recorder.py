@@ -134,9 +134,10 @@ class Recorder(BatchedNode):
 
     def _flush(self) -> None:
         self._flushes += 1
-        for sentence in self._bag.flush(sync=self._flushes % SYNC_EVERY == 0):
+        sync = self._flushes % SYNC_EVERY == 0
+        for sentence in self._bag.flush(sync=sync):
             self.get_logger().warning(sentence)
-        if self._flushes % SYNC_EVERY == 0:
+        if sync:
             self._report()
 
     def _report(self) -> None:

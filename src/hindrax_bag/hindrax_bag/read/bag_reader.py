@@ -25,6 +25,8 @@ PATTERNS = ("*.mcap", "*.db3")
 RUN_BAG = "bag"
 """Where the bag lies in the folder of a run."""
 COMPRESSED = (".zstd", ".zst", ".lz4")
+EVERY = 10_000
+"""Messages between two reports of how far the reading of a bag is."""
 Decode = Callable[[bytes], Any]
 
 

@@ -13,7 +13,7 @@ from mcap.records import Channel as ChannelRecord
 from hindrax_bag.bag_index import channel_of
 from hindrax_bag.definitions import share_lookup
 from hindrax_bag.metadata import NAME, Channel, Contents, metadata_text
-from hindrax_bag.read.bag_reader import bag_files
+from hindrax_bag.read.bag_reader import EVERY, bag_files
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.sqlite_file import rows
 from hindrax_bag.write.bag_file import BagFile
@@ -96,15 +96,15 @@ class _Copy:
     def _rows(self, source: Path, part: BagFile) -> None:
         for topic, schema, _, data, stamp in rows(source, None, share_lookup):
             if topic not in self._noted:
-                self._channel(ChannelRecord(0, topic, "cdr", {}, schema.id), schema)
-            self._message(part, topic, Message(0, stamp, data, stamp, 0))
+                self._channel(ChannelRecord(schema.id, topic, "cdr", {}, schema.id), schema)
+            self._message(part, topic, data, stamp, stamp)
 
     def _records(self, source: Path, part: BagFile) -> None:
         schemas: dict[int, Schema] = {}
         topics: dict[int, str] = {}
         for record in records(source, self._damage):
             if isinstance(record, Message):
-                self._message(part, topics.get(record.channel_id), record)
+                self._message(part, topics.get(record.channel_id), record.data, record.log_time, record.publish_time)
             elif isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, ChannelRecord):
@@ -118,16 +118,16 @@ class _Copy:
         """Write metadata.yaml."""
         (output / NAME).write_text(metadata_text(self._files), encoding="utf-8")
 
-    def _message(self, part: BagFile, topic: str | None, record: Message) -> None:
+    def _message(self, part: BagFile, topic: str | None, data: bytes, received: int, sent: int) -> None:
         if self._begin is None:
-            self._begin = record.log_time
-        if topic is None or not self._keep(topic, (record.log_time - self._begin) / NS_PER_S):
+            self._begin = received
+        if topic is None or not self._keep(topic, (received - self._begin) / NS_PER_S):
             return
         if not part.has(topic):
             self._open(part, topic)
-        part.write(topic, record.data, record.log_time, record.publish_time)
+        part.write(topic, data, received, sent)
         self.total += 1
-        if self.total % 10_000 == 0:
+        if self.total % EVERY == 0:
             self._progress(self.total)
 
     def _channel(self, record: ChannelRecord, schema: Schema | None) -> str:

@@ -11,13 +11,12 @@ from mcap.writer import MCAP0_MAGIC
 
 from hindrax_bag.bag_index import is_whole
 from hindrax_bag.metadata import NAME
-from hindrax_bag.read.bag_reader import PATTERNS, attachments, bag_files, messages
+from hindrax_bag.read.bag_reader import EVERY, PATTERNS, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.yaml_text import read_yaml
 
-EVERY = 10_000
 SQLITE = b"SQLite format 3\x00"
 
 
@@ -83,14 +82,14 @@ class Survey:
 def survey(bag: Path, progress: Callable[[int], None] = lambda _count: None) -> Survey:
     """Read a bag; `progress` gets the number of messages from time to time. UsageError when it is no bag."""
     found = Survey(bag, files=bag_files(bag), inside=sorted(attachments(bag)))
-    for count, message in enumerate(messages(bag, damage=found.damage)):
+    for count, message in enumerate(messages(bag, damage=found.damage), 1):
         topic = found.topics.setdefault(message.topic, TopicSurvey(message.type))
         topic.count += 1
         topic.bytes += len(message.data)
         found.first = min(found.first or message.received, message.received)
         found.last = max(found.last, message.received)
-        if count % EVERY == EVERY - 1:
-            progress(count + 1)
+        if count % EVERY == 0:
+            progress(count)
     return found
 
 

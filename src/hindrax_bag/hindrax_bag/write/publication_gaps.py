@@ -20,9 +20,7 @@ class PublicationGaps:
     def count(self, number: int) -> None:
         """Count the next message by its number."""
         last = self._last
-        if len(last) == 1 and last[0] + 1 == number:
-            last[0] = number
-        elif number - 1 in last:
+        if number - 1 in last:
             last[last.index(number - 1)] = number
         else:
             self._count_gap(number)
