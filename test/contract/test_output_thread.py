@@ -78,7 +78,9 @@ class Bench:
         self.troubles: list[str] = []
         self.frames: list[bool] = []
         self.on_idle: Callable[[], None] = lambda: None
-        self.thread = OutputThread(self.open, OutputGuard(8, 2, OutputGuardKnobs(arming_s=0.5)), self, self.beat)
+        self.thread = OutputThread(
+            self.open, OutputGuard((1500.0,) * 8, 2, OutputGuardKnobs(arming_s=0.5)), self, self.beat
+        )
 
     def open(self) -> RegisterOutput:
         if not self.there:

@@ -44,7 +44,7 @@ class Bench:
         self.troubles: list[str] = []
         self.frames: list[tuple[Stamp, bool, bytes]] = []
         self.output = SerialOutput(str(folder / "stm32"), Stm32(CHANNELS), self, self.tap)
-        self.host = OutputHost(self.output, OutputGuard(8, 2, OutputGuardKnobs(arming_s=7.1)), self)
+        self.host = OutputHost(self.output, OutputGuard((1500.0,) * 8, 2, OutputGuardKnobs(arming_s=7.1)), self)
         self.sequence, self.mute, self.closed, self.woken = 0, False, False, 0
 
     def tap(self, stamp: Stamp, sent: bool, data: bytes) -> None:

@@ -85,7 +85,7 @@ class Flight:
         self.identities: list[str] = []
         self.frames = 0
         output = RegisterOutput(self.bus, self.driver, self.line, self.tap)
-        self.host = OutputHost(output, OutputGuard(8, 2, KNOBS), self)
+        self.host = OutputHost(output, OutputGuard((1500.0,) * 8, 2, KNOBS), self)
         self.sequence = 0
         self.requests = 0
 

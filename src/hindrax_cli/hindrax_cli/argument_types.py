@@ -60,6 +60,11 @@ def add_vehicle(parser: argparse.ArgumentParser, meaning: str = WHICH, *, defaul
 def add_tuning(parser: argparse.ArgumentParser) -> None:
     """Namespace and parameters of the nodes."""
     parser.add_argument("--namespace", default=NAMESPACE, metavar="/NAME", help=f"of the nodes; default {NAMESPACE}")
+    add_parameters(parser)
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Parameters of the nodes, for a command whose vehicle is named otherwise."""
     parser.add_argument("--params", default="", metavar="FILE", help="ROS parameter file for the nodes")
     parser.add_argument(
         "--set",

@@ -17,6 +17,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import require_place
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 
@@ -25,6 +26,18 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     """Options of every experiment: --plot and --json."""
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"save a plot ({', '.join(PLOT_KINDS)})")
     add_json(parser)
+
+
+def require_plot(path: Path | None) -> None:
+    """UsageError where a picture is wanted of a kind, or at a place, that cannot be written."""
+    if path is None:
+        return
+    if path.suffix.lower() not in PLOT_KINDS:
+        raise UsageError(f"--plot {path}: found {path.suffix or 'no ending'}, wanted one of {', '.join(PLOT_KINDS)}")
+    try:
+        require_place(path)
+    except HindraxError as error:
+        raise UsageError(f"--plot {error}") from error
 
 
 def add_record(parser: argparse.ArgumentParser, columns: Sequence[Column], nargs: str | None = None) -> None:
@@ -103,12 +116,11 @@ def _follow(content: Any, words: Sequence[str], where: str) -> float:
 def save_plot(path: Path | None, name: str, *data: Any) -> None:
     """Draw and save `experiments.plots.NAME(*data)` when asked to; the kind follows from the file's name.
 
-    UsageError for a kind that cannot be written. Imported here: matplotlib takes long, and only --plot needs it.
+    UsageError where it cannot be written. Imported here: matplotlib takes long, and only --plot needs it.
     """
+    require_plot(path)
     if path is None:
         return
-    if path.suffix.lower() not in PLOT_KINDS:
-        raise UsageError(f"--plot {path}: found {path.suffix or 'no ending'}, wanted one of {', '.join(PLOT_KINDS)}")
     figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
     try:
         figure.savefig(path)

@@ -14,11 +14,15 @@ from hindrax_bringup.stack_lock import runtime_folder
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
-from hindrax_sim.buses.udp_line import UdpLine
+from hindrax_drivers.buses.line import UDP_PREFIX
+from hindrax_sim.buses.udp_line import OF_DEVICE, TO_HOST, UdpLine
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.mock_vehicle import MockVehicle
 from hindrax_sim.world import Conditions
+
+UDP_PORT = f"{UDP_PREFIX}0.0.0.0:{TO_HOST}"
+"""Port of a DVL that speaks by UDP, as a vehicle file has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +44,15 @@ def serve(options: DeviceOptions, tell: Callable[[Mapping[str, str]], None], ove
     vehicle = load_vehicle(options.vehicle_file)
     mocked = options.mock
     faults = [parse_fault(fault) for fault in mocked.faults]
+    dvl = mount_of(vehicle, "dvl75")[0] if options.dvl_udp else ""
     conditions = Conditions(sizes=sizes_of(mocked.world, mocked.seed))
     with (
         _own(options.folder or runtime_folder() / "mock") as folder,
         MockVehicle(vehicle, folder, seed=mocked.seed, rate=mocked.rate, conditions=conditions, faults=faults) as mock,
         mock.offer_file(options.i2c_device) if options.i2c_device else contextlib.nullcontext(),
-        UdpLine(mock.ports[mount_of(vehicle, "dvl75")[0]]) if options.dvl_udp else contextlib.nullcontext() as network,
+        UdpLine(mock.ports[dvl]) if options.dvl_udp else contextlib.nullcontext() as network,
     ):
-        tell(paths(mock, options.i2c_device))
+        tell(paths(mock, options.i2c_device) | ({dvl: UDP_PORT} if options.dvl_udp else {}))
         while not over():
             mock.step()
             if network is not None:
@@ -81,6 +86,8 @@ def table(found: Mapping[str, str]) -> str:
     width = max(len(name) for name in found)
     lines = [f"  {name:{width}}  {path}" for name, path in found.items()]
     note = "mock:SOCKET is for hindrax (--port); the other paths open as they are"
+    if UDP_PORT in found.values():
+        note += f"; {UDP_PORT} is to be listened at, and takes commands at port {OF_DEVICE}"
     return "\n".join(["the mock vehicle's devices are up:", *lines, f"  ({note})", "  Ctrl-C ends them"])
 
 

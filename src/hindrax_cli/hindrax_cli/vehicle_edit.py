@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from hindrax_core.errors import UsageError, cause
+from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.text.text_file import replace_text, require_place
 from hindrax_core.vehicle import vehicle_from_text
 
 
@@ -21,9 +22,17 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
         text = file.read_text(encoding="utf-8")
         changed = edited(text, keys, value, str(file))
         vehicle_from_text(changed, str(file))
-        file.write_text(changed, encoding="utf-8")
+        replace_text(file, changed)
     except OSError as error:
         raise UsageError(f"{file}: cannot be changed ({cause(error)})") from error
+
+
+def require_editable(file: Path) -> None:
+    """UsageError where `set_key` would not be able to write, told before anything is measured."""
+    try:
+        require_place(file)
+    except HindraxError as error:
+        raise UsageError(f"--write: {error}") from error
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:

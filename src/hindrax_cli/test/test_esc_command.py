@@ -18,6 +18,7 @@ from hindrax_core.bus_operations import run as run_program
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import Battery
 from hindrax_drivers.bus_capture import CapturedReadings
+from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685
 
@@ -66,6 +67,12 @@ def test_full_then_least_throttle_then_neutral_and_the_others_never_move(chip: P
     assert not chip.violations
 
 
+def test_the_others_and_the_end_rest_where_the_node_would(chip: Pca9685, say: Say) -> None:
+    assert say("--thrusters", "T1", "--propellers-off", "--set", "thrusters.neutral_us:=1520") == 0
+    assert put_out(chip)[0] == put_out(chip)[-1] == (1520.0,) * 8
+    assert put_out(chip)[1] == (1900.0, *(1520.0,) * 7)
+
+
 @pytest.mark.parametrize(
     ("arguments", "case"),
     [
@@ -97,7 +104,7 @@ def supplied(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 
     def reads(volts: float) -> None:
         heard = CapturedReadings("INA226", (Stamped(Stamp(0), Battery(volts)),))
-        monkeypatch.setattr(command, "load_vehicle", lambda _file: hindrax_with("ina226"))
+        monkeypatch.setattr(command, "output_settings", lambda _: Settings(hindrax_with("ina226"), "/dev/i2c-1"))
         monkeypatch.setattr(command, "capture", lambda *_: heard)
 
     return reads

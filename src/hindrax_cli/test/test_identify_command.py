@@ -809,3 +809,22 @@ def test_without_a_vehicle_file_the_assumption_is_said(tmp_path: Path, capsys: p
     assert any("--vehicle" in one for one in document["assumptions"])
     assert "added_mass" not in document["motions"]["surge"]
     assert math.isclose(document["motions"]["surge"]["k_q"]["value"], TRUTH["k_q"], rel_tol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["identify", "RECORD", "--report", "none/a.html"], 1),
+        (["identify", "RECORD", "--coefficients", "none/a.yaml"], 1),
+        (["predict", "RECORD", "RECORD", "--plot", "none/a.png"], 2),
+        (["bag", "plot", "RECORD", "/a:b", "--out", "none/a.png"], 1),
+    ],
+)
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], code: int
+) -> None:
+    place = {"RECORD": "no-record", words[-1]: str(tmp_path / words[-1])}
+    assert main([place.get(word, word) for word in words]) == code
+    said = capsys.readouterr().err
+    assert f"{words[-1]}: cannot be written (No such file or directory)" in said
+    assert "no-record" not in said

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -50,6 +52,25 @@ def test_without_the_bus_there_is_one_sentence(words: list[str], capsys: pytest.
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert "/dev/i2c-nowhere" in said.err
+
+
+@pytest.mark.parametrize("words", [one for one in BY_HAND if one[0] != "esc"], ids=lambda words: words[0])
+def test_a_vehicle_file_that_cannot_be_changed_is_told_before_anything_is_measured(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened = Path.open
+
+    def read_only(file: Path, mode: str = "r", *more: Any, **options: Any) -> Any:
+        if mode != "r":
+            raise OSError(errno.EROFS, "Read-only file system")
+        return opened(file, mode, *more, **options)
+
+    monkeypatch.setattr(Path, "open", read_only)
+    assert main([*words, "--write", "--port", "/dev/i2c-nowhere"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--write: " in said
+    assert "cannot be written (Read-only file system)" in said
 
 
 @pytest.mark.parametrize("words", BY_HAND, ids=lambda words: words[0])

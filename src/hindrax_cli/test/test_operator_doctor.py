@@ -26,6 +26,8 @@ from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.machine import KernelTime, Running
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.buses import gpio
+from hindrax_drivers.nodes.thruster_settings import Settings
+from hindrax_drivers.output.output_guard import OutputGuardKnobs, Pulses
 
 NOW_s = 1_767_225_600.0  # 2026-01-01
 
@@ -140,7 +142,9 @@ def test_an_address_of_the_network_is_asked_and_not_looked_for(monkeypatch: pyte
     network = {"dvl75": "udp://127.0.0.1:9999"}
     vehicle = load_vehicle(default_vehicle())
     assert wires.ports(vehicle, network)[0].ok
-    found = next(one for one in wires.devices(vehicle, network, "system") if one.name == "dvl75")
+    found = next(
+        one for one in wires.devices(Settings(vehicle, vehicle.output.port), network, "system") if one.name == "dvl75"
+    )
     assert not found.ok
     assert "silence" in found.found
 
@@ -170,13 +174,37 @@ def test_a_stack_of_which_nobody_reports_is_a_problem() -> None:
 
 def test_the_devices_of_a_vehicle_answer_through_their_drivers(mock_ports: dict[str, Any]) -> None:
     vehicle = load_vehicle(default_vehicle())
-    found = wires.ports(vehicle, mock_ports) + wires.devices(vehicle, mock_ports, mock_ports["clock"])
+    settings = Settings(vehicle, vehicle.output.port)
+    found = wires.ports(vehicle, mock_ports) + wires.devices(settings, mock_ports, mock_ports["clock"])
     assert [one.name for one in found if not one.ok] == []
     by_name = {one.name: one.found for one in found}
     assert by_name["dvl75"].startswith("Cerulean DVL-75")
     assert by_name["thrusters"].startswith("PCA9685 at 0x40")
     assert "Ping" in by_name["ping1d"]
     assert "supply 5.00 V" in by_name["ping1d"]
+
+
+def test_the_output_is_asked_at_the_rest_of_its_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[Any] = []
+
+    class Asked:
+        def set_up(self) -> str:
+            return "PCA9685"
+
+        def close(self) -> None:
+            pass
+
+    def open_output(*_words: Any, neutral: Pulses) -> Asked:
+        opened.append(neutral.thrusters)
+        return Asked()
+
+    monkeypatch.setattr(wires, "open_output", open_output)
+    bare = replace(load_vehicle(default_vehicle()), sensors={})
+    moved = replace(bare, curves={"main": replace(bare.curves["main"], stop_us=1520.0)})
+    tuned = Settings(bare, "/dev/null", knobs=OutputGuardKnobs(neutral_us=1530.0))
+    for settings in (Settings(moved, "/dev/null"), tuned):
+        assert [one.found for one in wires.devices(settings, {}, "system")] == ["PCA9685 at /dev/null"]
+    assert opened == [(1520.0,) * 8, (1530.0,) * 8]
 
 
 def test_a_silent_device_is_a_problem_with_its_line(mock_ports: dict[str, Any]) -> None:
@@ -186,7 +214,7 @@ def test_a_silent_device_is_a_problem_with_its_line(mock_ports: dict[str, Any]) 
     tty.setraw(end)  # or it would echo
     try:
         ports = mock_ports | {"dvl75": os.ttyname(end)}
-        found = {one.name: one for one in wires.devices(only, ports, "system")}
+        found = {one.name: one for one in wires.devices(Settings(only, only.output.port), ports, "system")}
         assert not found["dvl75"].ok
         assert "silence" in found["dvl75"].found
     finally:

@@ -364,6 +364,16 @@ def test_ports_are_told_to_people_scripts_and_programs() -> None:
     assert mock_devices.plain(found) == "dvl75 /run/dvl75\nclock mock:/run/i2c"
     assert json.loads(mock_devices.document(found)) == {"ports": found}
     assert "  dvl75  /run/dvl75" in mock_devices.table(found)
+    assert "udp" not in mock_devices.table(found)
+
+
+def test_a_port_that_the_network_has_is_not_told(tmp_path: Path) -> None:
+    told: dict[str, str] = {}
+    options = mock_devices.DeviceOptions(default_vehicle(), MockOptions(rate=1.0), tmp_path / "ports", dvl_udp=True)
+    mock_devices.serve(options, told.update, lambda: True)
+    assert told["dvl75"] == "udp://0.0.0.0:27000"
+    assert told["ping1d"] == str(tmp_path / "ports" / "ping1d")
+    assert "udp://0.0.0.0:27000 is to be listened at, and takes commands at port 50000" in mock_devices.table(told)
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

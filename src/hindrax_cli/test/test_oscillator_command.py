@@ -92,6 +92,12 @@ def test_it_measures_keeps_and_switches_the_channel_off(
     assert running.pulses_us[:8] == pytest.approx((1500.0 / 1.031,) * 8, abs=3.0), "neutral by the clock of the file"
 
 
+def test_meanwhile_the_thrusters_rest_where_the_node_would(chip: Pca9685, say: Callable[..., tuple[int, Path]]) -> None:
+    assert say("--set", "thrusters.neutral_us:=1560")[0] == 0
+    found = {one.pulses_us[:8] for one in chip.changes if one.pulses_us[0] is not None}
+    assert [pulses == pytest.approx((1560.0 / 1.031,) * 8, abs=3.0) for pulses in found] == [True]
+
+
 def test_without_the_wire_the_channel_is_off_again_and_nothing_is_kept(
     chip: Pca9685,
     say: Callable[..., tuple[int, Path]],

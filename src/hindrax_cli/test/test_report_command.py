@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.pool import report as command
 
 
 def run_folder(path: Path, k_q: float) -> str:
@@ -51,3 +52,15 @@ def test_a_page_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: p
     said = capsys.readouterr().err.strip()
     assert "cannot be written" in said
     assert "\n" not in said
+
+
+def test_one_run_is_not_identified_again_for_a_page_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run" / "bag").mkdir(parents=True)
+    monkeypatch.setattr(command, "identify_bag", lambda *_, **__: pytest.fail("it was identified first"))
+    assert main(["report", str(tmp_path / "run"), "--out", str(tmp_path / "none" / "page.html")]) == 1
+    (tmp_path / "run" / "report.html").mkdir()
+    assert main(["report", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert ["cannot be written (No such" in said[0], "cannot be written (Is a dir" in said[1]] == [True, True]

@@ -11,8 +11,10 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER, StackLock, announced
-from hindrax_cli.commands.operate.stop import neutral_on_output, on_the_wire
-from hindrax_core.errors import HindraxError, UsageError
+from hindrax_cli.command_line import main
+from hindrax_cli.commands.operate import stop as command
+from hindrax_cli.commands.operate.stop import on_the_wire
+from hindrax_drivers.nodes.thruster_settings import Settings
 
 STACK = StackLock(4999999, mock=False, vehicle="v.yaml", folder="runs/a")
 
@@ -43,22 +45,52 @@ def test_without_a_heartbeat_nothing_is_promised(tmp_path: Path, monkeypatch: py
 
 
 def test_nobody_else_writes_to_an_output_that_a_stack_has_in_hand(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     stack = StackLock(os.getpid(), mock=False, vehicle="v.yaml", folder="runs/a")
-    with announced(stack), pytest.raises(UsageError, match=f"process {os.getpid()} runs"):
-        neutral_on_output("v.yaml")
+    with announced(stack):
+        assert main(["stop", "--output", "--vehicle", "v.yaml"]) == 2
+    assert f"process {os.getpid()} runs" in capsys.readouterr().err
 
 
 def test_a_mock_stack_does_not_keep_the_real_output_from_neutral(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     file = tmp_path / "v.yaml"
     file.write_text(default_vehicle().read_text().replace("/dev/i2c-1", "/dev/i2c-99"))
-    with (
-        announced(StackLock(os.getpid(), mock=True, vehicle="v.yaml", folder="runs/a")),
-        pytest.raises(HindraxError, match="/dev/i2c-99: neutral could not be written; cut the power"),
-    ):
-        neutral_on_output(str(file))
+    with announced(StackLock(os.getpid(), mock=True, vehicle="v.yaml", folder="runs/a")):
+        assert main(["stop", "--output", "--vehicle", str(file)]) == 1
+    assert "/dev/i2c-99: neutral could not be written; cut the power" in capsys.readouterr().err
+
+
+PARAMETERS = "/**/thrusters: {ros__parameters: {neutral_us: 1540.0}}"
+
+
+@pytest.mark.parametrize(
+    ("stop_us", "words", "wanted_us"),
+    [
+        (1520.0, [], 1520.0),
+        (1500.0, ["--set", "thrusters.neutral_us:=1530"], 1530.0),
+        (1520.0, ["--params", "PARAMETERS"], 1540.0),
+        (1520.0, ["--params", "PARAMETERS", "--set", "thrusters.neutral_us:=1530"], 1530.0),
+    ],
+)
+def test_without_a_stack_the_output_rests_where_its_node_would(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop_us: float, words: list[str], wanted_us: float
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    file, parameters = tmp_path / "v.yaml", tmp_path / "tuning.yaml"
+    file.write_text(default_vehicle().read_text().replace("stop_us: 1500.0", f"stop_us: {stop_us}"))
+    parameters.write_text(PARAMETERS)
+    written: list[Settings] = []
+
+    def write_neutral(settings: Settings) -> int:
+        written.append(settings)
+        return 0
+
+    monkeypatch.setattr(command, "write_neutral", write_neutral)
+    given = [str(parameters) if word == "PARAMETERS" else word for word in words]
+    assert main(["stop", "--output", "--vehicle", str(file), *given]) == 0
+    assert [one.guard.neutral.thrusters for one in written] == [(wanted_us,) * 8]

@@ -8,8 +8,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
-from hindrax_core.vehicle import load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_drivers.output.output_guard import (
     Answer,
     ArmingPhase,
@@ -24,7 +25,7 @@ from hindrax_drivers.output.output_guard import (
 )
 
 KNOBS = OutputGuardKnobs()
-GUARD = OutputGuard(thrusters=8, lights=2, knobs=KNOBS)
+GUARD = OutputGuard((1500.0,) * 8, lights=2, knobs=KNOBS)
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 NEUTRAL = (1500.0,) * 8
 FULL = (1900.0,) * 8
@@ -595,6 +596,44 @@ TestHostileHost = HostileHost.TestCase
 
 def test_the_guard_of_a_vehicle_has_its_thrusters_and_lamps() -> None:
     made = guard_of(VEHICLE)
-    assert (made.thrusters, made.lights, made.knobs) == (8, 2, OutputGuardKnobs())
+    assert (made.rest_us, made.lights, made.knobs) == ((1500.0,) * 8, 2, OutputGuardKnobs())
     slow = OutputGuardKnobs(arming_s=9.0)
     assert guard_of(VEHICLE, slow).knobs == slow
+
+
+def resting_at(stop_us: float, output: str = "pca9685") -> Vehicle:
+    """Our vehicle, of which the last two thrusters have a curve of their own."""
+    others = replace(VEHICLE.curves["main"], stop_us=stop_us)
+    moved = tuple(replace(one, curve="other") for one in VEHICLE.thrusters[6:])
+    return replace(
+        VEHICLE,
+        curves={**VEHICLE.curves, "other": others},
+        thrusters=(*VEHICLE.thrusters[:6], *moved),
+        output=replace(VEHICLE.output, device=output),
+    )
+
+
+def test_each_thruster_rests_at_the_stop_pulse_of_its_curve_unless_the_knob_says_otherwise() -> None:
+    made = guard_of(resting_at(1520.0))
+    assert made.neutral == Pulses((1500.0,) * 6 + (1520.0,) * 2, (1100.0, 1100.0))
+    _, pulses = made.tick(made.start(at(0.0)), at(0.0))
+    assert pulses == made.neutral
+    assert guard_of(resting_at(1520.0), OutputGuardKnobs(neutral_us=1490.0)).neutral.thrusters == (1490.0,) * 8
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "knobs", "said"),
+    [
+        (resting_at(1950.0), OutputGuardKnobs(), r"T7 rests at 1950 us, wanted 1100 to 1900 us \(low_us, high_us\)"),
+        (resting_at(1550.0), OutputGuardKnobs(high_us=1520.0), "T7 rests at 1550 us, wanted 1100 to 1520 us"),
+        (resting_at(1526.0, "stm32"), OutputGuardKnobs(), "T7 rests at 1526 us, and the stm32 by itself at 1500 us"),
+        (resting_at(1500.0, "stm32"), OutputGuardKnobs(neutral_us=1470.0), "T1 rests at 1470 us, and the stm32"),
+    ],
+)
+def test_a_rest_that_the_output_cannot_make_is_refused(vehicle: Vehicle, knobs: OutputGuardKnobs, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        guard_of(vehicle, knobs)
+
+
+def test_an_stm32_rests_within_the_dead_band() -> None:
+    assert guard_of(resting_at(1525.0, "stm32")).neutral.thrusters[-1] == 1525.0

@@ -202,7 +202,7 @@ def test_an_output_without_a_vehicle_file_declares_its_channels(make: Make) -> N
     words = ["-p", "channels:=[2, 5]"]
     bench = make(*words, settings=read_settings(words))
     assert list(bench.node.get_parameter("channels").value) == [2, 5]
-    assert bench.thread.guard.thrusters == 2
+    assert bench.thread.guard.rest_us == (1500.0,) * 2
 
 
 def test_it_is_inhibited_while_there_is_a_reason_and_says_all_of_them(make: Make) -> None:

@@ -19,6 +19,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bag.software_version import software_version
 from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import Stamp
+from hindrax_core.text.text_file import replace_text
 from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import Results
@@ -68,7 +69,7 @@ def write_report(file: Path, report: RunReport) -> None:
 def write(file: Path, text: str) -> None:
     """Write a file of text; HindraxError when that fails."""
     try:
-        file.write_text(text, encoding="utf-8")
+        replace_text(file, text)
     except OSError as error:
         raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
 

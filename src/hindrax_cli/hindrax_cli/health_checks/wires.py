@@ -24,7 +24,7 @@ from hindrax_drivers.buses.gpio import GPIO_PREFIX, find_chip
 from hindrax_drivers.buses.line import UDP_PREFIX, Line, open_line
 from hindrax_drivers.buses.ports import open_clock
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_drivers.output.output_guard import guard_of
+from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_drivers.output.output_ports import open_output
 from hindrax_sim.buses.fuse_i2c import is_mounted
 
@@ -119,14 +119,14 @@ def _speed(file: Path) -> str:
     return ""
 
 
-def devices(vehicle: Vehicle, instead: Ports, clock: str) -> list[Check]:
+def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
     """Every sensor and the output: its identity and rate."""
-    found = []
+    vehicle, found = settings.vehicle, []
     for name, mount in vehicle.sensors.items():
         where = instead.get(name, mount.port)
         found.append(_asked(name, where, partial(_sensor, where, mount, vehicle, clock)))
-    where = instead.get("thrusters", vehicle.output.port)
-    return [*found, _asked("thrusters", where, partial(_output, vehicle, where, clock))]
+    where = instead.get("thrusters", settings.port)
+    return [*found, _asked("thrusters", where, partial(_output, settings, where, clock))]
 
 
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
@@ -202,10 +202,9 @@ class _Talk:
         return self.trouble or f"{self.bytes} bytes that make no sense at {baud} baud"
 
 
-def _output(vehicle: Vehicle, where: str, clock: str) -> str:
-    output = open_output(
-        vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor", neutral=guard_of(vehicle).neutral
-    )
+def _output(settings: Settings, where: str, clock: str) -> str:
+    vehicle, neutral = settings.vehicle, settings.guard.neutral
+    output = open_output(vehicle, where, clock, lambda _stamp, _sent, _data: None, "doctor", neutral=neutral)
     try:
         return output.set_up()
     finally:

@@ -39,6 +39,8 @@ SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
 ACCEPTED, IN_PROGRESS = 0, 5
 SEVERITY_WARNING = 4
 CHANNELS = 16
+BOARD_NEUTRAL_us = 1500.0
+"""Neutral of the firmware, and of an autopilot with its factory settings."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
 from hindrax_core.input_checks.stamp_window import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us
 
 SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
@@ -42,7 +44,7 @@ class OutputGuardKnobs:
     future_s: float = knob(0.1, 0.0, 1.0, "how far ahead of the vehicle's clock a stamp may be [s]")
     repeat_s: float = knob(0.09, 0.01, 0.1, "longest time between two writes, neutral or not [s]")
     failing_s: float = knob(0.2, 0.0, 2.0, "time of failing writes after which the output is faulted [s]")
-    neutral_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest [us]")
+    neutral_us: float = knob(0.0, 0.0, 2000.0, "pulse at rest; 0: the stop pulse of each thruster's curve [us]")
     low_us: float = knob(1100.0, 500.0, 1500.0, "shortest pulse [us]")
     high_us: float = knob(1900.0, 1500.0, 2500.0, "longest pulse [us]")
     slew_usps: float = knob(4000.0, 100.0, 1e6, "largest change of a pulse, but for going neutral [us/s]")
@@ -53,8 +55,9 @@ class OutputGuardKnobs:
         """Check that the trip comes after the end of a fresh command, and that rest is an allowed pulse."""
         if self.silence_s - self.margin_s <= 0.0:
             raise ValueError(f"margin_s: found {self.margin_s:g}, wanted less than silence_s ({self.silence_s:g})")
-        if not self.low_us <= self.neutral_us <= self.high_us:
-            raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {self.low_us:g} to {self.high_us:g}")
+        if self.neutral_us and not self.low_us <= self.neutral_us <= self.high_us:
+            wanted = f"{self.low_us:g} to {self.high_us:g}, or 0 for that of the vehicle file"
+            raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {wanted}")
 
     @property
     def trip_s(self) -> float:
@@ -163,9 +166,9 @@ class OutputGuardState:
 
 @dataclass(frozen=True, slots=True)
 class OutputGuard:
-    """The rules, for a number of thrusters and lights. Holds no state of its own."""
+    """The rules, for thrusters by their pulse at rest and a number of lights. Holds no state of its own."""
 
-    thrusters: int
+    rest_us: tuple[float, ...]
     lights: int = 0
     knobs: OutputGuardKnobs = OutputGuardKnobs()
     fresh_number: Callable[[], int] = lambda: 100_000 + secrets.randbelow(900_000)
@@ -174,8 +177,7 @@ class OutputGuard:
     @property
     def neutral(self) -> Pulses:
         """Thrusters at rest, lights off: the state after every exit."""
-        knobs = self.knobs
-        return Pulses((knobs.neutral_us,) * self.thrusters, (knobs.light_off_us,) * self.lights)
+        return Pulses(self.rest_us, (self.knobs.light_off_us,) * self.lights)
 
     def start(self, now: Stamp) -> OutputGuardState:
         """Disarmed, with neutral due at once."""
@@ -377,9 +379,9 @@ class OutputGuard:
         return max(self.knobs.low_us, min(self.knobs.high_us, float(pulse_us)))
 
     def _malformed(self, command: Command) -> Refusal | None:
-        if len(command.pulses) != self.thrusters or len(command.lights) not in (0, self.lights):
+        if len(command.pulses) != len(self.rest_us) or len(command.lights) not in (0, self.lights):
             found = f"{len(command.pulses)} pulses and {len(command.lights)} lights"
-            return Refusal("wrong count", f"found {found}, wanted {self.thrusters} and {self.lights}, or no lights")
+            return Refusal("wrong count", f"found {found}, wanted {len(self.rest_us)} and {self.lights}, or no lights")
         for index, pulse in enumerate((*command.pulses, *command.lights)):
             if not math.isfinite(pulse) or not SERVO_LOW_us <= pulse <= SERVO_HIGH_us:
                 wanted = f"{SERVO_LOW_us:g} to {SERVO_HIGH_us:g} us"
@@ -418,8 +420,23 @@ class OutputGuard:
 
 
 def guard_of(vehicle: Vehicle, knobs: OutputGuardKnobs | None = None) -> OutputGuard:
-    """Guard of the thrusters and lamps of a vehicle file."""
-    return OutputGuard(len(vehicle.thrusters), len(vehicle.output.light_channels), knobs or OutputGuardKnobs())
+    """Guard of the thrusters and lamps of a vehicle file, at rest where their curves are.
+
+    UsageError where a thruster rests at a pulse that the guard or the output does not make.
+    """
+    chosen = knobs or OutputGuardKnobs()
+    curves = [vehicle.curves[one.curve] for one in vehicle.thrusters]
+    rest_us = tuple(chosen.neutral_us or one.stop_us for one in curves)
+    for thruster, curve, pulse_us in zip(vehicle.thrusters, curves, rest_us, strict=True):
+        if not chosen.low_us <= pulse_us <= chosen.high_us:
+            wanted = f"{chosen.low_us:g} to {chosen.high_us:g} us (low_us, high_us)"
+            raise UsageError(f"thrusters: {thruster.name} rests at {pulse_us:g} us, wanted {wanted}")
+        if vehicle.output.device == "stm32" and abs(pulse_us - BOARD_NEUTRAL_us) > curve.dead_band_us:
+            raise UsageError(
+                f"thrusters: {thruster.name} rests at {pulse_us:g} us, and the stm32 by itself at {BOARD_NEUTRAL_us:g}"
+                " us, which would turn it; teach the speed controller (`./hindrax esc calibrate`), then correct stop_us"
+            )
+    return OutputGuard(rest_us, len(vehicle.output.light_channels), chosen)
 
 
 def _newer(sequence: int, than: int) -> bool:

@@ -17,7 +17,7 @@ from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.buses.register_bus import RegisterBus
 from hindrax_drivers.buses.serial_port import SerialPort
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.devices.stm32 import Stm32, stm32_of
+from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32, stm32_of
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
 from hindrax_drivers.output.output_guard import Pulses
 
@@ -27,8 +27,6 @@ Tap: TypeAlias = Callable[[Stamp, bool, bytes], None]
 
 FOUND_WITHIN_S = 3.0
 SERIAL_TURN_S = 0.02
-BOARD_NEUTRAL_us = 1500.0
-"""Neutral of the firmware, and of an autopilot with its factory settings."""
 
 
 class ThrusterOutput(Protocol):

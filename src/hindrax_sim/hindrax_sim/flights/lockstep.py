@@ -23,7 +23,7 @@ from hindrax_core.readings import Battery, BottomVelocity, Pressure, Reading, Ve
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import ZERO6, Allocation, Estimate, Navigation, Phase, Thrust
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.output.output_guard import Command, OutputGuard, Refusal, Request
+from hindrax_drivers.output.output_guard import Command, Refusal, Request, guard_of
 from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import Feed, Measurement
 from hindrax_sim.faults.fault_registry import FaultSpec
@@ -69,7 +69,7 @@ class Onboard:
         self.order = LockstepCommand()
         self._pilot, self._write = pilot, write
         self.cycle = AllocationCycle(vehicle)
-        self._guard = OutputGuard(len(vehicle.thrusters))
+        self._guard = guard_of(vehicle)
         self._state = self._guard.start(Stamp(0))
         self._health = EstimatorHealth(vehicle)
         self.unhealthy: tuple[str, ...] = ()

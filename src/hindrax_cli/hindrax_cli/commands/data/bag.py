@@ -31,6 +31,7 @@ from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import require_place
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"
@@ -139,6 +140,7 @@ def plotted(arguments: argparse.Namespace) -> dict[str, Any]:
     out: Path = arguments.out or Path("bag.png")
     if out.suffix not in PLOTS:
         raise UsageError(f"{out}: wanted a picture with one of {', '.join(PLOTS)}")
+    require_place(out)
     lines = series(arguments.bag, arguments.fields)
     draw(lines, out, str(arguments.bag))
     if not arguments.json:

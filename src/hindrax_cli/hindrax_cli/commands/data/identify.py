@@ -34,6 +34,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.assess.results import Results
 from hindrax_ident.model.motion_model import MOTIONS
@@ -123,6 +124,8 @@ def _share(text: str) -> float:
 def run(arguments: argparse.Namespace) -> int:
     """Read, identify, show; 0 when the work was done, whatever the verdict on each motion."""
     wanted, axes, span = selected(arguments)
+    for file in filter(None, (arguments.report, arguments.coefficients)):
+        require_place(file)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     sources = open_sources(arguments.records, wanted, named)
     vehicle, said = _vehicle(named, sources[0])

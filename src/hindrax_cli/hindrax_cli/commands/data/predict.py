@@ -18,7 +18,7 @@ from hindrax_analysis.records.prediction import predict_record
 from hindrax_analysis.terminal import make_table, print_table, working
 from hindrax_cli.argument_types import add_vehicle, positive
 from hindrax_cli.commands.data.identify import add_selection, selected
-from hindrax_cli.experiment_command import add_output, save_plot
+from hindrax_cli.experiment_command import add_output, require_plot, save_plot
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
@@ -50,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Predict and show; 1 when no motion can be predicted."""
     file = arguments.coefficients
+    require_plot(arguments.plot)
     saved = read_coefficients(file / "coefficients.yaml" if file.is_dir() else file)
     named = load_vehicle(arguments.vehicle) if arguments.vehicle else None
     wanted, axes, span = selected(arguments)

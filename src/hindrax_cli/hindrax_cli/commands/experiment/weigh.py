@@ -18,7 +18,7 @@ from hindrax_analysis.terminal import make_table, print_table, print_values, wor
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
-from hindrax_cli.vehicle_edit import set_key
+from hindrax_cli.vehicle_edit import require_editable, set_key
 from hindrax_control.maneuver.servable import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
@@ -77,6 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print, and write where asked to."""
+    if arguments.write:
+        require_editable(Path(arguments.vehicle))
     vehicle, axis = load_vehicle(arguments.vehicle), AXES.index(arguments.axis)
     found = weigh(
         _holds(arguments, vehicle, axis), axis, prior_dynamics(vehicle)[arguments.axis], load_sigma=_sigma(arguments)

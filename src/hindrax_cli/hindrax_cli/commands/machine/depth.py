@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
-from hindrax_cli.vehicle_edit import set_key
+from hindrax_cli.vehicle_edit import require_editable, set_key
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Pressure
 from hindrax_core.text.screen_text import print_fitted
@@ -38,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, judge, print and keep."""
+    if arguments.write:
+        require_editable(Path(arguments.vehicle))
     vehicle = load_vehicle(arguments.vehicle)
     _, mount = mount_of(vehicle, "ms5837")
     port = arguments.port or mount.port

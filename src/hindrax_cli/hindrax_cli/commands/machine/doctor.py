@@ -21,13 +21,15 @@ from hindrax_bringup.network.tether import add_tether, tether_setting
 from hindrax_bringup.stack import FAULT_HELP, MockOptions, Stack, environment
 from hindrax_bringup.stack_lock import UP, StackLock, stacks
 from hindrax_bringup.supervisor import Supervisor
-from hindrax_cli.argument_types import add_json, add_vehicle
+from hindrax_cli.argument_types import add_json, add_tuning, add_vehicle
 from hindrax_cli.health_checks import machine, nodes, wires
 from hindrax_cli.health_checks.check import Check
 from hindrax_cli.health_checks.pi import board
+from hindrax_cli.output_settings import output_settings
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_drivers.nodes.thruster_settings import Settings
 from hindrax_operator.connection import joined
 
 NAME = "doctor"
@@ -46,11 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vehicle(parser)
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help=FAULT_HELP)
     add_json(parser)
+    add_tuning(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Look at everything; 1 when anything is wrong."""
-    vehicle = load_vehicle(arguments.vehicle)
+    settings = output_settings(arguments)
+    vehicle = settings.vehicle
     if arguments.topside and tether_setting() is None:
         raise UsageError("--topside: found no tether, wanted one: --tether eth0:192.168.2.2")
     checks = machine.machine(Path.cwd())
@@ -63,9 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     elif up:
         checks += wires.ports(vehicle, up[0].ports) + of_stack(up[0])
     elif arguments.mock:
-        checks += in_mock(vehicle, Path(arguments.vehicle), tuple(arguments.fault))
+        checks += in_mock(settings, Path(arguments.vehicle), tuple(arguments.fault))
     else:
-        checks += wires.ports(vehicle, {}) + wires.devices(vehicle, {}, "system")
+        checks += wires.ports(vehicle, {}) + wires.devices(settings, {}, settings.clock)
     if arguments.json:
         print_json({"checks": [asdict(one) for one in checks]})
     else:
@@ -91,7 +95,7 @@ def of_stack(presence: StackLock) -> list[Check]:
         return [Check("stack", ok=False, found=str(error), remedy="end it and start it again")]
 
 
-def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
+def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:
     """Start the mock's devices without a stack, and ask them as real ones are asked."""
     print_fitted("asking the devices of a mock vehicle", sys.stderr)
     with tempfile.TemporaryDirectory(prefix="hindrax-") as place:
@@ -102,7 +106,7 @@ def in_mock(vehicle: Vehicle, vehicle_file: Path, faults: tuple[str, ...]) -> li
             stack.start_mock(MockOptions(rate=0.0, faults=faults), "--no-ros")
             ports = stack.mock_facts["ports"]
             assert isinstance(ports, Mapping)
-            return wires.ports(vehicle, ports) + wires.devices(vehicle, ports, str(stack.mock_facts["clock"]))
+            return wires.ports(settings.vehicle, ports) + wires.devices(settings, ports, str(stack.mock_facts["clock"]))
 
 
 def show(checks: Sequence[Check]) -> None:

@@ -11,18 +11,18 @@ import signal
 import sys
 from dataclasses import dataclass
 
-from hindrax_cli.argument_types import add_i2c_port, add_vehicle
+from hindrax_cli.argument_types import add_i2c_port, add_tuning, add_vehicle
 from hindrax_cli.commands.machine.oscillator import require_output_free
+from hindrax_cli.output_settings import output_settings
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Battery
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import Vehicle, load_vehicle
+from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.bus_capture import capture, run_once
 from hindrax_drivers.buses.clock import MOCK_PREFIX
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.output.enable_line import outputs_enabled
-from hindrax_drivers.output.output_guard import guard_of
 
 NAME = "esc"
 HELP = "teach the speed controllers their throttle range, the propellers off"
@@ -42,12 +42,9 @@ class _Bench:
     """The chip on its bus, and the thrusters that are calibrated."""
 
     vehicle: Vehicle
+    chip: Pca9685
     port: str
     names: tuple[str, ...]
-
-    @property
-    def chip(self) -> Pca9685:
-        return pca9685_of(self.vehicle, guard_of(self.vehicle).neutral.all_us)
 
     def put(self, pulse_us: float) -> None:
         """Put a pulse on the chosen thrusters, rest on all other channels, and read it back."""
@@ -80,11 +77,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--thrusters", nargs="+", default=(), metavar="T1", help="default: all of the vehicle")
     parser.add_argument("--propellers-off", action="store_true", help="say that every propeller is off")
     add_i2c_port(parser)
+    add_tuning(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Lead through the steps; whatever ends them ends with neutral pulses."""
-    vehicle = load_vehicle(arguments.vehicle)
+    settings = output_settings(arguments)
+    vehicle = settings.vehicle
     known = tuple(one.name for one in vehicle.thrusters)
     names = tuple(dict.fromkeys(arguments.thrusters)) or known
     unknown = [name for name in names if name not in known]
@@ -93,7 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     require_output_free(vehicle)
     if not arguments.propellers_off:
         raise UsageError("take every propeller off, then say --propellers-off: this puts full throttle out")
-    bench = _Bench(vehicle, arguments.port or vehicle.output.port, names)
+    chip = pca9685_of(vehicle, settings.guard.neutral.all_us)
+    bench = _Bench(vehicle, chip, arguments.port or settings.port, names)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
     with outputs_enabled(vehicle.output, bench.port):

@@ -13,7 +13,7 @@ from typing import Any
 from hindrax_analysis.plain import print_answer, print_json
 from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
-from hindrax_cli.vehicle_edit import set_key
+from hindrax_cli.vehicle_edit import require_editable, set_key
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.readings import Inertial, Magnetic, Vec3
@@ -45,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate or test, print what came of it."""
+    if arguments.write:
+        require_editable(Path(arguments.vehicle))
     name, mount = mount_of(load_vehicle(arguments.vehicle), "icm20948")
     port = arguments.port or mount.port
     if arguments.action == "self-test":

@@ -8,17 +8,17 @@ from pathlib import Path
 
 from hindrax_analysis.plain import print_answer
 from hindrax_bringup.stack_lock import vehicle_stack
-from hindrax_cli.argument_types import add_i2c_port, add_json, add_vehicle
-from hindrax_cli.vehicle_edit import set_key
+from hindrax_cli.argument_types import add_i2c_port, add_json, add_tuning, add_vehicle
+from hindrax_cli.output_settings import output_settings
+from hindrax_cli.vehicle_edit import require_editable, set_key
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import Vehicle, chip_and_line, load_vehicle
+from hindrax_core.vehicle import Vehicle, chip_and_line
 from hindrax_drivers.bus_capture import run_once
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.output import oscillator
 from hindrax_drivers.output.enable_line import outputs_enabled
-from hindrax_drivers.output.output_guard import guard_of
 
 NAME = "oscillator"
 HELP = "measure the oscillator of the PCA9685 by a spare channel that is wired back to a GPIO"
@@ -37,19 +37,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="how long to measure [s]")
     parser.add_argument("--write", action="store_true", help="put the result into the vehicle file")
     add_json(parser)
+    add_tuning(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure, print and keep."""
-    vehicle = load_vehicle(arguments.vehicle)
+    if arguments.write:
+        require_editable(Path(arguments.vehicle))
+    settings = output_settings(arguments)
+    vehicle = settings.vehicle
     chip, line = _gpio(arguments.gpio)
     _require_channel(vehicle, arguments.channel)
     require_output_free(vehicle)
-    output, port = vehicle.output, arguments.port or vehicle.output.port
+    output, port = vehicle.output, arguments.port or settings.port
     run_once(port, oscillator.look(output.address, chip, line))
     print_fitted(GUIDE.format(channel=arguments.channel, gpio=arguments.gpio), sys.stderr)
     with outputs_enabled(output, port):
-        identity = run_once(port, pca9685_of(vehicle, guard_of(vehicle).neutral.all_us).configure()).text
+        identity = run_once(port, pca9685_of(vehicle, settings.guard.neutral.all_us).configure()).text
         prescale = run_once(port, oscillator.begin(output.address, arguments.channel))
         try:
             print_fitted(f"measuring for {arguments.seconds:g} s", sys.stderr)

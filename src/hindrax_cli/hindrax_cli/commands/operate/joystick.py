@@ -49,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import spin  # noqa: PLC0415  # as above
 
-        print_fitted("hold the dead-man button and steer; Ctrl-C ends it")
+        ready = "hold the dead-man button and steer" if found else "a vehicle that is heard there can be steered"
+        print_fitted(f"{ready}; Ctrl-C ends it")
         return spin(make_nodes, words)
 
 

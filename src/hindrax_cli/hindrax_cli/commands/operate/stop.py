@@ -9,11 +9,11 @@ import time
 from hindrax_bringup.liveness import PERIOD_S, beats
 from hindrax_bringup.processes import THRUSTERS
 from hindrax_bringup.stack_lock import StackLock, choose, runtime_folder, stacks, vehicle_stack
-from hindrax_cli.argument_types import add_vehicle
+from hindrax_cli.argument_types import add_parameters, add_vehicle
+from hindrax_cli.output_settings import output_settings
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_drivers.nodes.deadman import write_neutral
-from hindrax_drivers.nodes.thruster_settings import read_settings
 from hindrax_operator.connection import add_stack, joined
 
 NAME = "stop"
@@ -30,12 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="after a stack was killed: put neutral on the thruster output of --vehicle, without any stack",
     )
     add_vehicle(parser)
+    add_parameters(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Stop each; go on with the next when one cannot be reached."""
     if arguments.output:
-        return neutral_on_output(arguments.vehicle)
+        return neutral_on_output(arguments)
     from hindrax_operator.nodes.orders import stop  # noqa: PLC0415  # rclpy is loaded only where it is needed
 
     found = stacks()
@@ -56,11 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
-def neutral_on_output(vehicle: str) -> int:
+def neutral_on_output(arguments: argparse.Namespace) -> int:
     """Write neutral as the dead man would; refused while a stack has the output in hand."""
     if (found := vehicle_stack()) is not None:
         raise UsageError(f"--output: {found.title} runs, and its dead man has the output; `./hindrax stop` stops it")
-    settings = read_settings(["--ros-args", "-p", f"vehicle:={vehicle}"])
+    settings = output_settings(arguments)
     if write_neutral(settings):
         raise HindraxError(f"{settings.port}: neutral could not be written; cut the power")
     return 0

@@ -10,7 +10,7 @@ import yaml
 from hindrax_analysis.plain import print_json
 from hindrax_cli.argument_types import add_json, add_vehicle, positive
 from hindrax_cli.commands.experiment import bollard
-from hindrax_cli.vehicle_edit import set_key
+from hindrax_cli.vehicle_edit import require_editable, set_key
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_operator.connection import add_stack, operator_of
@@ -64,6 +64,8 @@ def _fit(arguments: argparse.Namespace) -> int:
     if len(arguments.which) != 1:
         raise UsageError(f"thruster fit: found {len(arguments.which)} files, wanted one sweep (CSV)")
     arguments.record = Path(arguments.which[0])
+    if arguments.write:
+        require_editable(Path(arguments.vehicle))
     curve, block = bollard.fitted(arguments)
     if arguments.write:
         fresh = yaml.safe_load(block)["curves"][arguments.name]

@@ -17,6 +17,7 @@ from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import require_place
 from hindrax_core.vehicle import load_vehicle
 
 NAME = "report"
@@ -39,10 +40,13 @@ def run(arguments: argparse.Namespace) -> int:
     """One run: evaluate its bag again. Several: compare what their files say."""
     runs: list[Path] = arguments.runs
     if len(runs) == 1:
+        _require_run(runs[0])
+        require_place(arguments.out or RunFolder(runs[0]).report)
         with working(f"identifying over {runs[0]} again"):
             out = _again(runs[0], [_saved(path) for path in arguments.earlier], arguments.out)
     else:
         out = arguments.out or Path("comparison.html")
+        require_place(out)
         write(out, comparison_page(_labelled([*runs, *arguments.earlier])))
     print_fitted(out)
     return 0
@@ -71,10 +75,13 @@ def _with_predicted(conditions: Conditions, folder: RunFolder) -> Conditions:
     return replace(conditions, predicted=read_coefficients(folder.coefficients).conditions.predicted)
 
 
+def _require_run(path: Path) -> None:
+    if not path.is_dir() or not RunFolder(path).bag.is_dir():
+        raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
+
+
 def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Path:
     folder = RunFolder(path)
-    if not path.is_dir() or not folder.bag.is_dir():
-        raise UsageError(f"{path}: holds no folder `bag`, wanted the folder of a run such as runs/2026-05-04_10-00-00")
     vehicle = recorded_vehicle(RecordSource(folder.bag)) or load_vehicle(default_vehicle())
     identified = identify_bag(folder.bag, vehicle, mock=is_mock(folder.bag))
     conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock)

@@ -1,0 +1,55 @@
+"""Files of text that are whole or as they were, and the question beforehand whether one can be written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from hindrax_core.errors import HindraxError, cause
+
+NOTHING_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
+"""Of a folder that takes no new file, or of a file that is mounted there by itself."""
+
+
+def replace_text(file: Path, text: str) -> None:
+    """Write a file in one step: a disk that is full, or a Ctrl-C, leaves what was there. OSError says why not."""
+    target = file.resolve()
+    if not target.exists() or target.is_file():  # a pipe or a terminal has nothing to keep
+        try:
+            _replace(target, text)
+        except OSError as error:
+            if error.errno not in NOTHING_BESIDE or not target.exists():
+                raise
+        else:
+            return
+    target.write_text(text, encoding="utf-8")
+
+
+def _replace(target: Path, text: str) -> None:
+    """Write a draft beside it, give it the owner and mode of what was there, and the name last."""
+    draft = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        with draft.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+        if target.exists():
+            was = target.stat()
+            os.chown(draft, was.st_uid, was.st_gid)
+            draft.chmod(stat.S_IMODE(was.st_mode))
+        draft.replace(target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def require_place(file: Path) -> None:
+    """HindraxError where a file cannot be written, told before the work whose result it is to hold."""
+    fresh = not file.exists()
+    if not fresh and not (file.is_file() or file.is_dir()):
+        return
+    try:
+        file.open("ab").close()
+    except OSError as error:
+        raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
+    if fresh:
+        file.unlink(missing_ok=True)
