@@ -80,6 +80,19 @@ def test_resting_the_heartbeat_leaves_other_timers_alone(monkeypatch: pytest.Mon
         assert not any(timer.is_canceled() for timer in operator.node.timers)
 
 
+def test_what_a_timer_asked_for_before_its_end_is_not_done_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen in 246 flights: a wrench was published again after its publisher had been destroyed."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    with Operator(mock=False) as operator:
+        ticks: list[None] = []
+        with operator.repeating(60.0, lambda: ticks.append(None)):
+            *_, timer = operator.node.timers
+            late = timer.callback
+            late()
+        late()
+    assert len(ticks) == 2
+
+
 def clock_that_arrives(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first /clock of a mock comes while the operator waits for it."""
     spun: list[None] = []

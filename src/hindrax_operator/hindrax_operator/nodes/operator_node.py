@@ -200,12 +200,22 @@ class Operator:
 
     @contextlib.contextmanager
     def repeating(self, period_s: float, act: Callable[[], None]) -> Iterator[None]:
-        """Act now and again after each period of ROS time."""
+        """Act now and again after each period of ROS time; never after the end.
+
+        The executor runs what a timer has asked for before, also when the timer is gone.
+        """
+        acting = True
+
+        def again() -> None:
+            if acting:
+                act()
+
         act()
-        timer = self.node.create_timer(period_s, act)
+        timer = self.node.create_timer(period_s, again)
         try:
             yield
         finally:
+            acting = False
             self.node.destroy_timer(timer)
 
     def pause(self, seconds: float) -> None:
