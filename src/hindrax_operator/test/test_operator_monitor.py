@@ -107,14 +107,19 @@ class Fake:
         self.orders.append("disarm")
 
 
-def screen(shown: Snapshot, keys: tuple[str, ...] = (), size: tuple[int, int] = (80, 24)) -> tuple[str, Fake]:
-    """Text of the screen after some keys."""
+def screen(
+    shown: Snapshot, keys: tuple[str, ...] = (), size: tuple[int, int] = (80, 24), scrolled: int = 0
+) -> tuple[str, Fake]:
+    """Text of the screen after some keys, and some times down."""
     vehicle = Fake(shown)
 
     async def look() -> str:
         app = Monitor(vehicle)
         async with app.run_test(size=size) as pilot:
             await pilot.press(*keys)
+            await pilot.pause()
+            for _ in range(scrolled):
+                await pilot.press("down")
             await pilot.pause()
             for _ in range(500):  # a busy machine is slow to pass keys on
                 if len(vehicle.orders) < len(keys):
@@ -152,6 +157,27 @@ def test_everything_is_on_a_screen_of_80_by_24() -> None:
     ):
         assert words in text, words
     assert max(len(line) for line in text.splitlines()) == 80
+
+
+def test_on_a_small_screen_the_state_stays_and_all_else_is_scrolled_to() -> None:
+    seen = ""
+    for pages in (0, 4, 8):
+        text, _ = screen(FULL, size=(60, 20), scrolled=pages)
+        lines = [line.rstrip() for line in text.splitlines()]
+        assert "ARMED" in lines[0]
+        assert "quit (ROV goes on)" in lines[-1]
+        assert "\u2026" not in text
+        seen += "\n".join(lines)
+    for words in (
+        "surge, sway +0.312  -0.004 m/s",
+        "north, east +1.25  -0.33 m",
+        "1900 us +15.5 N",
+        "icm20948 225 Hz",
+        "no reading for 3.2 s; line is silent",
+        "42 %",
+        "66.10±0.78",
+    ):
+        assert words in seen, words
 
 
 REFUSAL = "refused: the vehicle is 0.31 m from the east wall, and the hold would begin 0.40 m beyond it"

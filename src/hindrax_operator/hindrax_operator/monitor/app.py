@@ -7,6 +7,7 @@ from typing import ClassVar
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
+from textual.events import Resize
 from textual.widgets import Footer, Static
 
 from hindrax_operator.monitor import draw
@@ -14,6 +15,8 @@ from hindrax_operator.snapshot import WatchedVehicle
 
 REFRESH_s = 0.2
 FRAMED = ("state", "thrusters", "holds", "health", "maneuver")
+TWO_COLUMNS = 78
+"""Narrower than this, the sections stand below each other."""
 
 
 class Monitor(App[None]):
@@ -21,17 +24,22 @@ class Monitor(App[None]):
 
     TITLE = "hindrax"
     ENABLE_COMMAND_PALETTE = False
+    AUTO_FOCUS = None  # it would scroll to the last section, and what is armed away from a small screen
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "stop", "STOP (neutral, disarm, cancel)", priority=True),
+        Binding("s", "stop", "STOP (disarm, cancel)", priority=True),
         Binding("d", "disarm", "disarm"),
-        Binding("q", "quit", "quit (the vehicle goes on)"),
+        Binding("q", "quit", "quit (ROV goes on)"),
+        Binding("down,pagedown", "scroll(1)", show=False),
+        Binding("up,pageup", "scroll(-1)", show=False),
     ]
     CSS = """
     Screen { background: $background; }
-    #headline { height: auto; max-height: 3; padding: 0 1; }
+    #headline { dock: top; height: auto; max-height: 3; padding: 0 1; }
     Screen.old .section, Screen.old #estimates { opacity: 45%; }
     .row { height: auto; }
     .row Static { width: 1fr; }
+    Screen.narrow .row { layout: vertical; }
+    Screen.narrow .row Static { width: 100%; }
     .section { border-top: solid $primary; border-title-color: $text; border-title-style: bold;
                padding: 0 1; height: auto; margin: 0 1 0 0; }
     #state, #thrusters { height: 9; }
@@ -40,6 +48,7 @@ class Monitor(App[None]):
     #rest { height: 1fr; min-height: 2; border-top: solid $primary; border-title-color: $text;
             border-title-style: bold; padding: 0 1;
             scrollbar-size-vertical: 1; }
+    Screen.narrow #rest { height: auto; }
     """
 
     def __init__(self, vehicle: WatchedVehicle) -> None:
@@ -73,6 +82,10 @@ class Monitor(App[None]):
         self.set_interval(REFRESH_s, self.refresh_snapshot)
         self.refresh_snapshot()
 
+    def on_resize(self, event: Resize) -> None:
+        """Two columns where there is room for them."""
+        self.screen.set_class(event.size.width < TWO_COLUMNS, "narrow")
+
     def refresh_snapshot(self) -> None:
         """Draw what is known now."""
         view = self._vehicle.snapshot()
@@ -82,6 +95,11 @@ class Monitor(App[None]):
         for name, section in draw.SECTIONS.items():
             places[name].update(section(view))
         places["thrusters"].border_title = f"thrusters{draw.lost(view.thrusters)}"
+
+    def action_scroll(self, way: int) -> None:
+        """Scroll the list of estimates, and on a small screen the sections."""
+        for one in (self.query_one("#rest"), self.screen):
+            one.scroll_relative(y=4 * way, animate=False)
 
     def action_stop(self) -> None:
         """Stop now; no question is asked."""

@@ -6,10 +6,17 @@ import argparse
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError
+from hindrax_sim.mock_vehicle import Ports
+
+OUTPUT = "thrusters"
+"""How the names of the clients begin that write to the thruster output: its node, and the dead man."""
+FAREWELL_S = 4.0
+"""Wall time that they have for their last pulses: `ros2 launch` sends SIGTERM after five seconds."""
 
 
 def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, Path], int]) -> int:
@@ -29,3 +36,10 @@ def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, 
     finally:
         if ours:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def outlast_output(ports: Ports, farewell_s: float = FAREWELL_S) -> None:
+    """Step on until nobody writes to the thruster output: a Ctrl-C reaches hardware and nodes at once."""
+    end_s = time.monotonic() + farewell_s
+    while any(name.startswith(OUTPUT) for name in ports.serve_clients(0.0)) and time.monotonic() < end_s:
+        ports.step()

@@ -28,7 +28,7 @@ from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.faults.true_state import TruthLog
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
-from hindrax_sim.nodes.hardware_process import main_of
+from hindrax_sim.nodes.hardware_process import main_of, outlast_output
 from hindrax_sim.world import Conditions
 
 CLOCK_EVERY = 8
@@ -85,6 +85,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
             while not stop.asked:
                 mock.step()
                 heartbeat.beat(time.monotonic())
+            outlast_output(mock)
         print(json.dumps(ground_truth(mock)), flush=True)  # noqa: T201  # for the parent
     return 0
 

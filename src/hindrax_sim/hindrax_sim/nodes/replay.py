@@ -40,7 +40,7 @@ from hindrax_ros.messages.serialization import current_bytes
 from hindrax_ros.process import StopSignal
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import Ports
-from hindrax_sim.nodes.hardware_process import main_of
+from hindrax_sim.nodes.hardware_process import main_of, outlast_output
 from hindrax_sim.recorded_hardware import RecordedHardware, frames_of
 
 PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
@@ -139,6 +139,8 @@ def run(words: argparse.Namespace, folder: Path) -> int:
             wait_for_all(ports, player, stop)
             while not stop.asked and hardware.stamp < hardware.end + AFTER_NS:
                 ports.step()
+            if stop.asked:
+                outlast_output(ports)
         finally:
             player.destroy_node()
             rclpy.try_shutdown()
