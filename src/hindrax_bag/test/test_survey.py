@@ -86,10 +86,10 @@ def test_bags_are_listed_with_what_their_metadata_or_their_last_file_says(tmp_pa
     whole, cut = f"no {NAME}: bag info reads it", "unfinished: bag recover"
     assert find_bags(tmp_path) == [
         ListedBag(tmp_path / "a", sizes["a"], True, 4.5, 7),
-        ListedBag(tmp_path / "b", sizes["b"], False, note=cut),
-        ListedBag(tmp_path / "c", sizes["c"], True, note=whole),
-        ListedBag(tmp_path / "d", sizes["d"], False, note=cut),
-        ListedBag(tmp_path / "e", sizes["e"], True, note=whole),
+        ListedBag(tmp_path / "b", sizes["b"], False, 0.0, 0, cut),
+        ListedBag(tmp_path / "c", sizes["c"], True, 0.0, 0, whole),
+        ListedBag(tmp_path / "d", sizes["d"], False, 0.0, 0, cut),
+        ListedBag(tmp_path / "e", sizes["e"], True, 0.0, 0, whole),
         ListedBag(tmp_path / "f", 14, False, note="bag_0.mcap is no bag"),
         ListedBag(tmp_path / "g", 0, False, note=cut),
     ]

@@ -82,9 +82,11 @@ def test_moving_on_is_no_jump_not_even_after_a_gap() -> None:
 
 @pytest.mark.parametrize(("part", "breaks"), [(0.99, 0), (1.01, 1)])
 def test_a_jump_is_what_exceeds_a_correction_and_the_way_at_the_highest_speed(part: float, breaks: int) -> None:
+    slow = replace(VEHICLE, limits=replace(VEHICLE.limits, speed_mps=0.5))
     flight = Flight()
+    flight.odometry = ExternalOdometry(slow)
     flight.step(LEVEL)
-    way_m = 0.3 + FASTEST * VEHICLE.limits.speed_mps * 0.4
+    way_m = 0.3 + FASTEST * 0.5 * 0.4
     flight.step(replace(LEVEL, position_m=(0.0, part * way_m)), later_s=0.4)
     assert flight.odometry.breaks == breaks
 

@@ -328,7 +328,12 @@ def test_angles_at_their_limits_are_believed(angles: tuple[float, float, float])
 
 @pytest.mark.parametrize(
     ("signs", "wanted_deg"),
-    [((1.0, 1.0, 1.0), (10, 20, 30)), ((-1.0, 1.0, 1.0), (-10, 20, 30)), ((1.0, -1.0, -1.0), (10, -20, 330))],
+    [
+        ((1.0, 1.0, 1.0), (10, 20, 30)),
+        ((-1.0, 1.0, 1.0), (-10, 20, 30)),
+        ((1.0, -1.0, 1.0), (10, -20, 30)),
+        ((1.0, 1.0, -1.0), (10, 20, 330)),
+    ],
 )
 def test_each_angle_has_the_sign_that_the_vehicle_gives_it(
     signs: tuple[float, float, float], wanted_deg: tuple[float, float, float]

@@ -16,7 +16,7 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, SILENT_LINE, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.imu.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.imu.ak09916 import SET_UP_EVERY_S, Ak09916
 from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock
@@ -161,6 +161,16 @@ def test_a_sensor_that_gives_nothing_is_configured_anew(sensor: Icm20948, chip: 
         assert list(cycle(sensor, chip, turn)) == []
     with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
         cycle(sensor, chip, turns + 2)
+
+
+def test_the_silence_of_a_sensor_that_was_just_configured_begins_with_the_first_look(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    for _ in range(2):
+        play(sensor.configure(), chip)  # type: ignore[arg-type]
+        assert list(play(sensor.cycle(START), chip)) == []
+        assert list(play(sensor.cycle(after(START, NO_DATA_S)), chip)) == []
+        with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
+            play(sensor.cycle(after(START, NO_DATA_S + 0.01)), chip)
 
 
 def test_equal_samples_are_refused_and_a_hung_sensor_is_configured_anew(sensor: Icm20948, chip: Chip) -> None:
@@ -439,21 +449,34 @@ def test_a_step_of_the_host_s_clock_is_not_a_period() -> None:
     assert clock.period_ns == PERIOD_ns
 
 
+def edges(count: int, newest_s: float) -> bytes:
+    return struct.pack(">Iq", count, round(1e9 * newest_s))
+
+
+def timed_cycle(sensor: Icm20948, at: Stamp, before: bytes, behind: bytes, turn: int) -> Any:
+    """Four samples between two looks at the line."""
+    line, count, burst = Read(0x81, 12), WriteRead(0x68, b"\x70", 2), WriteRead(0x68, b"\x72", 48)
+    data = b"".join(struct.pack(">6h", turn, index, 8192, 1, 2, 3) for index in range(4))
+    return rehearse(sensor.cycle(at), [(line, before), (count, b"\x00\x30"), (burst, data), (line, behind)])
+
+
+def test_a_line_without_edges_is_told_four_times_a_second() -> None:
+    sensor, told_s = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False, temperature_every=100)), []
+    for turn in range(56):
+        at_s = 1.0 + turn / 50.0
+        told = reasons(timed_cycle(sensor, stamp_from_s(at_s), bytes(12), bytes(12), turn))
+        assert told == [SILENT_LINE] * len(told)
+        told_s += [at_s] * len(told)
+    assert told_s == pytest.approx([1.26, 1.52, 1.78, 2.04])
+
+
 def test_an_edge_between_two_looks_is_not_that_of_the_newest_sample_in_the_burst() -> None:
     sensor = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False))
     start, later = stamp_from_s(1.0), stamp_from_s(1.018)
-    line, count, burst = Read(0x81, 12), WriteRead(0x68, b"\x70", 2), WriteRead(0x68, b"\x72", 48)
-
-    def look(edges: int, newest_s: float) -> bytes:
-        return struct.pack(">Iq", edges, round(1e9 * newest_s))
-
-    def cycle(at: Stamp, before: bytes, after: bytes, turn: int) -> Any:
-        data = b"".join(struct.pack(">6h", turn, index, 8192, 1, 2, 3) for index in range(4))
-        return rehearse(sensor.cycle(at), [(line, before), (count, b"\x00\x30"), (burst, data), (line, after)])
-
-    cycle(start, look(4, 0.999), look(4, 0.999), 1)
-    (*_, newest) = cycle(later, look(8, 1.017), look(8, 1.017), 2)
+    first = timed_cycle(sensor, start, edges(4, 0.999), edges(4, 0.999), 1)
+    assert reasons(first) == []
+    (*_, newest) = timed_cycle(sensor, later, edges(8, 1.017), edges(8, 1.017), 2)
     delay_ns = round(1e9 * Icm20948Knobs().filter_delay_s)
     assert newest.stamp == 1_017_000_000 - delay_ns
-    (*_, newest) = cycle(stamp_from_s(1.037), look(12, 1.0348), look(13, 1.0393), 3)
+    (*_, newest) = timed_cycle(sensor, stamp_from_s(1.037), edges(12, 1.0348), edges(13, 1.0393), 3)
     assert newest.stamp == pytest.approx(1_017_000_000 + 4e9 / 225.0 - delay_ns, abs=1)

@@ -119,9 +119,9 @@ def test_a_setting_is_followed_by_a_question_for_it_unless_pings_tell_or_nothing
 
 
 def test_range_and_gain_are_ordered_by_hand_only() -> None:
-    by_hand = Ping1dKnobs(mode_auto=False, range_start_m=0.1, range_length_m=5.0, gain=3)
+    by_hand = Ping1dKnobs(mode_auto=False, range_start_m=40.0, range_length_m=60.0, gain=3)
     frames = b"".join(order.frames for order in device_settings(by_hand))
-    assert encode(protocol.SET_RANGE, struct.pack("<II", 100, 5000)) in frames
+    assert encode(protocol.SET_RANGE, struct.pack("<II", 40_000, 60_000)) in frames
     assert encode(protocol.SET_GAIN, b"\x03") in frames
 
 

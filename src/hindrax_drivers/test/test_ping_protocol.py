@@ -66,7 +66,9 @@ def test_what_is_encoded_is_decoded_when_its_length_is_right(message: int, paylo
 def test_a_false_frame_is_told_as_a_whole_and_once() -> None:
     broken = bytearray(SIMPLE)
     broken[9] ^= 1
-    assert split(bytes(broken) + SIMPLE) == [Refused("checksum", bytes(broken)), *split(SIMPLE)]
+    told = Refused("checksum", bytes(broken))
+    assert split(bytes(broken) + SIMPLE) == [told, *split(SIMPLE)]
+    assert split(bytes(broken) + bytes(3) + SIMPLE) == [told, Refused("garbage", bytes(3)), *split(SIMPLE)]
 
 
 def test_a_flood_of_false_marks_is_cheap_and_told() -> None:
@@ -141,13 +143,22 @@ def test_every_message_has_the_length_of_its_definition_and_no_other(message: in
         assert not any(isinstance(one, Frame) for one in split(encode(message, bytes(wrong))))
 
 
-def test_a_profile_may_be_empty_but_its_head_is_whole() -> None:
-    assert split(encode(protocol.PROFILE, bytes(26))) == [Frame(protocol.PROFILE, bytes(26))]
-    assert not any(isinstance(one, Frame) for one in split(encode(protocol.PROFILE, bytes(25))))
+@pytest.mark.parametrize(
+    ("message", "shortest", "longest"),
+    [(protocol.ACK, 2, 2), (protocol.NACK, 2, 258), (protocol.TEXT, 0, 256), (protocol.PROFILE, 26, 26 + 1024)],
+)
+def test_a_message_of_any_length_has_its_head_and_an_end(message: int, shortest: int, longest: int) -> None:
+    for size in {shortest, longest}:
+        assert split(encode(message, bytes(size))) == [Frame(message, bytes(size))]
+    for wrong in {max(0, shortest - 1), longest + 1} - {shortest}:
+        assert not any(isinstance(one, Frame) for one in split(encode(message, bytes(wrong))))
 
 
 @pytest.mark.parametrize(("message", "reason"), [(protocol.DISTANCE_SIMPLE, "length"), (1999, "unknown")])
-def test_a_known_message_of_a_wrong_length_is_told_apart_from_an_unknown_one(message: int, reason: str) -> None:
-    (refused, *_) = split(encode(message, b"abc"))
+@pytest.mark.parametrize("length", [0, 1, 3])
+def test_a_known_message_of_a_wrong_length_is_told_apart_from_an_unknown_one(
+    message: int, reason: str, length: int
+) -> None:
+    (refused, *_) = split(encode(message, bytes(length)))
     assert isinstance(refused, Refused)
     assert refused.reason == reason

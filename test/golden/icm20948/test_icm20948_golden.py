@@ -112,6 +112,14 @@ def test_configuration_says_what_the_data_sheet_wants_in_its_order() -> None:
     assert identity.text == "ICM-20948 at 0x68, AK09916, 225 Hz, 500 dps, 4 g"
 
 
+def test_a_reset_is_waited_for_ten_times() -> None:
+    busy = [read(0x06, "C1"), (Pause(0.01), b"")]
+    lines = RESET[:5] + busy * 9 + RESET[5:] + converters(4, 0x19, 0x19) + BYPASS + [TEMPERATURE] + FIFO
+    assert rehearse(Icm20948(NARROW).configure(), lines).text.startswith("ICM-20948 at 0x68")
+    with pytest.raises(DeviceError, match="address 0x68: does not come out of its reset; power-cycle it"):
+        rehearse(Icm20948(NARROW).configure(), RESET[:5] + busy * 10)
+
+
 def test_the_data_ready_line_is_watched_and_then_pulses() -> None:
     """INT_ENABLE_1 is 0x11 with RAW_DATA_0_RDY_EN in bit 0 (DS-000189, bank 0; SparkFun's ICM_20948_REGISTERS.h)."""
     config = int(CASES["config_500dps_4g_filter_3"], 16)

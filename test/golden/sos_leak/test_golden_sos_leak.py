@@ -49,3 +49,17 @@ def test_a_line_that_never_rests_is_no_probe() -> None:
     looks(sensor, (patience * "01")[:patience])
     with pytest.raises(DeviceError, match="line 27: changes all the time"):
         looks(sensor, str(patience % 2))
+
+
+def test_a_line_that_rests_now_and_then_is_one() -> None:
+    sensor = configured()
+    for _ in range(RESTLESS_LOOKS):
+        *_, last = looks(sensor, "0101000")
+        assert last.reading.wet is False
+
+
+def test_a_line_that_is_set_up_again_is_looked_at_anew() -> None:
+    sensor = configured()
+    looks(sensor, "01" * (RESTLESS_LOOKS // 2) + "111")
+    rehearse(sensor.configure(), [(Write(LINE, b"\x01"), b"")])
+    assert looks(sensor, "00") == [None, None]

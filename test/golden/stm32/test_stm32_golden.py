@@ -103,13 +103,13 @@ def test_status_text_of_pymavlink(severity: int, text: str) -> None:
     theirs = sender()
     wire = bytes(theirs.statustext_encode(severity, text.encode()).pack(theirs))
     assert only(wire) == StatusText(severity, text)
+    assert encode(StatusText(severity, text), 0, component=1) == wire
 
 
 def test_our_battery_is_understood_by_pymavlink() -> None:
-    (message,) = common.MAVLink(None).parse_buffer(encode(BatteryStatus(14.8, 12.34), 0))
-    assert message.voltages == [14800] + [65535] * 9
-    assert message.current_battery == 1234
-    assert message.battery_remaining == -1
+    theirs, cells = sender(), [14800] + [65535] * 9
+    wire = bytes(theirs.battery_status_encode(0, 0, 0, 0x7FFF, cells, 1234, -1, -1, -1).pack(theirs))
+    assert encode(BatteryStatus(14.8, 12.34), 0, component=1) == wire
 
 
 def test_signed_frames_are_refused() -> None:

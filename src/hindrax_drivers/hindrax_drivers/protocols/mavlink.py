@@ -275,8 +275,8 @@ class Decoder:
             if start:
                 yield from self._refuse(len(self._buffer) if start < 0 else start, "no start of a frame", stamp)
                 continue
-            size, why = self._judge_head()
-            if size > len(self._buffer):
+            why, size = self._judge_head(), HEAD + self._buffer[1] + CHECKSUM
+            if not why and size > len(self._buffer):
                 break
             if why or (why := self._judge_checksum(size)):
                 yield from self._refuse(1, why, stamp)
@@ -285,16 +285,13 @@ class Decoder:
                 yield self._flush(len(self._refused), stamp)
             yield self._pop_frame(size)
 
-    def _judge_head(self) -> tuple[int, str]:
-        length, incompatible = self._buffer[1], self._buffer[2]
-        number = int.from_bytes(self._buffer[7:10], "little")
+    def _judge_head(self) -> str:
+        length, incompatible, number = self._buffer[1], self._buffer[2], self._number()
         if incompatible:
-            return 0, "signed, or of a later version"
+            return "signed, or of a later version"
         if number not in _LAYOUTS:
-            return 0, f"unknown message {number}"
-        if not 0 < length <= _LAYOUTS[number][1]:
-            return 0, f"impossible length for message {number}"
-        return HEAD + length + CHECKSUM, ""
+            return f"unknown message {number}"
+        return "" if 0 < length <= _LAYOUTS[number][1] else f"impossible length for message {number}"
 
     def _judge_checksum(self, size: int) -> str:
         body = bytes(self._buffer[1 : size - CHECKSUM])

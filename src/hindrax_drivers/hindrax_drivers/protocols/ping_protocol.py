@@ -167,8 +167,7 @@ class FrameSplitter:
     def _frame(self, pieces: list[Piece]) -> bool:
         """Check the frame at a start mark with a whole header; False when more bytes are needed."""
         _, length, message, _, _ = HEADER.unpack_from(self._bytes)
-        shortest, longest = _LENGTHS.get(message, (1, 0))
-        if not shortest <= length <= longest:
+        if not _possible(message, length):
             self._refuse("length" if message in _LENGTHS else "unknown", HEADER.size, pieces)
             return True
         end = HEADER.size + length + CHECKSUM.size
@@ -194,8 +193,7 @@ class FrameSplitter:
             if len(inside) >= HEADER.size:
                 _, length, message, _, _ = HEADER.unpack_from(inside)
                 size = HEADER.size + length + CHECKSUM.size
-                shortest, longest = _LENGTHS.get(message, (1, 0))
-                if shortest <= length <= longest and size <= len(inside) and _sum_holds(inside[:size]):
+                if _possible(message, length) and size <= len(inside) and _sum_holds(inside[:size]):
                     return True
             at = self._bytes.find(MARK, at + len(MARK), end)
         return False
@@ -220,6 +218,12 @@ class FrameSplitter:
         if self._junk:
             pieces.append(Refused("garbage", self._junk))
             self._junk = b""
+
+
+def _possible(message: int, length: int) -> bool:
+    """Whether a Ping1D sends this message with such a payload."""
+    shortest, longest = _LENGTHS.get(message, (1, 0))
+    return shortest <= length <= longest
 
 
 def _sum_holds(frame: bytes) -> bool:

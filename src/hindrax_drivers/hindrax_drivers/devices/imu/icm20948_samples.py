@@ -11,7 +11,8 @@ from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase
 
 SAMPLE = struct.Struct(">6h")
-LIMITS = (-32768, 32767)
+LEAST, MOST = -32768, 32767
+"""What the device sends at the end of its range."""
 REPEATS = 2
 """The noise of six axes is several counts each: more equal samples in a row than this are a device that has hung."""
 HUNG_AFTER = 50
@@ -153,7 +154,7 @@ class Samples:
             self._repeats += 1
             return f"{self._repeats + 1} equal samples" if self._repeats > REPEATS else ""
         self._repeats = 0
-        if -32768 in raw or 32767 in raw:
+        if LEAST in raw or MOST in raw:
             return "saturated: the motion exceeds the range"
         if last is not None and self._jumps(raw, last, periods) and self._doubted < BELIEVE_AFTER:
             self._doubted += 1
