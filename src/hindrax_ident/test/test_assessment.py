@@ -330,7 +330,10 @@ def test_the_drag_over_the_speeds_has_the_bands_of_its_coefficients(
     separable = spread(one.noise)[-1] + one.budget.variance(sensitivity, (RUN, MODEL))[-1]
     assert evidence.drag_std == pytest.approx(math.sqrt(separable))
     top, noise = sensitivity[-1], float(spread(one.noise)[-1])
-    assert evidence.largest == _with_noise(noise, one.budget.contributions(top, (RUN, MODEL)))[0]
+    largest = _with_noise(noise, one.budget.contributions(top, (RUN, MODEL)))[0]
+    assert evidence.largest is not None
+    assert evidence.largest.influence == largest.influence
+    assert evidence.largest.std == pytest.approx(largest.std)
     assert [row.influence for row in result.budget["drag"]] == [
         row.influence for row in _with_noise(noise, one.budget.contributions(top))
     ]

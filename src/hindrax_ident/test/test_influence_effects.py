@@ -503,6 +503,19 @@ def test_every_influence_that_acts_has_the_prior_of_a_usual_pool(case: Case) -> 
     assert PRIORS.keys() - plain == doubts | {"gain of the wrench", "gain of the velocity"}
 
 
+def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Case) -> None:
+    """Eight that put 0.7 N each on the axis, and up to ten times that in a tenth of the flight's commands."""
+    name, each_N = "differences between idle thrusters", 0.7
+    effort = np.full(101, 8 * each_N**2)
+    effort[::9] *= 100.0
+    told = replace(case, record=replace(case.record, effort=Series(array(np.arange(101.0)), array(effort))))
+    assert row(name).sigma(told) == 0.06
+    assert_effect(told, name, of_force(np.full(len(TIMES), math.sqrt(8.0) * each_N)))
+    idle = replace(told, record=replace(told.record, effort=Series(COMMANDS.t, array(np.zeros(5)))))
+    assert row(name).sigma(idle) == row(name).sigma(case) == 0.0
+    assert (row(name).scope, row(name).considered, row(name).near, row(name).loss) == (MODEL, True, 0.37, False)
+
+
 def test_of_a_measured_supply_a_two_hundredth_is_left(case: Case) -> None:
     """Its voltage is used in steps of 0.1 V, of 14.8 V."""
     told = replace(case, record=replace(case.record, supply_measured=True))

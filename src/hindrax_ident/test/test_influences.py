@@ -38,7 +38,9 @@ def flight_of(vehicle: Vehicle, axis: int, theta: Array) -> Case:
     rng = np.random.default_rng(4)
     t, v = flight.grid.times_s[::10], flight.path.v[::10]
     measured = Series(t, v + 0.004 * rng.standard_normal(len(t)))
-    record = Record(measured, Series(flight.times_s, flight.commands), (Stretch(0.0, 63.9),), lag_s=0.15)
+    thrust = Series(flight.times_s, flight.commands)
+    idling = Series(thrust.t, thrust.y**2 + 8.0)
+    record = Record(measured, thrust, (Stretch(0.0, 63.9),), effort=idling, lag_s=0.15)
     belief = wide_prior(vehicle, model)
     return Case(vehicle, record, refine(model, record, belief.values, belief), TUNING)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from hindrax_ident.model.motion_model import (
     lag_s,
     model_of,
     motions_of,
+    offset,
     restoring,
     rigid_mass,
 )
@@ -68,6 +71,15 @@ def test_restoring_rights_the_vehicle(vehicle: Vehicle) -> None:
     # 20 mm between the centers and 150.04 N of buoyancy.
     assert restoring(vehicle) == pytest.approx(0.0153 * 1000.0 * 9.80665 * 0.02)
     assert restoring(vehicle) > 0.0
+
+
+def test_a_hull_out_of_trim_rests_with_its_heavy_side_down(vehicle: Vehicle) -> None:
+    """At rest b + k_r sin(angle) = 0: the center of mass hangs below that of buoyancy."""
+    x, y, z = vehicle.center_of_buoyancy_m
+    heavy = replace(vehicle, center_of_mass_m=(x + 0.002, y + 0.003, z + 0.02))
+    roll, pitch = (-offset(heavy, axis) / restoring(heavy) for axis in (3, 4))
+    assert (roll, pitch) == pytest.approx((0.003 / 0.02, -0.002 / 0.02))
+    assert [offset(heavy, axis) for axis in (0, 1, 2, 5)] == [0.0, 0.0, heavy.net_buoyancy_N, 0.0]
 
 
 def test_a_floating_vehicle_is_pushed_towards_the_high_end(vehicle: Vehicle) -> None:

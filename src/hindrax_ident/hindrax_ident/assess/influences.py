@@ -48,6 +48,8 @@ STUCK = 0.02
 HEAVE, YAW = 2, 5
 NEAR = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
+IDLING = 10.0
+"""Percentile of the effort that is that of idle thrusters."""
 LAG, LATENCY = "thrust lag", "latency of the velocity"
 GAIN, RUN, MODEL = "gain", "run", "model"
 """Scope of a row: scales all forces; differs in each run, so it belongs to `std`; is missing in the model."""
@@ -256,6 +258,12 @@ def _root(covariance: Array) -> Array:
     return array(vectors * np.sqrt(np.maximum(0.0, values)))
 
 
+def _idle(case: Case) -> float:
+    """Root of the sum of squares of what the thrusters put on the axis when they idle against each other [N, N m]."""
+    effort = case.record.effort.y
+    return math.sqrt(max(0.0, float(np.percentile(effort, IDLING)))) if len(effort) else 0.0
+
+
 def _inflow(case: Case) -> Array:
     """Thrust lost to water that already moves along: T = T_nn n|n| - T_nu |n| u, Fossen 2011 eq. 9.8.
 
@@ -444,6 +452,12 @@ INFLUENCES: tuple[Influence, ...] = (
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
         considered=True, shown=_coasts, near=NEAR, alone=True, loss=True,
+    ),
+    Influence(
+        "differences between idle thrusters", "of their forces", MODEL,
+        lambda case: 0.06 if _idle(case) > 0.0 else 0.0,
+        lambda case: case.of_force(np.full(len(case.v), _idle(case))),
+        "measure each thruster near its dead band, or lower `allocation.idle_bias_N`", considered=True, near=0.37,
     ),
     Influence(
         "sag over the run", "in 15 min", GAIN, _sag(0.1), _drift,

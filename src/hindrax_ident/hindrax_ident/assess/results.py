@@ -11,7 +11,7 @@ import numpy as np
 
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
-from hindrax_ident.model.motion_model import MOTIONS, restoring
+from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
         out[motion.name] = {
             "k_q": k_q,
             "k_l": k_l,
-            "b": vehicle.net_buoyancy_N if motion.axis == 2 else 0.0,
+            "b": offset(vehicle, motion.axis),
             "added_mass": vehicle.hydrodynamics.added_mass[motion.axis],
         }
         if motion.axis in (3, 4):

@@ -141,6 +141,12 @@ def restoring(vehicle: Vehicle) -> float:
     return vehicle.buoyancy_N * (vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2])
 
 
+def offset(vehicle: Vehicle, axis: int) -> float:
+    """B of an axis from the vehicle file [N, N m], Fossen 2011 eq. 4.6: net buoyancy, or a hull out of trim."""
+    x, y, _ = (b - g for b, g in zip(vehicle.center_of_buoyancy_m, vehicle.center_of_mass_m, strict=True))
+    return {2: vehicle.net_buoyancy_N, 3: vehicle.buoyancy_N * y, 4: -vehicle.buoyancy_N * x}.get(axis, 0.0)
+
+
 def known_force(vehicle: Vehicle, axis: int, attitude_rad: Vec3) -> float:
     """Hydrostatic force on surge and sway due to tilt [N]; zero on the other axes. Fossen 2011 eq. 4.6.
 
