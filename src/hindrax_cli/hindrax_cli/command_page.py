@@ -103,7 +103,8 @@ def completion(page: str, shell: str) -> str:
     known = dict(words_of(page), setup=["--check", "--vehicle", "--all", "--help"])
     commands = [*(name for name in known if " " not in name), "help", "--help", "--version"]
     if shell == "fish":
-        return "\n".join([FISH, _fish("__fish_use_subcommand", commands), *map(_fish_command, known.items()), ""])
+        lines = (_fish_command(name, known) for name in known)
+        return "\n".join([FISH, _fish("__fish_use_subcommand", commands, files=False), *lines, ""])
     # Patterns of two words come before those of one, which fit them too.
     narrow_first = sorted(known.items(), key=lambda one: " " not in one[0])
     cases = "\n".join(starmap(_case, narrow_first))
@@ -116,10 +117,13 @@ def _case(name: str, words: list[str]) -> str:
     return f"      {pattern}) words='{' '.join(words)}' ;;"
 
 
-def _fish_command(known: tuple[str, list[str]]) -> str:
-    condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in known[0].split())
-    return _fish(condition, known[1])
+def _fish_command(name: str, known: Mapping[str, list[str]]) -> str:
+    """A command offers its words alone until one is there; after that, and without words, files as well."""
+    condition = "; and ".join(f"__fish_seen_subcommand_from {word}" for word in name.split())
+    below = [one.partition(" ")[2] for one in known if one.startswith(f"{name} ")]
+    alone = f"; and not __fish_seen_subcommand_from {' '.join(below)}" if below else ""
+    return _fish(f"{condition}{alone}", known[name], files=not below)
 
 
-def _fish(condition: str, words: list[str]) -> str:
-    return f"complete -c hindrax -n '{condition}' -a '{' '.join(words)}'"
+def _fish(condition: str, words: list[str], *, files: bool = True) -> str:
+    return f"complete -c hindrax {'' if files else '-f '}-n '{condition}' -a '{' '.join(words)}'"

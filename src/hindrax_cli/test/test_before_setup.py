@@ -105,6 +105,32 @@ def test_the_options_of_the_set_up_are_completed_as_its_help_names_them() -> Non
     assert set(completed("setup", "--")) == {*re.findall(r"^  (--\S+)", said.stdout, re.MULTILINE), "--help"}
 
 
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish on this machine")
+def test_fish_offers_files_only_where_no_word_is_due(tmp_path: Path) -> None:
+    (tmp_path / "a-file.txt").write_text("")
+    asked_for = ("", "bag ", "bag info ", "replay ")
+    script = command_page.completion(PAGE, "fish") + "".join(
+        f"complete -C'hindrax {one}'; echo =\n" for one in asked_for
+    )
+    done = subprocess.run(
+        ["fish", "--no-config"],
+        input=script,
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env=os.environ | {"HOME": str(tmp_path)},
+        timeout=60,
+    )
+    first, words, info, replay = ({line.split("\t")[0] for line in part.split()} for part in done.stdout.split("=")[:4])
+    assert "pool-test" in first
+    assert {"info", "recover"} <= words
+    assert "a-file.txt" not in first | words
+    assert "a-file.txt" in info
+    assert "info" not in info
+    assert "a-file.txt" in replay
+
+
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh on this machine")
 def test_a_zsh_without_completion_of_its_own_gets_it_and_keeps_its_home_clean(tmp_path: Path) -> None:
     script = command_page.completion(PAGE, "zsh") + "print -r -- ${_comps[hindrax]}\n"
