@@ -168,6 +168,11 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
     return made if mock else made | security.settings(made.get(security.KEYSTORE, ""), made)
 
 
+def environment_beside(stack: StackLock) -> dict[str, str]:
+    """Environment of a command that joins a stack here: its graph, and the keystore only where the stack has one too."""
+    return environment(mock=stack.mock, domain=None) | dict(stack.graph)
+
+
 def stack_environment(*, mock: bool, domain: int | None, tether: Tether | None = None) -> dict[str, str]:
     """Environment of the processes of a stack that starts now; a real one has its own time from now on."""
     made = environment(mock=mock, domain=domain, tether=tether)

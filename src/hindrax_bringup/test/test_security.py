@@ -6,15 +6,26 @@ import ast
 import os
 import subprocess
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hindrax_bringup.network import security
-from hindrax_bringup.network.security import FROM_WHEELS, OVERRIDE, ROLES, Role, policies, settings, with_enclave
+from hindrax_bringup.network.security import (
+    FROM_WHEELS,
+    KEYSTORE,
+    OVERRIDE,
+    ROLES,
+    Role,
+    policies,
+    settings,
+    with_enclave,
+)
 from hindrax_bringup.processes import ONBOARD, RECORDER
 from hindrax_bringup.share_files import share_folder
-from hindrax_bringup.stack import adopted
+from hindrax_bringup.stack import adopted, environment_beside
+from hindrax_bringup.stack_lock import StackLock
 from hindrax_core import topics
 from hindrax_core.errors import HindraxError
 from hindrax_core.topics import (
@@ -151,6 +162,17 @@ def test_one_setting_enforces_them(tmp_path: Path) -> None:
     assert with_enclave(made, "safety_monitor")[OVERRIDE] == "/hindrax/safety_monitor"
     assert with_enclave(made | {OVERRIDE: "/hindrax/bench"}, "operator")[OVERRIDE] == "/hindrax/bench"
     assert OVERRIDE not in with_enclave({}, "safety_monitor")
+
+
+def test_a_mock_beside_a_keystore_is_operated_without_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "enclaves").mkdir()
+    monkeypatch.setenv(KEYSTORE, str(tmp_path))
+    graph = {"ROS_DOMAIN_ID": "7"}
+    mock = StackLock(11, mock=True, vehicle="v.yaml", folder="runs/a", graph=graph)
+    assert "ROS_SECURITY_ENABLE" not in environment_beside(mock)
+    assert environment_beside(mock)["ROS_DOMAIN_ID"] == "7"
+    monkeypatch.delenv(FROM_WHEELS, raising=False)
+    assert environment_beside(replace(mock, mock=False))["ROS_SECURITY_KEYSTORE"] == str(tmp_path)
 
 
 def test_a_node_in_the_tool_is_the_operator() -> None:

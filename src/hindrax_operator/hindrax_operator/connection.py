@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from hindrax_bringup.network.tether import add_tether, tether_setting, wait_for_address
-from hindrax_bringup.stack import adopted, environment
+from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_bringup.stack_lock import StackLock, choose, stacks
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import NAMESPACE
@@ -52,7 +52,7 @@ def joined(
 
     `beating`: whether its heartbeat says that a person is there.
     """
-    here = _graph_of_this_terminal() if found is None else environment(mock=False, domain=None) | dict(found.graph)
+    here = _graph_of_this_terminal() if found is None else environment_beside(found)
     with adopted(here):
         from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment first
 

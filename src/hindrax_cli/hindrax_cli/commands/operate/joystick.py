@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from hindrax_bringup.share_files import usual_vehicle, vehicle_file
-from hindrax_bringup.stack import adopted, environment
+from hindrax_bringup.stack import adopted, environment, environment_beside
 from hindrax_cli.argument_types import add_vehicle
 from hindrax_control.teleop import TeleopKnobs
 from hindrax_core.errors import UsageError
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     given = [f"vehicle:={file}", f"use_sim_time:={str(mock).lower()}", *arguments.set]
     remaps = namespace_arguments(found.namespace if found else arguments.namespace, own_clock=mock)
     words = ["teleop", "--ros-args", *remaps, *(word for one in given for word in ("-p", one))]
-    with adopted(environment(mock=False, domain=None) | (dict(found.graph) if found else {})):
+    with adopted(environment_beside(found) if found else environment(mock=False, domain=None)):
         from hindrax_control.nodes.teleop_node import make_nodes  # noqa: PLC0415  # rclpy reads the environment first
         from hindrax_ros.process import spin  # noqa: PLC0415  # as above
 
