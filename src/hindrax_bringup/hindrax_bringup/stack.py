@@ -169,7 +169,7 @@ def environment(*, mock: bool, domain: int | None, tether: Tether | None = None)
 
 
 def environment_beside(stack: StackLock) -> dict[str, str]:
-    """Environment of a command that joins a stack here: its graph, and the keystore only where the stack has one too."""
+    """Environment of a command that joins a stack here: its graph, and no keystore where the stack is a mock."""
     return environment(mock=stack.mock, domain=None) | dict(stack.graph)
 
 
