@@ -48,8 +48,8 @@ class Ramp:
         """Move by `dt` seconds towards a goal that lies at a (signed) distance; returns the acceleration."""
         if dt <= 0.0:
             return 0.0
-        # The fastest approach from which the reference can still stop at the goal.
-        speed = min(self._bandwidth * abs(distance), math.sqrt(self._most * abs(distance)), self.speed)
+        # Slower and slower towards the goal: from there the reference can always stop at it.
+        speed = min(self._bandwidth * abs(distance), self.speed)
         change = math.copysign(speed, distance) - self.rate
         change = max(-self._most * dt, min(self._most * dt, change))
         self.rate += change
