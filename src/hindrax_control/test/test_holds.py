@@ -254,7 +254,8 @@ def test_setpoints_out_of_reach_are_refused(setpoint: Setpoint, reason: str) -> 
     holds = Holds(HINDRAX)
     told = holds.set(setpoint)
     assert reason in told
-    assert told.endswith((" deg", "of the vehicle file", "station"))
+    ends = {"depth": " of the vehicle file", "altitude": " of the vehicle file", "surge": "station"}
+    assert told.endswith(ends.get(setpoint.axis, " deg"))
     assert not any(one.engaged for one in holds.step(IdealVehicle().navigation(), Stamp(0)).states)
 
 

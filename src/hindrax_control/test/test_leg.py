@@ -143,29 +143,63 @@ def test_a_boost_pushes_until_the_thrust_that_still_comes_makes_up_the_rest(sign
 
 
 @pytest.mark.parametrize("axis", ["surge", "roll"])
-def test_a_boost_that_does_not_get_up_to_speed_is_given_up(axis: str) -> None:
+def test_a_boost_that_does_not_get_up_to_speed_is_given_up_a_second_after_1_6_times_its_time(axis: str) -> None:
     one = leg(2.1, axis=axis)
-    driver, boost_s = LegController(one), CHARACTERS[axis].boost_s
-    for elapsed_s in (0.0, boost_s):
+    driver, patient_s = LegController(one), 1.6 * CHARACTERS[axis].boost_s + 1.0
+    for elapsed_s in (0.0, patient_s - 0.01):
         assert driver.step(one.start, 0.0, BEGIN_s + elapsed_s).force == one.boost
-    assert driver.step(one.start, 0.0, BEGIN_s + 2.0 * boost_s + 2.0).force == one.level
+    assert driver.step(one.start, 0.0, BEGIN_s + patient_s + 0.01).force == one.level
 
 
-def test_a_plateau_that_takes_twice_its_time_is_given_up() -> None:
+def test_a_plateau_is_given_up_a_second_after_1_6_times_the_time_of_its_leg() -> None:
     one = leg(2.1)
-    driver = at_speed(one)
-    assert driver.step(0.0, 0.0, BEGIN_s + one.seconds).force == one.level
-    driver.step(0.0, 0.0, BEGIN_s + 2.0 * one.seconds)
-    braking = driver.step(0.0, RATE_mps, BEGIN_s + 2.0 * one.seconds)
-    assert (braking.force, braking.phase) == (-one.boost, "transit")
+    driver, patient_s = at_speed(one), 1.6 * one.seconds + 1.0
+    for elapsed_s in (patient_s - 0.01, patient_s + 0.01):
+        assert driver.step(0.0, RATE_mps, BEGIN_s + elapsed_s).force == one.level
+    assert driver.step(0.0, RATE_mps, BEGIN_s + patient_s + 0.02) == LegOutput(-one.boost, "transit")
 
 
-def test_a_brake_that_does_not_stop_it_ends_nevertheless() -> None:
-    one = leg(2.1)
-    driver, planned_s = at_speed(one), RATE_mps / one.pace
-    for elapsed_s, finished in ((0.0, False), (4.0 * planned_s, False), (10.0 * planned_s, True)):
-        told = driver.step(one.end, 2.0 * RATE_mps, BEGIN_s + elapsed_s)
+@pytest.mark.parametrize("braking_mps2", [2.1, 5.0])
+def test_a_brake_that_does_not_stop_it_ends_two_seconds_after_five_times_its_time(braking_mps2: float) -> None:
+    one = leg(braking_mps2)
+    driver, patient_s = at_speed(one), 5.0 * RATE_mps / one.pace + 2.0
+    for elapsed_s, finished in ((0.0, False), (patient_s - 0.01, False), (patient_s + 0.01, True)):
+        told = driver.step(one.end, 4.0 * RATE_mps, BEGIN_s + elapsed_s)
         assert told == LegOutput(-one.boost, "transit", finished=finished)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("boosting", [False, True])
+def test_it_brakes_where_a_lag_and_an_even_deceleration_just_bring_it_to_rest_at_the_end(
+    sign: float, boosting: bool
+) -> None:
+    one, forward_mps = leg(2.1, sign), 0.3
+    way_m = forward_mps * LAG_S + forward_mps**2 / (2.0 * 2.1)
+    for before_m, phase in ((0.001, "transient"), (-0.001, "transit")):
+        driver = LegController(one) if boosting else at_speed(one)
+        assert driver.step(one.end - sign * (way_m + before_m), sign * forward_mps, BEGIN_s).phase == phase
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_coasts_where_coast_and_brake_together_just_bring_it_to_rest_at_the_end(sign: float) -> None:
+    one = leg(2.1, sign, coast_s=2.0)
+    way_m, left_mps = one.coast(RATE_mps)
+    way_m += left_mps * LAG_S + left_mps**2 / (2.0 * 2.1)
+    for before_m, phase in ((0.001, "transient"), (-0.001, "coast")):
+        driver = at_speed(one)
+        assert driver.step(one.end - sign * (way_m + before_m), one.rate, BEGIN_s + 1.0).phase == phase
+    told = [driver.step(0.0, one.rate, BEGIN_s + 1.0 + elapsed_s).phase for elapsed_s in (1.9, 2.0, 2.1)]
+    assert told == ["coast", "coast", "transit"]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("elapsed_s", [0.1, 0.2, 1.0])
+def test_a_brake_is_over_when_the_thrust_of_its_last_lag_takes_off_the_rest(sign: float, elapsed_s: float) -> None:
+    one, asked_s = leg(2.1, sign), min(elapsed_s, LAG_S)
+    for share, finished in ((0.99, True), (1.01, False)):
+        driver = at_speed(one)
+        assert not driver.step(one.end, one.rate, BEGIN_s).finished
+        assert driver.step(one.end, sign * share * 2.1 * asked_s, BEGIN_s + elapsed_s).finished is finished
 
 
 @pytest.mark.parametrize(("axis", "finished"), [("surge", False), ("roll", True)])

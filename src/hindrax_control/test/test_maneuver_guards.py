@@ -17,7 +17,7 @@ from hindrax_control.maneuver.maneuver_guards import (
     walls_after_braking_m,
 )
 from hindrax_control.maneuver.plan import LAG_S
-from hindrax_control.pool_bounds import PoolBounds, PoolPosition
+from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolPosition
 from hindrax_core.readings import Vec3
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Vehicle
@@ -140,6 +140,14 @@ def test_walls_are_nearer_by_the_doubt_of_the_position_and_a_tiny_one_is_not_wor
     margin_m, said = ManeuverGuards(hindrax).margin(place)
     assert margin_m == pytest.approx(wanted_m)
     assert said == words
+
+
+def test_a_place_is_shown_as_the_guard_of_the_walls_sees_it(hindrax: Vehicle) -> None:
+    knobs, place = ManeuverGuardKnobs(), PoolPosition(0.0, 0.0, 0.0, 0.4, 0.0, 0.5)
+    shown = ManeuverGuards(hindrax).guarded(place, dict.fromkeys(WALLS, 2.0), "nobody knows")
+    assert shown == GuardedPlace(
+        place, walls_after_braking_m(place, dict.fromkeys(WALLS, 2.0), knobs), 0.3 + 2.0 * 0.5, "nobody knows"
+    )
 
 
 def test_fast_vehicle_is_stopped_earlier_than_a_slow_one(look: Callable[..., tuple[str, ...]]) -> None:

@@ -201,6 +201,8 @@ def pushed_by_hand(hovering: Hovering) -> tuple[str, ...]:
 
 def test_a_maneuver_engages_its_holds_and_bears_no_wrench_by_hand(hovering: Hovering) -> None:
     hovering.fly()
+    hovering.pilot.set(Setpoint("station"))
+    assert engaged(hovering.fly()) == {"station"}
     hovering.pilot.fly(Goal(("surge",)))
     assert engaged(hovering.fly()) == {"heading", "roll", "pitch", "altitude"}
     before = hovering.fly(seconds=0.0).wrench

@@ -81,6 +81,7 @@ def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> N
     assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.4))
     box.recentre(replace(navigation(), position_sigma_m=math.inf), 4.0, 2.0, 0.0)
     assert box.place(replace(navigation(), position_sigma_m=math.inf)).sigma_m == math.inf
+    assert box.place(replace(navigation(), position_sigma_m=2.0)).sigma_m == pytest.approx(math.hypot(0.1, 2.0))
     box.recentre(replace(navigation(), position_sigma_m=0.3), 4.0, 2.0, 0.0)
     # A navigator that began anew says less than before, and counts from there.
     assert box.place(replace(navigation(), position_sigma_m=0.2)).sigma_m == pytest.approx(math.hypot(0.1, 0.2))

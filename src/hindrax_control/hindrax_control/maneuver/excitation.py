@@ -88,7 +88,7 @@ def _multisine(rng: random.Random, seconds: float, slowest_Hz: float) -> Signal:
         return sum(math.sin(w * t + phase) for w, phase in sines)
 
     samples = 40 * SINES * max(1, round(seconds * slowest_Hz))
-    peak = max(abs(sum_at(seconds * index / samples)) for index in range(samples + 1))
+    peak = max(abs(sum_at(seconds * index / samples)) for index in range(samples))
     return lambda t: max(-1.0, min(1.0, sum_at(t) / peak))
 
 

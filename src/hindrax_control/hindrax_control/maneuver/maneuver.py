@@ -67,17 +67,18 @@ class ManeuverOutput:
     phase: Phase
     progress: float
     remaining_s: float
-    wall_distance_m: float = NAN
-    force: float = 0.0
-    velocity: float = 0.0
-    done: bool = False
-    aborted: str = ""
-    neutral: bool = False
+    wall_distance_m: float
+    force: float
+    velocity: float
+    done: bool
+    aborted: str
+    neutral: bool
 
 
 def abandoned(reason: str) -> ManeuverOutput:
     """Output of a maneuver that ends without a vehicle state."""
-    return ManeuverOutput(ZERO6, RELEASED, Phase("", "aborted"), 0.0, 0.0, done=True, aborted=reason, neutral=True)
+    phase = Phase("", "aborted")
+    return ManeuverOutput(ZERO6, RELEASED, phase, 0.0, 0.0, NAN, 0.0, 0.0, done=True, aborted=reason, neutral=True)
 
 
 class Maneuver:
@@ -273,7 +274,7 @@ class Maneuver:
         pose = Pose(place, self._pool.axis_rad + plan.heading_rad, plan.vertical, self._pool.depth_m)
         seconds = SETTLING_s + math.dist(before_m, plan.start_m) / self.station.speed_mps
         begin: list[Stage] = [SettleAtPose(plan.motion, self.station, pose, seconds=seconds)]
-        if plan.hover_s > 0.0:
+        if plan.hover_s:
             begin.append(Hover(plan.legs[0].name, self.station, plan.hover_s))
         if self.goal.excitation != PLATEAUS:
             return [*begin, self._excite(plan, pose)]

@@ -128,7 +128,7 @@ class Plan:
     """Hold and setpoint before the first leg: altitude or depth [m]."""
     start_m: tuple[float, float]
     """Place in the pool."""
-    hover_s: float = 0.0
+    hover_s: float
     """Time at rest before the first leg."""
 
     @property
@@ -234,7 +234,7 @@ class Planner:
         The fastest and the slowest come first: they tell most of the drag, so an early end already knows it.
         """
         count = self.knobs.turning_levels if motion in TURNING else self.knobs.levels
-        rising = [index / max(1, count - 1) for index in range(count - 1)]
+        rising = [index / (count - 1) for index in range(count - 1)]
         return [1.0, *rising] * self.knobs.repeats[AXES.index(motion)]
 
     def _rates(self, motion: str, levels: Sequence[float]) -> list[float]:
