@@ -181,6 +181,12 @@ def test_a_compass_after_a_heading_told_outright_does_not_turn_it_at_once() -> N
     assert 0.0 < found[0] < 0.03
 
 
+def test_a_first_field_that_contradicts_a_heading_told_outright_is_an_outlier() -> None:
+    ours = HeadingFilter(KNOBS, THRUSTERS)
+    ours.heading(0.7, 1.0)
+    assert ours.magnetic(FIELD_T * math.cos(2.7), -FIELD_T * math.sin(2.7), 0.7, RESTS) is None
+
+
 def test_a_doubt_of_the_bias_only_widens() -> None:
     ours = HeadingFilter(KNOBS, 0)
     before = ours.bias_sigma_radps

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.thrust_curve import ThrustCurve
+from hindrax_control.allocation.thrust_curve import ThrustCurve, thrust_curves
 from hindrax_core.curves.cubic import inverse, slope, stationary_points
 from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches
 from hindrax_core.errors import UsageError
+from hindrax_core.vehicle import Vehicle
 
 # COB-2023-1394 Table 2.
 NEGATIVE = Branch(c=(927.1827, -2.2726, 0.001794, -4.61e-7), from_us=1100.0, to_us=1475.0)
@@ -233,3 +234,27 @@ def test_a_cubic_with_a_threefold_root_is_inverted_on_both_sides_of_it(rising: f
     found = inverse((5.0 - 8.0 * rising, 12.0 * rising, -6.0 * rising, rising), 0.0, 4.0)  # 5 + rising (x - 2)^3
     for x in (0.0, 0.5, 1.0, 2.0, 3.0, 4.0):
         assert found(5.0 + rising * (x - 2.0) ** 3) == pytest.approx(x)
+
+
+@pytest.mark.parametrize("rising", [1.0, -1.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_cubic_is_inverted_beyond_its_turns_near_and_far(rising: float, side: float) -> None:
+    """x^3 - 3 x turns at 1, is 2 at 2, where three real roots become one, and 110 at 5."""
+    c = (7.0, -3.0 * rising, 0.0, rising)
+    low, high = sorted((side, side * 5.0))
+    found = inverse(c, low, high)
+    for index in range(1, 81):
+        x = side * (1.0 + 0.05 * index)
+        assert found(_cubic(c, x)) == pytest.approx(x)
+
+
+def test_curves_of_a_vehicle_are_those_of_its_thrusters_at_the_supply_that_is_asked_for(hindrax: Vehicle) -> None:
+    turned = replace(hindrax.thrusters[0], reversed=True)
+    vehicle = replace(hindrax, thrusters=(turned, *hindrax.thrusters[1:]), supply_V=13.0)
+    for asked_V, supply_V in ((None, 13.0), (12.0, 12.0)):
+        found = thrust_curves(vehicle, asked_V)
+        assert [one.supply_V for one in found] == [supply_V] * 8
+        curves = [vehicle.curves[one.curve] for one in vehicle.thrusters]
+        straight = [ThrustCurve(curve, supply_V).force(1600.0) for curve in curves]
+        assert [one.force(1600.0) for one in found[1:]] == straight[1:]
+        assert found[0].force(1400.0) == pytest.approx(straight[0])

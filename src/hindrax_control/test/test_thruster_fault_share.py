@@ -110,6 +110,12 @@ def test_one_that_pushes_the_wrong_way_misses_all_of_its_thrust(hindrax: Vehicle
     assert {found.missing for _, found in flown(hindrax, 0, -0.5)} == {1.0}
 
 
+def test_thrust_that_is_weak_against_the_errors_of_the_model_may_be_missing_twice_over(hindrax: Vehicle) -> None:
+    """One that pushes the wrong way leaves four variances of the model where it should give less than one."""
+    weak = replace(SHARP, sigma=(9.0, 9.0, 9.0, 9.0, 9.0, 9.0), sigma_drag=0.0, sigma_thrust=0.0, memory_s=1.0)
+    assert {found.name for _, found in flown(hindrax, 0, -1.0, knobs=weak)} == {hindrax.thrusters[0].name}
+
+
 def test_nobody_is_suspected_before_the_evidence_has_held_as_long_as_it_must(hindrax: Vehicle) -> None:
     first_s = [
         next(t for t, _ in flown(hindrax, 0, 0.0, knobs=replace(SHARP, patience_s=patience_s)))

@@ -70,8 +70,8 @@ class AttainableSet:
         a, b = np.round(rows @ first, DIGITS), np.round(rows @ second, DIGITS)
         shared = np.any(b, axis=1)
         alone = [a[~shared] / end[~shared, None] for end in (low, high)]  # one is the limit
-        parts = [np.zeros((1, 6)), *alone, a[shared], b[shared], first, second]
-        self._ends = np.cumsum([len(part) for part in parts])[2:5].tolist()
+        parts = [*alone, a[shared], b[shared], first, second]
+        self._ends = np.cumsum([len(part) for part in parts])[1:4].tolist()
         self._gains = np.ascontiguousarray(np.vstack(parts))
         self._ranges = list(zip(low[shared].tolist(), high[shared].tolist(), strict=True))
         self._stages = [
@@ -82,8 +82,7 @@ class AttainableSet:
         """Return the least forces that give the largest part of a wrench [N, Nm] that can be had."""
         values: list[float] = self._gains.dot(wrench).tolist()
         alone, shared, seconds = self._ends
-        most = max(values[:alone])
-        first = 1.0 / most if most > 1.0 else 1.0
+        first = 1.0 / max([1.0, *values[:alone]])
         rows = []
         for a, b, (low, high) in zip(values[alone:shared], values[shared:seconds], self._ranges, strict=True):
             if b >= 0.0:

@@ -135,8 +135,9 @@ class ThrusterFaultDetector:
         self._power += (np.sum(signature * signature, axis=0) - self._power) * keep
         self._residual += (float(surprise @ surprise) - self._residual) * keep
         missing = self._along / np.maximum(self._power, 1e-9)
-        explained = self._along * missing / max(self._residual, 1e-9)
-        suspect = (missing > knobs.missing) & (explained > knobs.explained) & (self._residual > knobs.surprise)
+        explained = self._along * missing
+        explains = explained > knobs.explained * self._residual
+        suspect = (missing > knobs.missing) & explains & (self._residual > knobs.surprise)
         self._since_s = np.where(suspect, self._since_s + dt, 0.0)
         index = int(np.argmax(np.where(self._since_s > knobs.patience_s, explained, -1.0)))
         if self._since_s[index] <= knobs.patience_s:
