@@ -5,16 +5,18 @@ from __future__ import annotations
 import sqlite3
 import struct
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bag_samples import LEVEL, level, lookup, small_bag
+from bag_samples import LEVEL, level, lookup, small_bag, writer
 from mcap.records import Schema
 
 from hindrax_bag.definitions import definition
-from hindrax_bag.read.bag_reader import MessageDecoder, bag_files, messages
+from hindrax_bag.read.bag_reader import MessageDecoder, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover
+from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import UsageError
 
 
@@ -91,6 +93,63 @@ def test_a_file_that_is_no_bag_is_refused(tmp_path: Path) -> None:
 def _folder(path: Path) -> Path:
     path.mkdir()
     return path
+
+
+@pytest.mark.parametrize(
+    ("names", "found"),
+    [
+        ([], "found an empty folder"),
+        (["notes.txt"], "found a folder with notes.txt, wanted"),
+        (["notes.txt", "a.png"], "found a folder with a.png and others, wanted"),
+        (["notes.txt", "b_0.mcap.zstd"], r"found only b_0.mcap.zstd, which is compressed as a whole \(unpack it\)"),
+    ],
+)
+def test_a_folder_without_a_bag_is_told_by_what_is_in_it(tmp_path: Path, names: list[str], found: str) -> None:
+    for name in names:
+        (tmp_path / name).touch()
+    with pytest.raises(UsageError, match=found):
+        bag_files(tmp_path)
+
+
+def test_the_folder_of_a_run_stands_for_the_bag_in_it(tmp_path: Path) -> None:
+    path = small_bag(tmp_path / "bag", count=1)
+    assert bag_files(tmp_path) == bag_files(tmp_path / "bag") == bag_files(path) == [path]
+
+
+def test_topics_are_chosen_by_name(tmp_path: Path) -> None:
+    small_bag(tmp_path / "bag", count=3)
+    sqlite_bag(tmp_path / "other", with_definitions=True)
+    for bag, count in ((tmp_path / "bag", 3), (tmp_path / "other", 5)):
+        assert [one.topic for one in messages(bag, [LEVEL.topic])] == [LEVEL.topic] * count
+        assert list(messages(bag, ["/nowhere"])) == []
+
+
+def test_topics_of_a_vehicle_elsewhere_are_named_as_at_home(tmp_path: Path) -> None:
+    for name, of, topic in (("a", "hindrax", "/hindrax/level"), ("b", "somebody", "/rov1/level")):
+        bag = writer(tmp_path / name)
+        bag.describe(of, {"namespace": "/rov1"})
+        bag.write(replace(LEVEL, topic="/rov1/level"), level(1, 2.0), 1, 1)
+        bag.close()
+        assert [one.topic for one in messages(tmp_path / name)] == [topic]
+
+
+def test_files_inside_a_bag_are_found_by_name_the_first_of_each(tmp_path: Path) -> None:
+    bag = writer(tmp_path / "bag", BagLimits(split_MB=0.0001, keep_free_MB=0.0))
+    for number in (1, 2):
+        bag.attach("vehicle.yaml", "application/yaml", b"%d" % number, 1)
+    bag.attach("parameters.yaml", "application/yaml", b"3", 1)
+    bag.write(LEVEL, level(1, 2.0), 1, 1)
+    bag.flush()
+    bag.close()
+    assert attachments(tmp_path / "bag") == {"vehicle.yaml": b"1", "parameters.yaml": b"3"}
+    assert attachments(sqlite_bag(tmp_path / "other", with_definitions=True)) == {}
+
+
+def test_an_encoding_that_nobody_knows_is_named() -> None:
+    form = MessageDecoder("/demo", "json", Schema(1, b"", "jsonschema", "Demo"))
+    assert (form.type, form.definition, form.old) == ("Demo", "", False)
+    with pytest.raises(UsageError, match="topic /demo: encoding 'json' cannot be decoded, wanted cdr"):
+        form.decode(b"{}")
 
 
 def test_parts_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:

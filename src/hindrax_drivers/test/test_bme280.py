@@ -7,13 +7,23 @@ import struct
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hindrax_core.bus_operations import DeviceError, Operation, Pause, Write, WriteRead
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import Air
 from hindrax_core.testing import rehearse
 from hindrax_drivers.devices import bme280 as module
-from hindrax_drivers.devices.bme280 import HUNG_AFTER, REPEATS, Bme280, Bme280Knobs, Calibration, air_of
+from hindrax_drivers.devices.bme280 import (
+    HUNG_AFTER,
+    REPEATS,
+    Bme280,
+    Bme280Knobs,
+    Calibration,
+    air_of,
+    calibration_of,
+)
 
 LOW, HIGH = bytes(range(1, 27)), bytes(range(1, 8))
 ASLEEP, AIR = 0x2C, Air(101_325.0, 20.0, 0.5)
@@ -86,6 +96,13 @@ def test_each_coefficient_of_the_humidity_has_the_power_of_two_of_the_data_sheet
     """A temperature 2^14 above the middle of the polynomial (section 8.1)."""
     air = air_of(Calibration((0, 2912, 0), (1, *[0] * 8), h), registers(0, 32 << 14, raw))
     assert air.humidity == pytest.approx(wanted, rel=1e-12)
+
+
+@given(st.integers(-2048, 2047), st.integers(-2048, 2047))
+def test_two_coefficients_of_twelve_bits_share_a_byte(h4: int, h5: int) -> None:
+    """0xE4 and the low half of 0xE5; 0xE6 and its high half (table 16)."""
+    shared = bytes([h4 >> 4 & 0xFF, h4 & 0xF | (h5 & 0xF) << 4, h5 >> 4 & 0xFF])
+    assert calibration_of(LOW, HIGH[:3] + shared + HIGH[6:]).h[3:5] == (h4, h5)
 
 
 def configured(sensor: Bme280, at: int = 0x77, part: bytes = b"\x60") -> Bme280:

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -13,7 +13,7 @@ from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s
 from hindrax_core.knobs import build
-from hindrax_core.readings import Inertial, Reading
+from hindrax_core.readings import Inertial, Magnetic, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, SILENT_LINE, Icm20948, Icm20948Knobs
@@ -25,16 +25,18 @@ from hindrax_drivers.imu_calibration import Correction
 START = stamp_from_s(10.0)
 LEVEL = (0, 0, 8192, 0, 0, 0)
 Outputs = Sequence[Stamped[Reading] | Rejected]
+ResultT = TypeVar("ResultT")
 
 
 class Chip:
-    """Answers what the driver asks: identity, temperature, and a FIFO filled by the test."""
+    """Answers what the driver asks: identity, temperature, magnetic field, and a FIFO filled by the test."""
 
     def __init__(self) -> None:
         self.fifo = b""
         self.count: int | None = None
         self.resets = 0
         self.registers: dict[int, int] = {}
+        self.asked: list[tuple[int, int]] = []
         self._wobble = 0
 
     def fill(self, *samples: tuple[int, ...]) -> None:
@@ -49,6 +51,10 @@ class Chip:
     def transfer(self, operation: Transaction) -> bytes:
         assert isinstance(operation, Write | WriteRead)
         register = operation.data[0]
+        self.asked.append((operation.address, register))
+        if operation.address == 0x0C:
+            field = b"\x01" + struct.pack("<3h", len(self.asked), 0, 50) + bytes(2)
+            return b"" if isinstance(operation, Write) else b"\x48\x09" if register == 0 else field
         if isinstance(operation, Write):
             if register == 0x68 and operation.data[1]:
                 self.resets += 1
@@ -64,15 +70,15 @@ class Chip:
         return special.get(register) or bytes([self.registers[register]])
 
 
-def play(program: Program[Outputs], chip: Chip) -> Outputs:
+def play(program: Program[ResultT], chip: Chip) -> ResultT:
     answer: bytes | None = None
     try:
         while True:
             operation: Operation = next(program) if answer is None else program.send(answer)
             answer = b"" if isinstance(operation, Pause) else chip.transfer(operation)
     except StopIteration as stop:
-        outputs: Outputs = stop.value
-        return outputs
+        result: ResultT = stop.value
+        return result
 
 
 @pytest.fixture
@@ -83,7 +89,7 @@ def chip() -> Chip:
 @pytest.fixture
 def sensor(chip: Chip) -> Icm20948:
     one = Icm20948(Icm20948Knobs(magnetometer=False))
-    play(one.configure(), chip)  # type: ignore[arg-type]
+    play(one.configure(), chip)
     chip.still(4)
     assert len(play(one.cycle(START), chip)) == 4
     return one
@@ -123,12 +129,21 @@ def test_a_host_clock_that_is_set_back_takes_the_stamps_with_it(sensor: Icm20948
         play(sensor.cycle(after(silent, 0.3)), chip)
 
 
-def test_an_overflow_is_told_and_emptied_and_the_next_samples_come(sensor: Icm20948, chip: Chip) -> None:
+def test_an_overflow_is_told_and_emptied_and_what_comes_then_begins_anew(sensor: Icm20948, chip: Chip) -> None:
     chip.still(43)
     assert reasons(cycle(sensor, chip, 1)) == ["FIFO overflow: 516 bytes waiting, samples are lost"]
     assert chip.fifo == b""
-    chip.still(4)
-    assert len(cycle(sensor, chip, 2)) == 4
+    chip.fill(*[(8192, turn, 0, 0, 0, 0) for turn in range(5)])  # turned over in the meantime
+    outputs = cycle(sensor, chip, 26)
+    assert reasons(outputs) == []
+    assert len(outputs) == 5
+    assert after(START, 0.52 - 0.03) < outputs[0].stamp <= outputs[-1].stamp <= after(START, 0.52)
+
+
+def test_a_sensor_that_is_configured_anew_begins_anew(sensor: Icm20948, chip: Chip) -> None:
+    play(sensor.configure(), chip)
+    chip.fill(*[(8192, turn, 0, 0, 0, 0) for turn in range(5)])
+    assert [type(one) for one in cycle(sensor, chip, 1)] == [Stamped] * 5
 
 
 def test_a_half_written_sample_is_waited_for(sensor: Icm20948, chip: Chip) -> None:
@@ -139,14 +154,26 @@ def test_a_half_written_sample_is_waited_for(sensor: Icm20948, chip: Chip) -> No
     assert len(cycle(sensor, chip, 2)) == 3
 
 
-def test_a_fifo_out_of_step_is_emptied(sensor: Icm20948, chip: Chip) -> None:
-    chip.still(3)
-    chip.fifo = chip.fifo[:-5]
-    before = chip.resets
-    heard = [reasons(cycle(sensor, chip, turn)) for turn in range(1, CROOKED + 1)]
-    assert [len(one) for one in heard] == [0] * (CROOKED - 1) + [1]
-    assert "out of step" in heard[-1][0]
-    assert chip.resets == before + 1
+def test_a_fifo_out_of_step_is_emptied(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)
+    for begin in (0, CROOKED):
+        chip.still(3)
+        chip.fifo = chip.fifo[:-5]
+        before = chip.resets
+        heard = [reasons(cycle(sensor, chip, begin + turn)) for turn in range(CROOKED)]
+        assert [len(one) for one in heard] == [0] * (CROOKED - 1) + [1]
+        assert "out of step" in heard[-1][0]
+        assert chip.resets == before + 1
+
+
+@pytest.mark.parametrize(("count", "believed"), [(8, True), (9, False)])
+def test_a_turn_brings_four_samples_and_a_tenth_more_than_its_time(
+    sensor: Icm20948, chip: Chip, count: int, believed: bool
+) -> None:
+    """4 + 1.1 * 0.02 s * 225 Hz = 8.95."""
+    chip.still(count)
+    assert (reasons(cycle(sensor, chip, 1)) == []) is believed
 
 
 def test_a_count_that_time_cannot_have_brought_is_not_read(sensor: Icm20948, chip: Chip) -> None:
@@ -166,7 +193,7 @@ def test_a_sensor_that_gives_nothing_is_configured_anew(sensor: Icm20948, chip: 
 def test_the_silence_of_a_sensor_that_was_just_configured_begins_with_the_first_look(chip: Chip) -> None:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False))
     for _ in range(2):
-        play(sensor.configure(), chip)  # type: ignore[arg-type]
+        play(sensor.configure(), chip)
         assert list(play(sensor.cycle(START), chip)) == []
         assert list(play(sensor.cycle(after(START, NO_DATA_S)), chip)) == []
         with pytest.raises(DeviceError, match=r"no sample for 0.25 s"):
@@ -183,6 +210,16 @@ def test_equal_samples_are_refused_and_a_hung_sensor_is_configured_anew(sensor: 
     chip.fill(*[(7, 7, 8192, 7, 7, 7)] * 5)
     with pytest.raises(DeviceError, match="the same sample again and again"):
         cycle(sensor, chip, 1 + HUNG_AFTER // 4)
+
+
+def test_the_first_samples_may_be_equal_as_often_as_later_ones_and_twice_now_and_then_for_ever(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)
+    chip.fill(*[(7, 7, 8192, 7, 7, 7)] * 5)
+    assert reasons(cycle(sensor, chip, 0)) == ["4 equal samples", "5 equal samples"]
+    for turn in range(1, 10):
+        chip.fill(*[(turn, step, 8192, 0, 0, 0) for step in (0, 0, 1, 1)])
+        assert reasons(cycle(sensor, chip, turn)) == []
 
 
 @pytest.mark.parametrize("raw", [(32767, 0, 8192, 0, 0, 0), (0, 0, 8192, 0, -32768, 0)])
@@ -215,28 +252,46 @@ def test_every_axis_has_its_largest_step(sensor: Icm20948, chip: Chip, axis: int
 
 def test_a_damaged_sample_at_the_very_beginning_costs_itself_only(chip: Chip) -> None:
     sensor = Icm20948(Icm20948Knobs(magnetometer=False))
-    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    play(sensor.configure(), chip)
     chip.fill((0, 20_000, -8192, 0, 0, 0))
     chip.still(4)
     outputs = play(sensor.cycle(START), chip)
     assert [isinstance(one, Rejected) for one in outputs] == [True] + [False] * 4
 
 
+def test_the_first_sample_is_as_far_from_the_second_as_from_any_other(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)
+    chip.fill((0, 0, 8192 + 4595, 0, 0, 0))  # 5.5 m/s^2
+    chip.still(4)
+    assert [type(one) for one in play(sensor.cycle(START), chip)] == [Rejected, *[Stamped] * 4]
+
+
+def test_a_step_right_after_the_beginning_is_believed_no_earlier_than_any_other(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)
+    chip.fill(LEVEL, LEVEL, *[(turn, 0, 0, 0, 0, 0) for turn in range(5)])
+    assert [type(one) for one in play(sensor.cycle(START), chip)] == [Stamped] * 2 + [Rejected] * 3 + [Stamped] * 2
+
+
 @pytest.mark.parametrize(("divider", "believed"), [(4, False), (44, True)])
 def test_what_a_step_may_be_follows_the_rate(chip: Chip, divider: int, believed: bool) -> None:
     """20 m/s^2 in 40 ms is a vehicle that is set down, in 4 ms it is damage."""
     sensor = Icm20948(Icm20948Knobs(divider=divider, magnetometer=False))
-    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    play(sensor.configure(), chip)
     chip.fill(LEVEL, (1, 0, 8192, 0, 0, 0), (0, 0, 8192 + 16706, 0, 0, 0))
     assert (reasons(cycle(sensor, chip, 1)) == []) is believed
 
 
-def test_samples_that_burst_mode_has_skipped_widen_the_step() -> None:
+@pytest.mark.parametrize("axis", [2, 4])
+def test_samples_that_burst_mode_has_skipped_widen_the_step(axis: int) -> None:
     ready = (WriteRead(0x68, b"\x1a", 1), b"\x01")
     for late_s, count, believed in ((0.0045, 6266, False), (0.0045, 16706, False), (0.045, 16706, True)):
         sensor = Icm20948(Icm20948Knobs(mode="burst", magnetometer=False))
-        for at, z in ((START, 8192), (after(START, late_s), 8192 + count)):
-            newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", 0, 0, z, 0, 0, 0))
+        raw = [*LEVEL]
+        for at, step in ((START, 0), (after(START, late_s), count)):
+            raw[axis] += step
+            newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", *raw))
             outputs = rehearse(sensor.cycle(at), [ready, newest])
         assert isinstance(outputs[0], Stamped) is believed
 
@@ -244,7 +299,7 @@ def test_samples_that_burst_mode_has_skipped_widen_the_step() -> None:
 def test_accelerometer_and_magnetometer_are_corrected_by_the_vehicle_file(chip: Chip) -> None:
     calibration = {"accel_offset_mps2": (0.1, 0.0, 0.0), "accel_scale": (1.0, 1.0, 0.5)}
     sensor = Icm20948(Icm20948Knobs(magnetometer=False), 0, calibration)
-    play(sensor.configure(), chip)  # type: ignore[arg-type]
+    play(sensor.configure(), chip)
     chip.fill(LEVEL)
     (output,) = play(sensor.cycle(START), chip)
     assert isinstance(output.reading if isinstance(output, Stamped) else None, Inertial)
@@ -269,7 +324,47 @@ def test_burst_mode_reads_the_newest_sample_when_there_is_one() -> None:
     newest = (WriteRead(0x68, b"\x2d", 12), struct.pack(">6h", *LEVEL))
     assert list(rehearse(sensor.cycle(START), [none])) == []
     (output,) = rehearse(sensor.cycle(START), [ready, newest])
-    assert START - 6_000_000 < output.stamp < START
+    half_a_period_s = 0.5 / 225.0
+    assert output.stamp == pytest.approx(after(START, -half_a_period_s - Icm20948Knobs().filter_delay_s), abs=1)
+
+
+def test_burst_mode_uses_no_data_ready_line(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(mode="burst", data_ready="chip:1", magnetometer=False))
+    identity = play(sensor.configure(), chip)
+    assert "timed" not in identity.text
+    assert all(address == 0x68 for address, _ in chip.asked)
+
+
+def test_a_line_that_has_no_number_is_refused() -> None:
+    with pytest.raises(UsageError, match="imu: data_ready: found 'chip'"):
+        build(Icm20948Knobs, {"data_ready": "chip"}, "imu")
+
+
+def test_field_and_temperature_are_read_in_every_so_many_th_turn(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(period_s=0.03, magnetometer_every=3, temperature_every=2))
+    assert sensor.period_s == 0.03
+    for _ in range(2):
+        play(sensor.configure(), chip)
+        fields, temperatures = [], []
+        for turn in range(1, 8):
+            chip.still(4)
+            chip.asked.clear()
+            outputs = cycle(sensor, chip, turn)
+            assert len(outputs) == 4 + (turn % 3 == 0)
+            fields += [turn] * sum(isinstance(one, Stamped) and isinstance(one.reading, Magnetic) for one in outputs)
+            temperatures += [turn] * ((0x68, 0x39) in chip.asked)
+        assert (fields, temperatures) == ([3, 6], [2, 4, 6])
+
+
+def test_samples_that_came_together_are_apart_by_the_period_that_was_found(chip: Chip) -> None:
+    sensor = Icm20948(Icm20948Knobs(magnetometer=False))
+    play(sensor.configure(), chip)
+    period_s = 1.04 / 225.0  # the clock of the sensor is slow
+    for turn in range(1500):
+        chip.still(4)
+        outputs = play(sensor.cycle(after(START, 4 * turn * period_s)), chip)
+    steps = [(b.stamp - a.stamp) / 1e9 for a, b in pairwise(outputs)]
+    assert steps == pytest.approx([period_s] * 3, rel=1e-3)
 
 
 def test_burst_mode_bears_turns_without_a_new_sample_but_not_a_quarter_of_a_second_of_them() -> None:
@@ -288,7 +383,7 @@ def test_the_line_of_the_vehicle_file_times_the_samples_unless_another_is_ordere
 ) -> None:
     mount = replace(vehicle.sensors["icm20948"], data_ready="chip:3")
     sensor = DRIVER.make(Icm20948Knobs(data_ready=ordered, magnetometer=False), mount, vehicle)
-    identity: Any = play(sensor.configure(), chip)
+    identity = play(sensor.configure(), chip)
     assert identity.text.endswith(f"timed by {line}")
 
 
@@ -449,6 +544,14 @@ def test_a_step_of_the_host_s_clock_is_not_a_period() -> None:
     assert clock.period_ns == PERIOD_ns
 
 
+@pytest.mark.parametrize(("share", "believed"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])
+def test_a_period_is_the_nominal_one_within_a_tenth(share: float, believed: bool) -> None:
+    clock = EdgeClock(PERIOD_ns)
+    for ticks in (4, 8, 12):
+        clock.map(ticks, (ticks, round(share * ticks * PERIOD_ns)))
+    assert clock.period_ns == pytest.approx((share if believed else 1.0) * PERIOD_ns)
+
+
 def edges(count: int, newest_s: float) -> bytes:
     return struct.pack(">Iq", count, round(1e9 * newest_s))
 
@@ -460,8 +563,14 @@ def timed_cycle(sensor: Icm20948, at: Stamp, before: bytes, behind: bytes, turn:
     return rehearse(sensor.cycle(at), [(line, before), (count, b"\x00\x30"), (burst, data), (line, behind)])
 
 
+def timed_sensor() -> Icm20948:
+    sensor = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False, temperature_every=100))
+    play(sensor.configure(), Chip())
+    return sensor
+
+
 def test_a_line_without_edges_is_told_four_times_a_second() -> None:
-    sensor, told_s = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False, temperature_every=100)), []
+    sensor, told_s = timed_sensor(), []
     for turn in range(56):
         at_s = 1.0 + turn / 50.0
         told = reasons(timed_cycle(sensor, stamp_from_s(at_s), bytes(12), bytes(12), turn))
@@ -470,13 +579,53 @@ def test_a_line_without_edges_is_told_four_times_a_second() -> None:
     assert told_s == pytest.approx([1.26, 1.52, 1.78, 2.04])
 
 
+def test_a_line_that_times_the_samples_is_never_told() -> None:
+    sensor = timed_sensor()
+    for turn in range(1, 40):
+        look = edges(4 * turn, 1.0 + 4 * turn / 225.0)
+        assert reasons(timed_cycle(sensor, stamp_from_s(1.001 + 4 * turn / 225.0), look, look, turn)) == []
+
+
+DELAY_ns = round(1e9 * Icm20948Knobs().filter_delay_s)
+
+
+@pytest.mark.parametrize(("late_s", "used"), [(0.0045, True), (0.0052, False), (-0.0045, True), (1.0, False)])
+def test_an_edge_further_from_the_look_than_a_period_is_not_that_of_the_newest_sample(
+    late_s: float, used: bool
+) -> None:
+    """A period of 4.44 ms, and a tenth."""
+    sensor = timed_sensor()
+    for turn, at_s in ((1, 0.999), (2, 1.017)):
+        timed_cycle(sensor, stamp_from_s(at_s + 0.001), edges(4 * turn, at_s), edges(4 * turn, at_s), turn)
+    (*_, newest) = timed_cycle(sensor, stamp_from_s(1.035 + late_s), edges(12, 1.035), edges(12, 1.035), 3)
+    wanted_ns = 1_035_000_000 if used else 1_017_000_000 + 4e9 / 225.0
+    assert newest.stamp == pytest.approx(wanted_ns - DELAY_ns, abs=1)
+
+
+def test_samples_after_an_overflow_are_timed_anew() -> None:
+    sensor = timed_sensor()
+    for turn in range(1, 5):
+        look = edges(4 * turn, 1.0 + 4 * turn / 225.0)
+        timed_cycle(sensor, stamp_from_s(1.001 + 4 * turn / 225.0), look, look, turn)
+    emptied: list[tuple[Operation, bytes]] = [
+        (Read(0x81, 12), edges(70, 1.3)),
+        (WriteRead(0x68, b"\x70", 2), b"\x02\x00"),
+        (Write(0x68, b"\x68\x1f"), b""),
+        (Write(0x68, b"\x68\x00"), b""),
+    ]
+    assert "overflow" in reasons(rehearse(sensor.cycle(stamp_from_s(1.3)), emptied))[0]
+    (*_, newest) = timed_cycle(sensor, stamp_from_s(1.32), edges(74, 1.319), edges(74, 1.319), 6)
+    assert newest.stamp == stamp_from_s(1.32) - DELAY_ns
+
+
 def test_an_edge_between_two_looks_is_not_that_of_the_newest_sample_in_the_burst() -> None:
-    sensor = Icm20948(Icm20948Knobs(data_ready="chip:1", magnetometer=False))
+    sensor = timed_sensor()
     start, later = stamp_from_s(1.0), stamp_from_s(1.018)
     first = timed_cycle(sensor, start, edges(4, 0.999), edges(4, 0.999), 1)
     assert reasons(first) == []
     (*_, newest) = timed_cycle(sensor, later, edges(8, 1.017), edges(8, 1.017), 2)
-    delay_ns = round(1e9 * Icm20948Knobs().filter_delay_s)
-    assert newest.stamp == 1_017_000_000 - delay_ns
+    assert newest.stamp == 1_017_000_000 - DELAY_ns
     (*_, newest) = timed_cycle(sensor, stamp_from_s(1.037), edges(12, 1.0348), edges(13, 1.0393), 3)
-    assert newest.stamp == pytest.approx(1_017_000_000 + 4e9 / 225.0 - delay_ns, abs=1)
+    assert newest.stamp == pytest.approx(1_017_000_000 + 4e9 / 225.0 - DELAY_ns, abs=1)
+    (*_, newest) = timed_cycle(sensor, stamp_from_s(1.054), edges(16, 1.053), edges(16, 1.053), 4)
+    assert newest.stamp == 1_053_000_000 - DELAY_ns, "the next one counts again"

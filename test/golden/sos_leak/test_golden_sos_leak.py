@@ -44,8 +44,10 @@ def test_a_splash_of_noise_is_no_leak_and_water_is() -> None:
     ]
 
 
-def test_a_line_that_never_rests_is_no_probe() -> None:
+@pytest.mark.parametrize("before", ["", "111"])
+def test_a_line_that_never_rests_is_no_probe(before: str) -> None:
     sensor, patience = configured(), RESTLESS_LOOKS + 3
+    looks(sensor, before)
     looks(sensor, (patience * "01")[:patience])
     with pytest.raises(DeviceError, match="line 27: changes all the time"):
         looks(sensor, str(patience % 2))

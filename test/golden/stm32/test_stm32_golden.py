@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega, common
 
@@ -37,6 +37,8 @@ SAID: dict[str, Message] = {
     "servo_output": ServoOutput(1_000_000, (1100, 1900, 1500, 1500, 1500, 1500)),
 }
 U16 = st.integers(0, 65535)
+TARGET = st.permutations([1, 2, 190, 255]).map(lambda ids: (ids[0], ids[1]))
+"""System and component, which differ."""
 
 
 def only(data: bytes) -> Message:
@@ -65,13 +67,13 @@ def test_decodes_the_very_bytes(name: str) -> None:
     assert encode(frame.message, frame.sequence, frame.system, frame.component) == WIRES[name]
 
 
-@given(st.lists(U16, min_size=18, max_size=18), st.integers(0, 255))
-def test_override_as_pymavlink(pulses: list[int], sequence: int) -> None:
+@given(st.lists(U16, min_size=18, max_size=18), st.integers(0, 255), TARGET)
+def test_override_as_pymavlink(pulses: list[int], sequence: int, target: tuple[int, int]) -> None:
     theirs = sender()
     theirs.seq = sequence
-    wire = bytes(theirs.rc_channels_override_encode(1, 1, *pulses).pack(theirs))
-    assert encode(ChannelsOverride(tuple(pulses)), sequence, component=1) == wire
-    assert only(wire) == ChannelsOverride(tuple(pulses))
+    wire = bytes(theirs.rc_channels_override_encode(*target, *pulses).pack(theirs))
+    assert encode(ChannelsOverride(tuple(pulses), *target), sequence, component=1) == wire
+    assert only(wire) == ChannelsOverride(tuple(pulses), *target)
 
 
 @given(st.integers(0, 2**32 - 1), st.lists(U16, min_size=16, max_size=16))
@@ -82,14 +84,16 @@ def test_servo_output_as_pymavlink(time_us: int, pulses: list[int]) -> None:
     assert encode(ServoOutput(time_us, tuple(pulses)), 0, component=1) == wire
 
 
-@given(U16, st.floats(width=32, allow_nan=False), st.integers(0, 255))
-def test_command_as_pymavlink(command: int, parameter: float, confirmation: int) -> None:
+@given(U16, st.floats(width=32, allow_nan=False), st.integers(0, 255), TARGET)
+def test_command_as_pymavlink(command: int, parameter: float, confirmation: int, target: tuple[int, int]) -> None:
     theirs = sender()
-    wire = bytes(theirs.command_long_encode(1, 1, command, confirmation, parameter, *(0.0,) * 6).pack(theirs))
-    assert only(wire) == CommandLong(command, parameter, confirmation)
-    assert encode(CommandLong(command, parameter, confirmation), 0, component=1) == wire
+    wire = bytes(theirs.command_long_encode(*target, command, confirmation, parameter, *(0.0,) * 6).pack(theirs))
+    assert only(wire) == CommandLong(command, parameter, confirmation, *target)
+    assert encode(CommandLong(command, parameter, confirmation, *target), 0, component=1) == wire
 
 
+@example([14800], -1)
+@example([14800], 0)
 @given(st.lists(st.integers(0, 5000), min_size=1, max_size=10), st.integers(-1, 32767))
 def test_battery_of_pymavlink(cells: list[int], current: int) -> None:
     theirs = sender()
@@ -110,6 +114,7 @@ def test_our_battery_is_understood_by_pymavlink() -> None:
     theirs, cells = sender(), [14800] + [65535] * 9
     wire = bytes(theirs.battery_status_encode(0, 0, 0, 0x7FFF, cells, 1234, -1, -1, -1).pack(theirs))
     assert encode(BatteryStatus(14.8, 12.34), 0, component=1) == wire
+    assert only(encode(BatteryStatus(14.8, None), 0)) == BatteryStatus(14.8, None)
 
 
 def test_signed_frames_are_refused() -> None:
