@@ -2,6 +2,9 @@
 
 The prior's momentum balance, filtered so that nothing is differentiated, leaves a residual wrench. A dead thruster
 leaves one of a known direction, proportional to its commanded force; a current or a wrong drag coefficient does not.
+Ballast and trim that differ from the vehicle file do: thrusters that hold a vehicle upright move nothing. So what
+heave, roll and pitch leave on the average is learned, and only what comes on top of it counts: against the force of a
+thruster (one that dies), and against what its force has on top of its own average (one that was dead from the start).
 For each thruster the part of its force that is missing is fitted; the one that explains most of a residual too large
 for the model's own errors, for long enough, is suspected.
 """
@@ -23,6 +26,11 @@ from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import AXES, Vehicle
 
 LONGEST_STEP_S = 0.2
+HYDROSTATIC = np.array([axis in ("heave", "roll", "pitch") for axis in AXES])
+AT_WORK_N = 0.1
+"""Force below which all thrusters stand: nothing is learned of a vehicle that somebody holds."""
+FIRST_S = 5.0
+"""Time under thrust for which ballast and trim are the mean of all that was seen."""
 JUDGED_S = 0.09
 """Between two judgements: the balance is filtered at every step, its evidence over seconds."""
 
@@ -31,6 +39,7 @@ JUDGED_S = 0.09
 class FaultDetectorKnobs:
     """Thresholds of suspicion."""
 
+    trim_s: float = knob(30.0, 1.0, 600.0, "time over which ballast and trim are learned [s]")
     filter_s: float = knob(0.6, 0.1, 10.0, "time constant of the filter of the momentum balance [s]")
     memory_s: float = knob(2.5, 0.2, 60.0, "time over which evidence is gathered [s]")
     patience_s: float = knob(1.5, 0.0, 60.0, "time for which the evidence must hold [s]")
@@ -68,6 +77,9 @@ class ThrusterFaultDetector:
         self._inertia = np.array([one.inertia for one in self._freedoms])
         self._masses = tuple(one.inertia for one in self._freedoms[:3])
         self._last: Stamp | None = None
+        self._trim: Matrix = np.zeros(6)
+        self._usual: Matrix = np.zeros((6, len(self._names)))
+        self._learned_s = 0.0
         self._clear()
 
     def _clear(self) -> None:
@@ -76,8 +88,8 @@ class ThrusterFaultDetector:
         self._slow_thrust: Matrix = np.zeros(count)
         self._slow_rates: Matrix | None = None
         self._slow_model: Matrix = np.zeros(6)
-        self._along, self._power, self._residual, self._weight = np.zeros(count), np.zeros(count), 0.0, 0.0
-        self._since_s: Matrix = np.zeros(count)
+        self._along, self._power, self._residual = np.zeros(2 * count), np.zeros(2 * count), 0.0
+        self._since_s: Matrix = np.zeros(2 * count)
         self._unjudged_s = 0.0
 
     def step(self, navigation: Navigation, stamp: Stamp, forces_N: Sequence[float]) -> SuspectedFault | None:
@@ -123,12 +135,24 @@ class ThrusterFaultDetector:
         X, Y, Z = mx * u, my * v, mz * w
         return np.array([r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u])
 
+    def _learn_trim(self, residual: Matrix, wrenches: Matrix, dt: float) -> tuple[Matrix, Matrix]:
+        """Residual (6,) and wrenches of the thrusters (6, n) without what they were on the average [N, N m]."""
+        beyond, unusual = residual - self._trim, wrenches - self._usual
+        if np.abs(self._slow_thrust).max() < AT_WORK_N:
+            return beyond, np.zeros_like(wrenches)
+        self._learned_s += dt
+        learned = HYDROSTATIC * (dt / (self._learned_s if self._learned_s < FIRST_S else self._knobs.trim_s))
+        self._trim = self._trim + learned * beyond
+        self._usual = self._usual + learned[:, None] * unusual
+        return beyond, unusual
+
     def _judge(self, residual: Matrix, drag: Matrix, dt: float) -> SuspectedFault | None:
         knobs = self._knobs
         wrenches = self._B * self._slow_thrust
         at_work = knobs.sigma_thrust * np.linalg.norm(wrenches, axis=1)
+        residual, unusual = self._learn_trim(residual, wrenches, dt)
         weight = 1.0 / (np.asarray(knobs.sigma) + knobs.sigma_drag * np.abs(drag) + at_work)
-        signature = -wrenches * weight[:, None]
+        signature = -np.hstack([wrenches, unusual]) * weight[:, None]
         surprise = residual * weight
         keep = -math.expm1(-dt / knobs.memory_s)
         self._along += (signature.T @ surprise - self._along) * keep
@@ -142,4 +166,4 @@ class ThrusterFaultDetector:
         index = int(np.argmax(np.where(self._since_s > knobs.patience_s, explained, -1.0)))
         if self._since_s[index] <= knobs.patience_s:
             return None
-        return SuspectedFault(self._names[index], float(min(1.0, missing[index])))
+        return SuspectedFault(self._names[index % len(self._names)], float(min(1.0, missing[index])))
