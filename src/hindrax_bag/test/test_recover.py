@@ -22,8 +22,9 @@ from hindrax_bag.read import mcap_records, recovery
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.recovery import recover
+from hindrax_bag.write.bag_file import BagFile
 from hindrax_bag.write.limits import BagLimits
-from hindrax_core.errors import UsageError
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 
 
@@ -221,3 +222,20 @@ def test_a_chunk_that_claims_or_holds_gigabytes_costs_itself_only(
     assert found == len(list(messages(small_bag(tmp_path / "same"))))
     assert damage.left_out == 1
     assert peak < 2**24
+
+
+@pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_what_ends_a_recovery_leaves_no_part_that_is_in_the_way_of_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: BaseException
+) -> None:
+    bag = small_bag(tmp_path / "bag.mcap")
+
+    def fail(*_: object) -> None:
+        raise failure
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BagFile, "close", fail)
+        with pytest.raises((HindraxError, KeyboardInterrupt)):
+            recover(bag, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert recover(bag, tmp_path / "out").messages

@@ -17,7 +17,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.text.text_file import require_place
+from hindrax_core.text.text_file import nothing_left, require_place
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 
@@ -123,7 +123,8 @@ def save_plot(path: Path | None, name: str, *data: Any) -> None:
         return
     figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
     try:
-        figure.savefig(path)
+        with nothing_left(path):
+            figure.savefig(path)
     except OSError as error:
         raise UsageError(f"--plot {path}: cannot be written ({cause(error)}); name another place") from error
     print_fitted(f"plot: {path}", sys.stderr)

@@ -12,6 +12,7 @@ import yaml
 from hindrax_analysis.experiments.estimate import Dimensions, empirical
 from hindrax_bringup.share_files import VEHICLE, default_vehicle, usual_vehicle, vehicle_file
 from hindrax_cli.command_line import main
+from hindrax_cli.commands.machine import vehicle
 from hindrax_cli.vehicle_questions import QUESTIONS, ask
 from hindrax_cli.vehicle_review import DOWN, UP, findings, picture
 from hindrax_control.allocation.allocator import Allocator
@@ -75,6 +76,15 @@ def test_an_answer_that_makes_no_sense_is_refused(
     assert answer(monkeypatch, **given) == 2
     assert wanted in capsys.readouterr().err
     assert not home.exists()
+
+
+def test_nobody_answers_ten_questions_for_a_file_that_cannot_be_written(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(vehicle, "ask", lambda *_: pytest.fail("it asked first"))
+    (tmp_path / "file").write_text("")
+    assert main(["vehicle", "new", "myrov", "--out", str(tmp_path / "file" / "deeper" / "myrov.yaml")]) == 1
+    assert "cannot be written (Not a directory)" in capsys.readouterr().err
 
 
 def test_a_person_who_mistypes_is_asked_again_and_keeps_what_was_answered() -> None:

@@ -6,15 +6,17 @@ import contextlib
 import errno
 import os
 import resource
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from hindrax_core.errors import HindraxError
-from hindrax_core.text.text_file import replace_text, require_place
+from hindrax_core.text.text_file import nothing_left, replace_text, require_place
 
 
 @contextlib.contextmanager
@@ -94,6 +96,37 @@ def test_a_place_is_tried_without_a_trace(tmp_path: Path) -> None:
 def test_a_place_that_takes_no_file_is_told(tmp_path: Path, name: str, why: str) -> None:
     with pytest.raises(HindraxError, match=rf"{name}: cannot be written \({why}\); make room or name another place"):
         require_place(tmp_path / name)
+
+
+def test_a_full_disk_is_told_beforehand_and_one_that_tells_no_size_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for total, free, refused in ((10**9, 999_999, True), (10**9, 10**6, False), (0, 0, False)):
+        monkeypatch.setattr(
+            shutil, "disk_usage", lambda _, sizes=(total, free): SimpleNamespace(total=sizes[0], free=sizes[1])
+        )
+        with pytest.raises(HindraxError, match="No space left on device") if refused else contextlib.nullcontext():
+            require_place(tmp_path / "report.html")
+        assert not list(tmp_path.iterdir())
+
+
+def interrupted(file: Path, failure: type[BaseException]) -> None:
+    with nothing_left(file):
+        file.write_text("half")
+        raise failure
+
+
+@pytest.mark.parametrize("failure", [OSError, KeyboardInterrupt])
+def test_nothing_is_left_of_a_file_that_was_not_finished(tmp_path: Path, failure: type[BaseException]) -> None:
+    fresh, old = tmp_path / "fresh.png", tmp_path / "old.png"
+    old.write_text("before")
+    for file in (fresh, old):
+        with pytest.raises(failure):
+            interrupted(file, failure)
+    assert list(tmp_path.iterdir()) == [old]
+    with nothing_left(fresh):
+        fresh.write_text("whole")
+    assert fresh.read_text() == "whole"
 
 
 def _umask() -> int:

@@ -8,11 +8,13 @@ from typing import Any, cast
 
 import pytest
 
+from hindrax_bag.message_comparison import TOLERANCES, load_rules
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.processes import REPLAY
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor
-from hindrax_core.errors import HindraxError
-from hindrax_replay.ros_replay import _wait
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_replay import ros_replay
+from hindrax_replay.ros_replay import _wait, replay_ros
 
 
 class EndsAtTheSecondLook:
@@ -43,3 +45,13 @@ def test_a_record_at_its_end_is_no_process_that_is_missing(tmp_path: Path, code:
     else:
         with pytest.raises(HindraxError, match=r"the replayed wires ended; .*no such bag"):
             _wait(wires, supervisor, folder, 60.0)
+
+
+def test_a_folder_that_cannot_be_made_is_told_before_anything_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_replay, "messages", lambda _: iter(()))
+    monkeypatch.setattr(ros_replay, "_run", lambda *_: pytest.fail("it started"))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match=r"file/out: cannot be written \(Not a directory\); name another folder"):
+        replay_ros(tmp_path / "bag", load_rules(TOLERANCES, "ros"), out=tmp_path / "file" / "out")

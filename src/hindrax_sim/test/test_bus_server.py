@@ -1,5 +1,6 @@
 """Client and server of the virtual bus: transactions, errors, and the clock that jumps while everybody sleeps."""
 
+import errno
 import itertools
 import os
 import socket
@@ -12,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses import mock_protocol
@@ -247,3 +249,14 @@ def test_what_is_to_be_done_meanwhile_is_done_once_at_the_beginning(world: World
     world.close()
     bus.sleep_until(Stamp(10**15), meanwhile=lambda: seen.append(Stamp(1)))
     assert seen[2:] == [Stamp(1)], "that the mock has gone must still be told"
+
+
+def test_without_room_for_the_page_of_the_time_it_is_told_instead_of_a_bus_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(HindraxError, match=r"bus\.time: cannot be made \(No space left on device\); make room"):
+        BusServer(str(tmp_path / "bus"), VirtualI2c().transfer)

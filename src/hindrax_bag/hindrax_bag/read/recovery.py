@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -54,16 +55,28 @@ def recover(
     damage = Damage()
     copy = _Copy(damage, progress, keep)
     try:
-        output.mkdir(parents=True, exist_ok=True)
-        for number, file in enumerate(files):
-            copy.file(file, output / f"{output.name}_{number}.mcap")
-        copy.finish(output)
-    except UsageError:
-        shutil.rmtree(output)
-        raise
+        with _nothing_left(output):
+            output.mkdir(parents=True, exist_ok=True)
+            _copy_all(copy, files, output)
     except OSError as error:
         raise HindraxError(f"{output}: cannot be written ({cause(error)}); name another with --out") from error
     return Recovered(output, copy.total, damage.lost_s, tuple(damage.notes))
+
+
+def _copy_all(copy: _Copy, files: Sequence[Path], output: Path) -> None:
+    for number, file in enumerate(files):
+        copy.file(file, output / f"{output.name}_{number}.mcap")
+    copy.finish(output)
+
+
+@contextlib.contextmanager
+def _nothing_left(folder: Path) -> Iterator[None]:
+    """Remove a folder that holds a part only: of a bag that is none, on a full disk, or after Ctrl-C."""
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def copy_of(source: Path, target: Path) -> tuple[Contents, Damage]:

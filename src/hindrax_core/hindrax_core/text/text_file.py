@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import shutil
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError, cause
 
 NOTHING_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
 """Of a folder that takes no new file, or of a file that is mounted there by itself."""
+LEAST_ROOM_bytes = 1_000_000
+"""More than any report, table or plot; the room that a place must have."""
 
 
 def replace_text(file: Path, text: str) -> None:
@@ -48,8 +53,28 @@ def require_place(file: Path) -> None:
     if not fresh and not (file.is_file() or file.is_dir()):
         return
     try:
-        file.open("ab").close()
+        with nothing_left(file):
+            file.open("ab").close()
+            _require_room(file.parent)
     except OSError as error:
         raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
     if fresh:
         file.unlink(missing_ok=True)
+
+
+def _require_room(folder: Path) -> None:
+    disk = shutil.disk_usage(folder)
+    if disk.total and disk.free < LEAST_ROOM_bytes:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@contextlib.contextmanager
+def nothing_left(file: Path) -> Iterator[None]:
+    """Remove a file that was not there before, when writing it fails or is interrupted."""
+    fresh = not file.exists()
+    try:
+        yield
+    except BaseException:
+        if fresh:
+            file.unlink(missing_ok=True)
+        raise

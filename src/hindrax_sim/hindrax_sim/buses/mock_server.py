@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Self
 
 from hindrax_core.bus_operations import Transaction
-from hindrax_core.errors import UsageError, cause
+from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import EPOCH, NEVER
@@ -206,8 +206,11 @@ def _make_page(path: str) -> mmap.mmap:
     Path(path).unlink(missing_ok=True)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     try:
-        os.ftruncate(descriptor, mock_protocol.PAGE_BYTES)
+        # Not only its length: on a full disk a page without a block ends whoever writes to it by SIGBUS.
+        os.posix_fallocate(descriptor, 0, mock_protocol.PAGE_BYTES)
         return mmap.mmap(descriptor, mock_protocol.PAGE_BYTES)
+    except OSError as error:
+        raise HindraxError(f"{path}: cannot be made ({cause(error)}); make room, or choose another place") from error
     finally:
         os.close(descriptor)
 

@@ -31,7 +31,7 @@ from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.text.text_file import require_place
+from hindrax_core.text.text_file import nothing_left, require_place
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"
@@ -161,7 +161,8 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
     panels[-1, 0].set_xlabel("time since the first message [s]")
     figure.suptitle(title, fontsize=9)
     try:
-        figure.savefig(out, dpi=120)
+        with nothing_left(out):
+            figure.savefig(out, dpi=120)
     except OSError as error:
         raise HindraxError(f"{out}: cannot be written ({cause(error)}); name another with --out") from error
 

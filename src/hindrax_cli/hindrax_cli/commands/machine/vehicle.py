@@ -19,6 +19,7 @@ from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.text_file import replace_text, require_place
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 NAME = "vehicle"
@@ -59,11 +60,12 @@ def new(arguments: argparse.Namespace) -> int:
     out = arguments.out or own_vehicles() / f"{name}.yaml"
     if out.exists():
         raise UsageError(f"{out}: is there already; take another name, or remove it")
+    require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
     text = file_text(name, ask(_line, _say_or_end))
     vehicle = vehicle_from_text(text, str(out))
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8")
+        replace_text(out, text)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written ({cause(error)}); name another place with --out") from error
     _show_checks(vehicle)
