@@ -60,6 +60,10 @@ class Command(Protocol):
         """Do the work and return the exit code."""
 
 
+WHOLE = ("int", "seed")
+"""Argument types that are whole numbers."""
+
+
 class HelpText(argparse.RawDescriptionHelpFormatter):
     """Fits descriptions to the screen."""
 
@@ -77,6 +81,10 @@ class Parser(argparse.ArgumentParser):
         if stray:
             word = stray[1].split()[0]
             message = f"no option {word!r}{meant(word, self._option_string_actions)}"
+        unread = re.fullmatch(r"argument (.*): invalid (\w+) value: (.*)", message)
+        if unread:
+            wanted = "a whole number" if unread[2] in WHOLE else "a number"
+            message = f"argument {unread[1]}: found {unread[3]}, wanted {wanted}"
         print_fitted(f"{self.prog}: {message}; ./{self.prog} --help shows how", sys.stderr)
         self.exit(UsageError.exit_code)
 
