@@ -118,7 +118,13 @@ def test_what_a_step_may_be_follows_the_period(period_s: float, refused: int) ->
     assert len([reason for reason in found if reason.startswith("leap of +")]) == len(found) == refused
 
 
-@pytest.mark.parametrize(("every", "refused"), [(1, 3), (50, 0)])
-def test_a_slow_temperature_may_change_with_its_own_period(every: int, refused: int) -> None:
-    knobs = Ms5837Knobs(temperature_every=every)
-    assert len(refusals(WaterTruth(temperature_C=25.0), WaterTruth(temperature_C=20.0), knobs)) == refused
+@pytest.mark.parametrize(
+    ("period_s", "every", "to_C", "refused"),
+    [(0.02, 1, 20.0, 3), (0.02, 50, 20.0, 0), (1.0, 1, 15.2, 0), (1.0, 1, 14.8, 1)],
+)
+def test_a_slow_temperature_may_change_with_its_own_period(
+    period_s: float, every: int, to_C: float, refused: int
+) -> None:
+    """By 10 K in a second since the last reading that was believed."""
+    knobs = Ms5837Knobs(period_s=period_s, temperature_every=every)
+    assert len(refusals(WaterTruth(temperature_C=25.0), WaterTruth(temperature_C=to_C), knobs)) == refused

@@ -145,6 +145,20 @@ def test_files_inside_a_bag_are_found_by_name_the_first_of_each(tmp_path: Path) 
     assert attachments(sqlite_bag(tmp_path / "other", with_definitions=True)) == {}
 
 
+def test_a_message_of_an_earlier_version_is_brought_to_today_s_form_and_one_of_today_stays() -> None:
+    for text, old, armings in ((b"bool armed\n", True, 0), (b"bool armed\nuint8 armings\n", False, 7)):
+        form = MessageDecoder("/state", "cdr", Schema(1, text, "ros2msg", "hindrax_msgs/msg/ThrusterState"))
+        assert (form.old, form.definition) == (old, text.decode())
+        for _ in range(2):
+            message = form.decode(b"\x00\x01\x00\x00\x01\x07")
+            assert (message.armed, message.armings) == (True, armings)
+
+
+def test_a_channel_without_a_schema_has_no_type() -> None:
+    form = MessageDecoder("/demo", "cdr", None)
+    assert (form.type, form.definition, form.old) == ("", "", False)
+
+
 def test_an_encoding_that_nobody_knows_is_named() -> None:
     form = MessageDecoder("/demo", "json", Schema(1, b"", "jsonschema", "Demo"))
     assert (form.type, form.definition, form.old) == ("Demo", "", False)

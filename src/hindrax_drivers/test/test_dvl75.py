@@ -295,6 +295,13 @@ def test_the_place_is_that_of_the_extended_data_and_else_that_of_the_recommended
         assert [type(one) for one in readings(driver.feed(extended(place=place), Stamp(3)))] == [BottomTrack]
 
 
+def test_a_recommended_minimum_may_end_after_the_place() -> None:
+    place = "GPRMC,123519,A,4807.038,N,01131.000,E"
+    (found,) = readings(started().feed(sentence(place), Stamp(0)))
+    assert (found.latitude_deg, found.longitude_deg) == pytest.approx((48.1173, 11.516666667))
+    assert reasons(started().feed(sentence(place.removesuffix(",E")), Stamp(0))) == ["GPRMC: fields"]
+
+
 def test_numbers_for_a_kalman_filter_come_in_their_order() -> None:
     outputs = started().feed(sentence("DVKFA,15,42,0.05,1.5,[A],-2") + sentence("DVKFA,0x0000000F,43,0.1"), Stamp(0))
     first, second = readings(outputs, KalmanSupport)
@@ -386,6 +393,24 @@ def test_deltas_are_asked_for_a_few_times_and_then_given_up() -> None:
     assert ["no $DVPDL after 3 requests" in one for one in troubles(outputs)] == [True]
     assert not driver.ready
     run(driver, 1.0, lambda i: delta(10**6 + i * 100_000), 30.0)
+    assert driver.ready
+
+
+def test_deltas_are_asked_for_again_after_the_same_time() -> None:
+    driver = started(Dvl75Knobs(enable_tries=3, enable_after_s=1.0))
+    asked_s = [turn / 8 for turn in range(60) if any(isinstance(one, Send) for one in told_at(driver, turn / 8))]
+    assert asked_s == [1.0, 2.0, 3.0]
+
+
+def told_at(driver: Dvl75, time_s: float) -> list[Output]:
+    driver.feed(sentence("DVKFA,15,1,0.05"), stamp_from_s(time_s))
+    return driver.tick(stamp_from_s(time_s))
+
+
+def test_the_clock_of_a_device_may_begin_at_zero() -> None:
+    driver = started()
+    assert not driver.ready
+    assert len(readings(driver.feed(delta(0), Stamp(0)), BottomVelocity)) == 1
     assert driver.ready
 
 

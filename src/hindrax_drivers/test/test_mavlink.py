@@ -51,8 +51,8 @@ def test_a_frame_with_a_flipped_bit_is_never_a_message(message: Message, data: s
 
 def test_a_frame_after_a_stray_start_byte_and_a_false_length_is_not_lost() -> None:
     beat = encode(Heartbeat(12, 0, 0, 3), 1)
-    data = b"\xfd\xff" + beat + b"\xfd\x09\x00" + beat + beat
-    assert sum(isinstance(event, Frame) for event in events(data, [1])) == 3
+    data = b"\xfd\xff" + beat + b"\xfd\x09\x00" + beat + beat + b"\xfd" + beat
+    assert sum(isinstance(event, Frame) for event in events(data, [1])) == 4
 
 
 def test_refusals_say_why() -> None:

@@ -49,8 +49,10 @@ def test_any_chunking_gives_the_same_pieces(parts: list[bytes], sizes: list[int]
 
 
 def test_a_piece_ends_at_lf_or_cr_lf_or_before_a_dollar() -> None:
-    assert split(b"one\r\ntwo\nhalf$GPX,1*00\n\n\r\n$A$B\nrest") == [
+    assert split(b"one\r\n2$C\ntwo\nhalf$GPX,1*00\n\n\r\n$A$B\nrest") == [
         b"one",
+        b"2",
+        b"$C",
         b"two",
         b"half",
         b"$GPX,1*00",

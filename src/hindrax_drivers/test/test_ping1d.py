@@ -125,6 +125,11 @@ def test_range_and_gain_are_ordered_by_hand_only() -> None:
     assert encode(protocol.SET_GAIN, b"\x03") in frames
 
 
+def test_the_time_between_pings_is_ordered_in_milliseconds() -> None:
+    frames = b"".join(order.frames for order in device_settings(Ping1dKnobs(interval_s=10.0)))
+    assert encode(protocol.SET_INTERVAL, struct.pack("<H", 10_000)) in frames
+
+
 def test_a_silent_device_is_woken_again_and_again() -> None:
     driver = Ping1d()
     driver.start(Stamp(0))
@@ -326,6 +331,14 @@ def test_an_echo_is_stamped_with_the_moment_of_the_reflection() -> None:
     rest_of_scan = (2 * 5.0 - 2.0) / 1500.0
     assert abs(one.stamp - stamp_from_s(10.0 - on_wire - rest_of_scan)) <= 1
     assert one.reading == Echo(2.0, 1.0, 7)
+
+
+def test_an_echo_is_older_by_the_latency_that_was_measured() -> None:
+    now, stamps = stamp_from_s(10.0), []
+    for latency_s in (0.0, 0.125):
+        (echo,) = stamped(ready(Ping1dKnobs(continuous=False, latency_s=latency_s)).feed(distance(7), now))
+        stamps.append(echo.stamp)
+    assert stamps[0] - stamps[1] == 125_000_000
 
 
 def test_stamps_never_go_back_when_messages_arrive_at_once() -> None:

@@ -61,6 +61,8 @@ def test_a_slewed_clock_has_not_stepped(clocks: Clocks) -> None:
     stack = StackTime.of({VARIABLE: str(epoch_ns())})
     clocks.wall_ns += S // 20
     assert stack.step() == ""
+    clocks.wall_ns += S // 4
+    assert stack.step() == "the wall clock was set forward by 0.3 s", "but so far it is not slewed"
 
 
 @pytest.mark.parametrize("pauses_s", [{0: (2, 0)}, {0: (0, 2)}, {1: (2, 0)}, {1: (0, 2), 2: (2, 0)}])

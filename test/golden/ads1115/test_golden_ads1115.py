@@ -17,19 +17,19 @@ LOW = (WriteRead(0x48, b"\x02", 2), bytes.fromhex(CASES["low_threshold"]))
 HIGH = (WriteRead(0x48, b"\x03", 2), bytes.fromhex(CASES["high_threshold"]))
 
 
-def conversion(settings: str, value: str, again: str = "") -> list[tuple[Operation, bytes]]:
+def conversion(settings: str, value: str, again: str) -> list[tuple[Operation, bytes]]:
     return [
         (Write(0x48, b"\x01" + bytes.fromhex(settings)), b""),
         (Pause(0.009), b""),
         (WriteRead(0x48, b"\x01", 2), bytes.fromhex(settings)),
         (WriteRead(0x48, b"\x00", 2), bytes.fromhex(value)),
-        (WriteRead(0x48, b"\x00", 2), bytes.fromhex(again or value)),
+        (WriteRead(0x48, b"\x00", 2), bytes.fromhex(again)),
     ]
 
 
-def look(voltage: str, current: str, again: str = "") -> list[tuple[Operation, bytes]]:
+def look(voltage: str, current: str) -> list[tuple[Operation, bytes]]:
     """Table 8: single shots (OS, MODE) of AIN3 and AIN2 against ground, 4.096 V, 128 a second, no comparator."""
-    return [*conversion("f383", voltage, again), *conversion("e383", current)]
+    return [*conversion("f383", voltage, voltage), *conversion("e383", current, current)]
 
 
 @pytest.mark.parametrize("row", CASES["samples"], ids=lambda row: row["what"])
@@ -41,10 +41,19 @@ def test_a_sample(row: dict[str, Any]) -> None:
     assert stamped.reading.current_A == pytest.approx(row["current_A"], abs=1e-9)
 
 
-@pytest.mark.parametrize(("voltage", "again"), [("7fff", ""), ("2a0c", "2a0d")])
-def test_what_is_no_measurement_is_rejected(voltage: str, again: str) -> None:
-    (rejected,) = rehearse(Ads1115(Ads1115Knobs()).cycle(Stamp(0)), look(voltage, "0a50", again))
-    assert isinstance(rejected, Rejected)
+@pytest.mark.parametrize(
+    ("voltage", "current", "reason"),
+    [
+        (("7fff", "7fff"), ("0a50", "0a50"), "end of the scale"),
+        (("2a0c", "2a0c"), ("7fff", "7fff"), "end of the scale"),
+        (("2a0c", "2a0d"), ("0a50", "0a50"), "not twice the same"),
+        (("2a0c", "2a0c"), ("0a50", "0a51"), "not twice the same"),
+    ],
+)
+def test_what_is_no_measurement_is_rejected(voltage: tuple[str, str], current: tuple[str, str], reason: str) -> None:
+    talk = [*conversion("f383", *voltage), *conversion("e383", *current)]
+    (rejected,) = rehearse(Ads1115(Ads1115Knobs()).cycle(Stamp(0)), talk)
+    assert rejected == Rejected(Stamp(9_000_000), reason, bytes.fromhex("".join((*voltage, *current))))
 
 
 def test_the_identity_and_another_part() -> None:

@@ -17,14 +17,16 @@ MAKER = (WriteRead(0x41, b"\xfe", 2), bytes.fromhex(CASES["manufacturer"]))
 DIE = (WriteRead(0x41, b"\xff", 2), bytes.fromhex(CASES["die"]))
 
 
-def look(shunt: str, bus: str, again: str = "") -> list[tuple[Operation, bytes]]:
+def look(
+    shunt: str, bus: str, again: str = "", mask: str = "0008", settings: str = "4523"
+) -> list[tuple[Operation, bytes]]:
     """One triggered conversion: 16 averages of 1.1 ms, shunt and bus (tables 6 to 9: 4523h), read twice."""
     registers = [(WriteRead(0x41, b"\x01", 2), bytes.fromhex(shunt)), (WriteRead(0x41, b"\x02", 2), bytes.fromhex(bus))]
     return [
         (Write(0x41, b"\x00\x45\x23"), b""),
         (Pause(0.0393, 0.1 - 0.0393), b""),
-        (WriteRead(0x41, b"\x06", 2), b"\x00\x08"),
-        (WriteRead(0x41, b"\x00", 2), b"\x45\x23"),
+        (WriteRead(0x41, b"\x06", 2), bytes.fromhex(mask)),
+        (WriteRead(0x41, b"\x00", 2), bytes.fromhex(settings)),
         *registers,
         (registers[0][0], bytes.fromhex(again or shunt)),
         registers[1],
@@ -34,6 +36,7 @@ def look(shunt: str, bus: str, again: str = "") -> list[tuple[Operation, bytes]]
 def battery(sensor: Ina226, transcript: list[tuple[Operation, bytes]]) -> Battery:
     (stamped,) = rehearse(sensor.cycle(Stamp(0)), transcript)
     assert isinstance(stamped, Stamped)
+    assert stamped.stamp == 19_650_000, "the middle of the conversion"
     assert isinstance(stamped.reading, Battery)
     return stamped.reading
 
@@ -52,11 +55,35 @@ def test_a_shunt_that_is_wired_the_other_way_round() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shunt", "bus", "again"), [("7fff", "2570", ""), ("1f40", "2570", "1f41"), ("1f40", "a570", "")]
+    ("shunt", "bus", "again", "reason"),
+    [
+        ("7fff", "2570", "", "end of the scale"),
+        ("8001", "2570", "", "end of the scale"),
+        ("1f40", "7fff", "", "end of the scale"),
+        ("1f40", "ffff", "", "end of the scale"),
+        ("1f40", "2570", "1f41", "not twice the same"),
+    ],
 )
-def test_what_is_no_measurement_is_rejected(shunt: str, bus: str, again: str) -> None:
+def test_what_is_no_measurement_is_rejected(shunt: str, bus: str, again: str, reason: str) -> None:
     (rejected,) = rehearse(Ina226(Ina226Knobs()).cycle(Stamp(0)), look(shunt, bus, again))
-    assert isinstance(rejected, Rejected)
+    raw = shunt + bus + (again + bus if again else "")
+    assert rejected == Rejected(Stamp(19_650_000), reason, bytes.fromhex(raw))
+
+
+@pytest.mark.parametrize(("shunt", "bus"), [("7ffe", "7ffe"), ("8002", "0000")])
+def test_what_is_just_within_the_scale_is_believed(shunt: str, bus: str) -> None:
+    battery(Ina226(Ina226Knobs()), look(shunt, bus))
+
+
+@pytest.mark.parametrize(
+    ("mask", "settings", "why"),
+    [("fff7", "4523", "no conversion in 0.0393 s"), ("0008", "4127", "lost its settings: found 0x4127, wanted 0x4523")],
+)
+def test_a_part_that_is_not_done_or_has_lost_its_settings_is_configured_anew(
+    mask: str, settings: str, why: str
+) -> None:
+    with pytest.raises(DeviceError, match=f"address 0x41: {why}"):
+        rehearse(Ina226(Ina226Knobs()).cycle(Stamp(0)), look("1f40", "2570", "", mask, settings)[:4])
 
 
 def test_the_identity_and_another_part() -> None:

@@ -108,6 +108,7 @@ def test_status_text_of_pymavlink(severity: int, text: str) -> None:
     wire = bytes(theirs.statustext_encode(severity, text.encode()).pack(theirs))
     assert only(wire) == StatusText(severity, text)
     assert encode(StatusText(severity, text), 0, component=1) == wire
+    assert only(encode(StatusText(severity, 50 * "!" + text), 0)) == StatusText(severity, 50 * "!")
 
 
 def test_our_battery_is_understood_by_pymavlink() -> None:

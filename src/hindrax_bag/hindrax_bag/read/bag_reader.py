@@ -52,8 +52,6 @@ class MessageDecoder:
         made: Decode | None = DecoderFactory().decoder_for(self._encoding, self._schema)
         if made is None:
             raise UsageError(f"topic {self._topic}: encoding {self._encoding!r} cannot be decoded, wanted cdr")
-        if not self._steps:
-            return made
 
         def decode(data: bytes) -> Any:
             message = made(data)

@@ -60,14 +60,14 @@ class Ads1115:
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Convert voltage and current; the stamp is between the two."""
         knobs = self._knobs
-        voltage = yield from self._convert(knobs.voltage_channel)
-        current = yield from self._convert(knobs.current_channel)
-        valid, raw = after(stamp, CONVERSION_S), struct.pack(">4h", *voltage, *current)
-        if voltage[0] != voltage[1] or current[0] != current[1]:
+        voltage, voltage_again = yield from self._convert(knobs.voltage_channel)
+        current, current_again = yield from self._convert(knobs.current_channel)
+        valid, raw = after(stamp, CONVERSION_S), struct.pack(">4h", voltage, voltage_again, current, current_again)
+        if (voltage, current) != (voltage_again, current_again):
             return [Rejected(valid, "not twice the same", raw)]
-        if voltage[0] >= END_OF_SCALE or current[0] >= END_OF_SCALE:
+        if max(voltage, current) >= END_OF_SCALE:
             return [Rejected(valid, "end of the scale", raw)]
-        volts, amperes = voltage[0] * V_PER_COUNT, current[0] * V_PER_COUNT
+        volts, amperes = voltage * V_PER_COUNT, current * V_PER_COUNT
         return [
             Stamped(
                 valid, Battery(volts * knobs.volt_per_volt, (amperes - knobs.zero_current_V) * knobs.ampere_per_volt)

@@ -195,8 +195,8 @@ class StatusText:
     text: str
 
     def values(self) -> tuple[Any, ...]:
-        """One piece: longer texts are cut."""
-        return (self.severity, self.text.encode()[:50], 0, 0)
+        """One piece: the field cuts longer texts."""
+        return (self.severity, self.text.encode(), 0, 0)
 
     @classmethod
     def of(cls, values: tuple[Any, ...]) -> Self:
