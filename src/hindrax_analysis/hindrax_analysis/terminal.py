@@ -16,7 +16,7 @@ from rich.text import Text
 
 from hindrax_analysis.digits import rounded
 from hindrax_analysis.experiments.least_squares import Value
-from hindrax_core.text.screen_text import UNBOUNDED, print_whole
+from hindrax_core.text.screen_text import UNBOUNDED, fitted, print_whole
 
 NO_BREAK = "\0"
 PROSE_WIDTH = 24
@@ -65,7 +65,7 @@ def print_table(table: Table) -> None:
     if _least_width(table) <= screen.width:
         screen.print(table)
         return
-    lines = [_plain(table.title)] if table.title else []
+    lines = [fitted(_plain(table.title), screen.width)] if table.title else []
     for cells in zip(*(column.cells for column in table.columns), strict=True):
         lines += _stacked(table.columns, [_plain(cell) for cell in cells], screen.width)
     print_whole("\n".join(lines))

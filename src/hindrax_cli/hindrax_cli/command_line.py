@@ -12,7 +12,7 @@ import os
 import pkgutil
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn, Protocol
@@ -46,6 +46,10 @@ GROUPS = {
 """Folder under `commands` -> title in the overview, and the order of its commands there; a new one comes last."""
 
 
+LONGEST_WORD = 24
+"""Of what there is to choose from, in the usage of a command."""
+
+
 class Command(Protocol):
     """Interface of a module under `commands`."""
 
@@ -64,8 +68,26 @@ WHOLE = ("int", "seed")
 """Argument types that are whole numbers."""
 
 
+def long_choices(action: argparse.Action) -> str:
+    """What there is to choose from where it would make a long word; empty where it does not."""
+    if action.metavar is not None or action.choices is None:
+        return ""
+    found = ", ".join(map(str, action.choices))
+    return found if len(found) > LONGEST_WORD else ""
+
+
 class HelpText(argparse.RawDescriptionHelpFormatter):
     """Fits descriptions to the screen."""
+
+    def _metavar_formatter(self, action: argparse.Action, default_metavar: str) -> Callable[[int], tuple[str, ...]]:
+        """A long list of choices has no place in a line of the usage: it goes with the meaning."""
+        if not long_choices(action):
+            return super()._metavar_formatter(action, default_metavar)
+        return lambda count: (default_metavar,) * count
+
+    def _expand_help(self, action: argparse.Action) -> str:
+        found = long_choices(action)
+        return f"{super()._expand_help(action)}; one of {found}" if found else super()._expand_help(action)
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         del indent
@@ -182,8 +204,8 @@ def print_overview() -> None:
         print_fitted(f"\n{title}")
         for name in names:
             print_whole(fitted(f"  {name:12} {declared(name.replace('-', '_'))['HELP']}", width, hang=15))
-    print_fitted("\n./hindrax --version says which software this is")
-    print_fitted("./hindrax setup sets the machine up early, or repairs it; every other command does so when it must")
+    print_fitted("\nWhich software this is: ./hindrax --version")
+    print_fitted("To set the machine up early, or to repair it: ./hindrax setup; other commands do so when they must")
 
 
 def grouped() -> list[tuple[str, list[str]]]:

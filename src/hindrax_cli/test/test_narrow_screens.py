@@ -10,10 +10,12 @@ from rich.console import Console
 
 from hindrax_analysis import terminal
 from hindrax_bringup.clone import clone_root
-from hindrax_cli.command_line import main, modules
+from hindrax_cli import command_line
+from hindrax_cli.command_line import load, main, module_names, modules, parser_of, print_overview
 from hindrax_cli.commands.machine import doctor
 from hindrax_cli.health_checks.check import bad, good
-from hindrax_core.text.screen_text import UNBOUNDED
+from hindrax_core.text import screen_text
+from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 
 BAGS = clone_root() / "test" / "replay" / "bags"
 COMMANDS = {
@@ -63,12 +65,43 @@ def test_every_command_that_prints_tables_is_here() -> None:
     assert found == {name.partition(" ")[0] for name in COMMANDS} | ELSEWHERE
 
 
+@pytest.mark.parametrize("name", module_names())
+def test_the_help_of_a_command_breaks_between_words(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    # argparse keeps options that exclude each other on one line.
+    lines = [line for line in parser_of(load(name)).format_help().splitlines() if " | " not in line]
+    assert not [line for line in lines if len(line) > 60 and " " in line.strip() and COMMAND not in line]
+
+
+def test_the_overview_breaks_between_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    for module in (command_line, screen_text):
+        monkeypatch.setattr(module, "screen_width", lambda _: 60)
+    print_overview()
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > len(module_names())
+    assert not [line for line in lines if len(line) > 60]
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_nothing_is_cut(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     wide = printed(COMMANDS[command], UNBOUNDED, monkeypatch, capsys)
     assert len(wide) > 10
     for width in (80, 60):
         assert not wide - printed(COMMANDS[command], width, monkeypatch, capsys), f"{width} columns"
+
+
+def test_a_title_that_is_longer_than_the_screen_breaks_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(terminal, "console", lambda: Console(width=40, file=sys.stdout))
+    table = terminal.make_table("Drag force at shares of the tested speed", ["motion"], ["a long heading of a number"])
+    table.add_row("surge", "1.234")
+    terminal.print_table(table)
+    assert all(len(line) <= 40 for line in capsys.readouterr().out.splitlines())
+    wide = terminal.make_table("Drag force at shares of the tested speed: relative error", ["motion"], ["x" * 30])
+    wide.add_row("surge", "1.234")
+    terminal.print_table(wide)
+    assert capsys.readouterr().out.splitlines()[:2] == ["Drag force at shares of the tested", "  speed: relative error"]
 
 
 @pytest.mark.parametrize("width", [200, 80, 60, 40])

@@ -6,6 +6,7 @@ Needs nothing but the standard library of Python 3.9: help uses it before hindra
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
@@ -14,8 +15,8 @@ from typing import TextIO
 UNBOUNDED = 100_000
 COMMAND = "./hindrax "
 """A line of a description with it is to be copied."""
-COPIED = (COMMAND, "export ")
-"""A line of any text that begins with one of them is to be copied."""
+COPIED = re.compile(r"\s*(\./hindrax |export \w+=)")
+"""How a line of any text begins that is to be copied."""
 LEAST = 20
 """Narrower than this is no width of a screen."""
 
@@ -72,7 +73,7 @@ def _fitted_prose(line: str, width: int) -> str:
 
 
 def _broken(line: str, width: int, hang: int | None) -> str:
-    if len(line) <= width or line.lstrip().startswith(COPIED):
+    if len(line) <= width or COPIED.match(line):
         return line
     begin = len(line) - len(line.lstrip())
     rest = " " * (begin + 2 if hang is None else hang)

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     alone.add_argument("--mock", action="store_true", help="of the mock vehicle")
     health = parser.add_argument_group("disable")
     health.add_argument("--reason", default="disabled by the operator", help="one sentence for the bag and the display")
-    sweep = parser.add_argument_group("fit (columns of the sweep: pulse_us, load_N, supply_V where measured)")
+    sweep = parser.add_argument_group("fit", "columns of the sweep: pulse_us, load_N, supply_V where measured")
     bollard.add_rig(sweep)
     sweep.add_argument("--write", action="store_true", help="put the curve into the vehicle file")
     sweep.add_argument("--plot", type=Path, metavar="FILE", help="draw the sweep and the curve")
