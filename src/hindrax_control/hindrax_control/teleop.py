@@ -44,8 +44,7 @@ class Teleop:
     def __init__(self, limits: Vec6, knobs: TeleopKnobs | None = None) -> None:
         self._limits, self._knobs = limits, knobs or TeleopKnobs()
         self._held = False
-        self._shortest_s = math.inf
-        self._made_s = self._heard_s = -math.inf
+        self._shortest_s = self._made_s = self._heard_s = math.inf
 
     def joystick(self, axes: Sequence[float], buttons: Sequence[int], made_s: float, now_s: float) -> Vec6 | None:
         """Return the wrench, in base_link_fsd; None where the vehicle is not to hear of it.

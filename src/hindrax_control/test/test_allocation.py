@@ -101,6 +101,13 @@ def test_without_idle_forces_thrusters_stand_until_half_of_the_smallest_force_is
         assert (quiet.allocate(six(wrench.tolist())).pulses_us == (1500,) * 8) is still
 
 
+def test_without_a_margin_the_smallest_running_force_is_that_at_the_edge_of_the_dead_band() -> None:
+    edge = Allocator(HINDRAX, AllocationKnobs(idle_bias_N=0.0, dead_band_margin_us=0.0))
+    allocation = edge.allocate((-4.0 * 1.0 * math.cos(math.radians(55.0)), 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert {abs(pulse - 1500) for pulse in allocation.pulses_us[:4]} == {25}
+    assert np.abs(allocation.forces_N[:4]) == pytest.approx([1.2017] * 4, abs=0.0005)
+
+
 @given(usual.filter(lambda wrench: any(0.4 * value for value in wrench)))
 def test_pattern_moves_no_more_than_it_must(first: Vec6) -> None:
     """With the pulses sent before, a wrench that hardly changes hardly changes the forces."""

@@ -19,7 +19,7 @@ from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
-from hindrax_control.allocation.bounded_allocation import AttainableSet
+from hindrax_control.allocation.bounded_allocation import AttainableSet, facets
 from hindrax_control.allocation.effectiveness import effectiveness, served_axes
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.allocation.thruster_layout import thruster_layout
@@ -133,6 +133,19 @@ def some_out(rng: np.random.Generator, thrusters: int) -> list[Any]:
     """Indices of those in use: usually all, sometimes with up to five out."""
     out = rng.choice([0, 0, 1, 2, 3, 5])
     return sorted(rng.permutation(thrusters)[: max(1, thrusters - out)].tolist())
+
+
+def test_facets_are_the_sums_of_as_few_thrusters_as_can_be_that_no_pattern_changes() -> None:
+    patterns = np.random.default_rng(2).standard_normal((6, 2))
+    rows = facets(patterns)
+    assert len(rows) == 20, "each three of six"
+    assert rows @ patterns == pytest.approx(np.zeros((20, 2)), abs=1e-9)
+    assert np.count_nonzero(rows, axis=1).tolist() == [3] * 20
+    assert np.max(rows, axis=1) == pytest.approx(np.ones(20))
+    assert np.max(np.abs(rows), axis=1) == pytest.approx(np.ones(20))
+    # The third is in no pattern: it alone, found twice, and the first two together.
+    assert facets(np.array([[1.0], [-1.0], [0.0]])) == pytest.approx(np.array([[0.0, 0.0, 1.0], [1.0, 1.0, 0.0]]))
+    assert facets(np.zeros((2, 0))) == pytest.approx(np.eye(2))
 
 
 @pytest.mark.parametrize("name", VEHICLES)

@@ -184,7 +184,9 @@ def test_a_compass_after_a_heading_told_outright_does_not_turn_it_at_once() -> N
 def test_a_first_field_that_contradicts_a_heading_told_outright_is_an_outlier() -> None:
     ours = HeadingFilter(KNOBS, THRUSTERS)
     ours.heading(0.7, 1.0)
-    assert ours.magnetic(FIELD_T * math.cos(2.7), -FIELD_T * math.sin(2.7), 0.7, RESTS) is None
+    field_T = (FIELD_T * math.cos(2.7), -FIELD_T * math.sin(2.7))
+    found = [ours.magnetic(*field_T, 0.7, RESTS) is None for _ in range(KNOBS.compass_patience + 1)]
+    assert found == [True] * KNOBS.compass_patience + [False]
 
 
 def test_a_doubt_of_the_bias_only_widens() -> None:

@@ -95,6 +95,7 @@ def test_who_cancels_it_waits_for_one_stop(make: Make) -> None:
     maneuver.cancel()
     told = stepped(maneuver, 20.0, begin_s=1.0)
     assert [bool(one.setpoints) for one in told] == [True] + [False] * (len(told) - 1)
+    assert {one.phase.motion for one in told[:-1]} == {"yaw"}
     assert STEP_s * len(told) == pytest.approx(1.0, abs=0.2)
 
 
@@ -110,6 +111,35 @@ def test_what_is_stopping_counts_down_and_makes_no_more_progress(make: Make) -> 
     assert min(remaining_s[:-1]) == 0.0, "it takes longer than it should"
     assert {one.progress for one in told} == {flown.progress}
     assert not any(one.aborted for one in told[:-1])
+
+
+@pytest.mark.parametrize("motions", [("yaw",), ("surge", "sway"), ("heave", "surge")])
+def test_it_takes_as_long_as_its_ways_its_rests_its_legs_and_its_stop(make: Make, motions: tuple[str, ...]) -> None:
+    maneuver, place_m, way_m = make(*motions), (5.0, 3.0), 0.0
+    for plan in maneuver.plans:
+        way_m += math.dist(place_m, plan.start_m)
+        place_m = plan.end_m
+    rests_s = 2.5 * len(motions) + 2.0
+    wanted_s = way_m / maneuver.station.speed_mps + rests_s + sum(plan.seconds for plan in maneuver.plans)
+    assert maneuver.seconds == pytest.approx(wanted_s)
+
+
+def test_progress_is_the_share_of_the_planned_time_and_what_takes_longer_counts_no_more(make: Make) -> None:
+    maneuver = make("yaw")
+    told = stepped(maneuver, 10.0, TOO_LOW)
+    for passed_s, counted_s in ((0.0, 0.0), (1.0, 1.0), (2.5, 2.5), (9.0, 2.5)):
+        one = told[round(passed_s / STEP_s)]
+        assert one.progress == pytest.approx(counted_s / maneuver.seconds)
+        assert one.remaining_s == pytest.approx(maneuver.seconds - counted_s)
+        assert one.wall_distance_m == pytest.approx(3.0 - 0.235), "the nearest one"
+
+
+def test_what_is_cancelled_before_its_first_step_has_made_no_progress(make: Make) -> None:
+    maneuver = make("yaw")
+    maneuver.cancel()
+    told = stepped(maneuver, 20.0)
+    assert {(one.progress, one.phase.motion) for one in told} == {(0.0, "")}
+    assert told[-1].aborted == "cancelled: by the operator"
 
 
 def test_it_is_given_up_some_time_after_it_should_be_over(make: Make) -> None:

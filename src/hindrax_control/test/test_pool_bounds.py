@@ -75,6 +75,7 @@ def test_after_it_was_told_a_place_it_counts_from_there(
 
 def test_the_doubt_of_a_place_is_that_of_who_told_it_and_of_the_way_since() -> None:
     box = PoolBounds(HINDRAX, 0.0)
+    assert box.place(replace(navigation(), position_sigma_m=2.0)).sigma_m == pytest.approx(math.hypot(0.1, 2.0))
     assert box.place(replace(navigation(), position_sigma_m=0.5)).sigma_m == pytest.approx(math.hypot(0.1, 0.5))
     box.recentre(replace(navigation(), position_sigma_m=0.3), 4.0, 2.0, 0.0)
     assert box.place(replace(navigation(), position_sigma_m=0.3)).sigma_m == pytest.approx(0.1)

@@ -87,7 +87,7 @@ def test_every_sample_at_20_hz_counts_and_what_comes_in_between_does_not() -> No
         rate = 0.3 + 0.003 * t + (0.05 if index % 2 else -0.05)
         steady = alone.push(t, rate)
         assert disturbed.push(t, rate) is steady
-        assert disturbed.push(t + 0.02, 99.0) is steady
+        assert disturbed.push(t + 0.02, 10.0 * (t - 100.0)) is steady
     assert steady
 
 

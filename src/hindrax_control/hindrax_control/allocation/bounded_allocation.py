@@ -84,12 +84,10 @@ class AttainableSet:
         alone, shared, seconds = self._ends
         first = 1.0 / max([1.0, *values[:alone]])
         rows = []
-        for a, b, (low, high) in zip(values[alone:shared], values[shared:seconds], self._ranges, strict=True):
-            if b >= 0.0:
-                if a + b > high or b > high or a < low:
-                    rows.append((a, b, low, high))
-            elif a + b < low or b < low or a > high:
-                rows.append((-a, -b, -high, -low))
+        for one, other, (least, most) in zip(values[alone:shared], values[shared:seconds], self._ranges, strict=True):
+            row = a, b, low, high = (one, other, least, most) if other >= 0.0 else (-one, -other, -most, -least)
+            if a + b > high or b > high or a < low:
+                rows.append(row)
         first, second = _largest(first, rows)
         middle = (len(values) + seconds) // 2
         return [

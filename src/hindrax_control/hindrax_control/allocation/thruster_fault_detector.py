@@ -163,7 +163,7 @@ class ThrusterFaultDetector:
         explains = explained > knobs.explained * self._residual
         suspect = (missing > knobs.missing) & explains & (self._residual > knobs.surprise)
         self._since_s = np.where(suspect, self._since_s + dt, 0.0)
-        index = int(np.argmax(np.where(self._since_s > knobs.patience_s, explained, -1.0)))
+        index = int(np.argmax(explained * (self._since_s > knobs.patience_s)))
         if self._since_s[index] <= knobs.patience_s:
             return None
         return SuspectedFault(self._names[index % len(self._names)], float(min(1.0, missing[index])))
