@@ -37,8 +37,9 @@ TOLERANCE = 1e-10
 ROUGH = 1e-4
 """Step, in standard deviations per square root of the samples, that ends a search before outliers and noise are known;
 TOLERANCE is that of the final search."""
-NEGLIGIBLE = 1e-3
-"""Largest final step, in standard deviations, when rounding keeps the cost from decreasing."""
+NEGLIGIBLE, LEFT = 1e-3, 0.05
+"""Largest final steps, in standard deviations: where rounding keeps the cost from decreasing, and where no step at all
+decreases it, because the fit of the initial conditions is not exact."""
 TRIMMINGS = 2
 REWEIGHTINGS = 3
 SIMILAR = 0.2
@@ -166,7 +167,7 @@ def _descend(
         if tried is not None and _total(tried, theta + step, belief) < _total(linear, theta, belief):
             theta, linear, damping = theta + step, tried, damping * 0.02
         elif wanted < NEGLIGIBLE or damping > 1e8:
-            return linear, theta, wanted < NEGLIGIBLE
+            return linear, theta, wanted < LEFT
         else:
             damping = max(1e-6, damping) * 10.0
     return linear, theta, False
