@@ -273,8 +273,12 @@ def test_what_its_queue_has_lost_is_a_warning_with_the_topic(bench: Callable[...
     assert (told(status)["lost"], told(status)[f"lost: {IMU.name}"]) == (str(lost), str(lost))
 
 
-def test_a_bag_that_may_not_grow_is_an_error_that_says_why(bench: Callable[..., Bench]) -> None:
-    made = bench(budget_MB=0.001)
+def test_a_bag_that_may_not_grow_is_an_error_that_says_why_and_is_logged_then_and_in_the_end(
+    bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, warnings, errors = bench(budget_MB=0.001), list[str](), list[str]()
+    logger = SimpleNamespace(warning=warnings.append, error=errors.append)
+    monkeypatch.setattr(made.recorder, "get_logger", lambda: logger)
     inertial = made.voice(IMU)
     for stamp_s in range(300):
         inertial.publish(imu(stamp_s))
@@ -283,6 +287,9 @@ def test_a_bag_that_may_not_grow_is_an_error_that_says_why(bench: Callable[..., 
     status = made.report()
     assert status.level == DiagnosticStatus.ERROR
     assert status.message == "the bag has used its 0.001 MB of the disk; recording stopped"
+    assert (warnings, errors) == ([status.message], [])
+    made.close()
+    assert (warnings, errors) == ([status.message], [status.message])
 
 
 def test_the_bag_says_what_the_run_was(

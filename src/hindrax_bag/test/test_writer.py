@@ -305,8 +305,8 @@ def test_a_disk_that_is_full_as_a_file_ends_leaves_no_file_unfinished(tmp_path: 
 def test_a_resumed_bag_of_nothing_begins_with_its_first_file(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "bag", lookup)
     assert bag.open(resume=True) == []
-    assert bag.path.name == "bag_0.mcap"
     bag.close()
+    assert bag_files(tmp_path / "bag") == [bag.path] == [tmp_path / "bag" / "bag_0.mcap"]
 
 
 def test_a_bag_that_was_never_opened_closes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -205,7 +205,7 @@ def _limited_s(found: Duration) -> float:
 
 def type_hash(found: object) -> str:
     """Format a type hash as rosbag2 does: RIHS01_ and the digits; empty if the middleware gives none."""
-    version, value = getattr(found, "version", -1), getattr(found, "value", b"")
+    version, value = getattr(found, "version", 0), getattr(found, "value", b"")
     return f"RIHS{version:02d}_{bytes(value).hex()}" if version > 0 and any(value) else ""
 
 

@@ -89,9 +89,8 @@ def records(file: Path, damage: Damage | None = None, *, chunks: bool = True) ->
 
 
 def _whole_records(file: Path, stream: BinaryIO, damage: Damage, *, chunks: bool) -> Iterator[Any]:
-    """Records up to the footer or to the first that is cut off."""
+    """Records from here up to the footer or to the first that is cut off."""
     size = os.fstat(stream.fileno()).st_size
-    stream.seek(len(MAGIC))
     while True:
         begin = stream.tell()
         try:
