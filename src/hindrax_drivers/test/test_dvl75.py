@@ -124,6 +124,18 @@ def test_what_is_no_data_is_refused_with_the_reason(line: bytes, reason: str) ->
     assert len(readings(driver.feed(delta(10**6), Stamp(0)), BottomVelocity)) == 1
 
 
+@pytest.mark.parametrize("span_us", [20_000, 1_000_000])
+def test_the_shortest_and_the_longest_interval_are_believed(span_us: int) -> None:
+    assert len(readings(started().feed(delta(10**6, span_us), Stamp(0)), BottomVelocity)) == 1
+
+
+def test_extended_data_may_end_without_an_empty_field() -> None:
+    body = extended()[1:-5].decode()
+    assert body.endswith(",1.4,")
+    assert readings(started().feed(sentence(body.removesuffix(",")), Stamp(0)), BottomTrack)
+    assert reasons(started().feed(sentence(body.removesuffix(",1.4,")), Stamp(0))) == ["DVEXT: fields"]
+
+
 def test_a_sentence_that_lost_its_line_end_is_not_lost() -> None:
     outputs = started().feed(delta(10**6).rstrip() + delta(10**6 + 50_000), Stamp(0))
     assert len(readings(outputs, BottomVelocity)) == 2

@@ -1,5 +1,6 @@
 """MS5837 against the numbers of its data sheets."""
 
+from collections.abc import Callable
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from hindrax_drivers.devices.ms5837 import (
     Ms5837,
     Ms5837Knobs,
     Prom,
+    _second_order_02,
+    _second_order_30,
     compensate,
     crc4,
     model_of,
@@ -36,6 +39,25 @@ def test_the_worked_example(row: dict[str, Any]) -> None:
     value = compensate(prom, row["d1"], row["d2"])
     assert (value.temperature_cC, value.pressure_steps) == (row["temperature_cC"], row["steps"])
     assert astuple(to_reading(prom, value)) == (row["pressure_Pa"], pytest.approx(row["temperature_cC"] / 100.0))
+
+
+@pytest.mark.parametrize(
+    ("second_order", "dt", "temperature_cC", "wanted"),
+    [
+        (_second_order_30, 2**20, 2000, (16, 0, 0)),
+        (_second_order_30, 2**20, 2400, (16, 10_000, 0)),
+        (_second_order_30, -(2**20), 1600, (384, 240_000, 100_000)),
+        (_second_order_30, -(2**20), -1500, (384, 18_375_000, 7_656_250)),
+        (_second_order_30, -(2**20), -2500, (384, 37_375_000, 16_656_250)),
+        (_second_order_02, 2**20, 2000, (0, 0, 0)),
+        (_second_order_02, -(2**20), 1600, (352, 620_000, 315_000)),
+    ],
+)
+def test_the_second_order_in_each_range_of_the_temperature(
+    second_order: Callable[[int, int], tuple[int, int, int]], dt: int, temperature_cC: int, wanted: tuple[int, int, int]
+) -> None:
+    """Ti, OFFi and SENSi by hand from the formulas (30BA page 11, 02BA page 9)."""
+    assert second_order(dt, temperature_cC) == wanted
 
 
 @pytest.mark.parametrize("row", CASES["prom"], ids=lambda row: row["words"][:4])
