@@ -22,11 +22,13 @@ from ulog import ulog
 from hindrax_analysis.coefficients_file import read_coefficients
 from hindrax_analysis.records.third_party_bag import TopicSelection, read_bag, topics_of
 from hindrax_bag.read.bag_reader import messages
+from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.data import identify
 from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import Model
@@ -791,6 +793,15 @@ def test_a_span_of_our_own_bag_in_which_nothing_was_flown(capsys: pytest.Capture
     code, said = refused(capsys, clone_root() / "test" / "replay" / "bags" / "pitch_reset", "--from", 900)
     assert code == 2
     assert "no motion was flown from 900 s" in said
+
+
+def test_our_own_bag_without_a_maneuver_is_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    flown = clone_root() / "test" / "replay" / "bags" / "surge"
+    bag = recover(flown, tmp_path / "bag", keep=lambda topic, _: topic != resolved(MANEUVER)).output
+    code, said = refused(capsys, bag)
+    assert code == 2
+    assert "is a bag of this stack, and no maneuver was flown in it" in said
+    assert "--odometry /hindrax/navigation/odometry" in said
 
 
 @pytest.mark.parametrize(("latency_s", "said"), [(0.07, "0.07 s late"), (-0.07, "0.07 s early")])

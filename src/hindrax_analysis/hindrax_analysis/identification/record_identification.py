@@ -40,6 +40,7 @@ from hindrax_bag.read.bag_reader import attachments
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import IdentEvent, Phase, Thrust
+from hindrax_core.topics import ALLOCATION, ODOMETRY, resolved
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, vehicle_from_text
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import Assessment, unidentified
@@ -139,6 +140,11 @@ def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: 
     topics = topics_of(bag)
     if is_ours(topics) and wanted == TopicSelection():
         return RecordSource(bag, mock=is_mock(bag))
+    if resolved(ALLOCATION) in topics and wanted == TopicSelection():
+        raise UsageError(
+            f"{path}: is a bag of this stack, and no maneuver was flown in it; what was flown by hand can be identified"
+            f" with --odometry {resolved(ODOMETRY)}"
+        )
     return RecordSource(bag, read_bag(bag, wanted, topics, vehicle))
 
 
