@@ -105,7 +105,7 @@ def test_it_stays_on_the_side_on_which_it_was(forces_N: tuple[float, float], pre
     assert changed[0] - forces_N[0] == pytest.approx(wanted)
 
 
-@pytest.mark.parametrize(("previous_N", "wanted"), [(0.0, 4.0), (4.5, 4.0), (8.0, 7.0)])
+@pytest.mark.parametrize(("previous_N", "wanted"), [(0.0, 4.0), (4.5, 4.0), (7.0, 7.0), (8.0, 7.0)])
 def test_it_stays_in_its_stretch_where_limits_keep_it_from_the_preferred_size(previous_N: float, wanted: float) -> None:
     # The one thruster wants 4 to 12 N, and the other is in its gap between 5 and 7 N.
     bias = DeadbandBias(
@@ -114,6 +114,17 @@ def test_it_stays_in_its_stretch_where_limits_keep_it_from_the_preferred_size(pr
     changed = [0.0, -6.0]
     assert bias.add_nearest(changed, previous_N)
     assert changed == pytest.approx([wanted, wanted - 6.0])
+
+
+@pytest.mark.parametrize(("previous_N", "wanted"), [(-3.0, -3.0), (-1.0, 0.0), (0.0, 0.0)])
+def test_a_stretch_that_is_held_at_its_very_end_is_held(previous_N: float, wanted: float) -> None:
+    # All below the preferred size: -8 to -3, and -1 to 0.
+    bias = DeadbandBias(
+        NullPattern(((0, 1.0), (1, 1.0))), [(-8.0, 0.0), (-20.0, 20.0)], [(0.0, 0.0), (-1.0, 1.0)], 2.0, hop_N=4.0
+    )
+    changed = [0.0, 2.0]
+    assert bias.add_nearest(changed, previous_N)
+    assert changed == pytest.approx([wanted, 2.0 + wanted])
 
 
 def test_one_size_alone_within_limits_is_taken() -> None:

@@ -87,6 +87,16 @@ def test_the_surer_of_two_sources_weighs_more_by_its_variance() -> None:
     assert found.rate_radps == pytest.approx((0.8 * 0.03, 0.02, 0.2 * 0.01 - 0.8 * 0.02))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", range(3))
+def test_two_sources_contradict_each_other_beyond_three_standard_deviations(axis: int, sign: float) -> None:
+    mine = Offset((0.01, 0.02, 0.03), 0.003)
+    for share, counts in ((0.99, True), (1.01, False)):
+        rate = list(mine.rate_radps)
+        rate[axis] += sign * share * 3.0 * 0.005  # the deviations 0.003 and 0.004 together
+        assert (mine.combined(Offset((rate[0], rate[1], rate[2]), 0.004)) != mine) is counts
+
+
 def test_an_offset_that_cannot_be_true_adds_nothing() -> None:
     unknown = Offset((0.0, 0.0, 0.0), math.radians(5.0))
     assert unknown.combined(Offset((0.0, 0.0, 0.5), 1e-3)) == unknown

@@ -24,6 +24,7 @@ from hindrax_core.readings import (
     Vec3,
 )
 from hindrax_core.rotation import cross, matrix
+from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import GRAVITY_mps2
 
 
@@ -65,6 +66,18 @@ def test_the_rate_holds_when_samples_do_not_fall_on_the_ticks() -> None:
         stamp = Stamp(number * 4_444_444)
         count += navigator.step(Stamped(stamp, Inertial((0, 0, -9.81), (0, 0, 0), 20.0)), "icm20948") is not None
     assert count == pytest.approx(500, abs=2)
+
+
+def test_gravity_that_no_turn_explains_is_told_at_once_and_followed_slowly() -> None:
+    navigator, told = Navigator(CENTERED), list[Navigation]()
+    for number in range(700):
+        roll_rad = 0.1 if number > 400 else 0.0
+        force = (0.0, -GRAVITY_mps2 * math.sin(roll_rad), -GRAVITY_mps2 * math.cos(roll_rad))
+        out = navigator.step(Stamped(stamp_from_s(0.01 * number), Inertial(force, (0.0, 0.0, 0.0), 20.0)), "icm20948")
+        told += [out.reading] if out else []
+    off_rad, roll_rad = told[-1].consistency.gravity_off_rad, told[-1].attitude_rad[0]
+    assert roll_rad > 0.001
+    assert off_rad + roll_rad == pytest.approx(0.1, abs=0.01)
 
 
 def test_tilt_and_gyroscope_bias_are_found_while_it_rests() -> None:

@@ -286,6 +286,7 @@ def test_a_plateau_counts_where_it_is_measured_and_flown_as_it_should_be(
 @pytest.mark.parametrize("neutral", [False, True])
 def test_braking_holds_where_it_is_and_ends_when_it_is_slow(station: StationKeeping, neutral: bool) -> None:
     stage = BrakeAndHold("surge", station, neutral=neutral)
+    assert stage.seconds == 2.0
     assert stage.begin(moment(0.0)) == (
         Setpoint("heading"),
         Setpoint("roll", value=0.0),

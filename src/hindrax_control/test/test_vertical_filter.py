@@ -130,6 +130,13 @@ def test_each_time_that_it_lets_go_takes_its_whole_patience(source: str) -> None
     assert taken == [False] * 8 + [True]
 
 
+def test_it_keeps_no_more_than_a_thousand_lengths_of_ticks() -> None:
+    ours = VerticalFilter(VerticalKnobs())
+    for number in range(2100):
+        ours.predict(0.0, 0.01 + 1e-5 * number)
+        assert len(ours._models) == number % 1000 + 1
+
+
 def test_before_the_first_depth_and_echo_nothing_is_known() -> None:
     ours = VerticalFilter(VerticalKnobs())
     assert ours.refused_depths == 0

@@ -207,6 +207,16 @@ def test_a_restart_forgets_offset_but_keeps_the_rate() -> None:
     assert base.drift_ppm == drift
 
 
+def test_after_a_restart_delays_from_before_count_no_more() -> None:
+    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.0))
+    for index in range(100):
+        base.map(index * 100_000, Stamp(START + index * 100 * MS + (10 * MS if index == 0 else 0)))
+    base.restart()
+    for index in range(100, 200):
+        arrival = Stamp(START + index * 100 * MS)
+        assert base.map(index * 100_000, arrival) == arrival
+
+
 def test_no_drift_is_told_before_one_is_found() -> None:
     timebase = Timebase(1e-6)
     assert timebase.drift_ppm == 0.0
