@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
-from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
-from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle, vehicle_from_text
+from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
+from hindrax_core.vehicle import Vehicle
 from hindrax_replay import allocation_stage, state_stage
 from hindrax_replay.allocation_stage import AllocationStage
 from hindrax_replay.pipelined_stages import SecondStage, SettledMessage, hardly_collecting
@@ -67,7 +66,7 @@ def replay(
     start = time.perf_counter()
     inside = attachments(bag)
     parameters = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
-    vehicle = vehicle or _vehicle_of(bag, inside)
+    vehicle = vehicle or attached_vehicle(bag, inside)
     done = Replayed(bag, ComparisonReport(rules or load_rules()))
     record = partial(renamed, bag, names or {})
 
@@ -115,10 +114,3 @@ def renamed(bag: Path, names: Mapping[str, str]) -> Iterator[BagMessage]:
     if not names:
         return messages(bag)
     return (one._replace(topic=names[one.topic]) if one.topic in names else one for one in messages(bag))
-
-
-def _vehicle_of(bag: Path, inside: dict[str, bytes]) -> Vehicle:
-    text = inside.get("vehicle.yaml")
-    if text is None:
-        raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
-    return vehicle_from_text(text.decode("utf-8", "replace"), f"{bag}, vehicle.yaml")

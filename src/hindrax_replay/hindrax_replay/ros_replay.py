@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules
-from hindrax_bag.read.bag_reader import attachments, messages
+from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments, messages
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
@@ -77,10 +77,9 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
     inside = attachments(bag)
     if vehicle_file:
         shutil.copyfile(vehicle_file, folder.vehicle)
-    elif "vehicle.yaml" in inside:
-        folder.vehicle.write_bytes(inside["vehicle.yaml"])
     else:
-        raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
+        attached_vehicle(bag, inside)
+        folder.vehicle.write_bytes(inside[VEHICLE_FILE])
     tuned = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
     with own_domain(mock=True) as domain, Supervisor(folder.logs, environment(mock=True, domain=domain)) as supervisor:
         words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]

@@ -36,12 +36,12 @@ from hindrax_analysis.records.recording import (
 from hindrax_analysis.records.third_party_bag import TopicSelection, is_ours, read_bag, topics_of
 from hindrax_analysis.report import Trace
 from hindrax_analysis.report.comparison import RunScatter, pool_runs
-from hindrax_bag.read.bag_reader import attachments
+from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import IdentEvent, Phase, Thrust
 from hindrax_core.topics import ALLOCATION, ODOMETRY, resolved
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, vehicle_from_text
+from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_ident.arrays import array
 from hindrax_ident.assess.assessment import Assessment, unidentified
 from hindrax_ident.assess.results import MotionResult, Results, with_truth
@@ -426,10 +426,8 @@ def recorded_vehicle(source: RecordSource) -> Vehicle | None:
     """Vehicle of a bag of this stack: the file beside it, else the one inside it; None for third-party records."""
     if source.recording is not None:
         return None
-    beside = source.path.parent / "vehicle.yaml"
+    beside = source.path.parent / VEHICLE_FILE
     if beside.is_file():
         return load_vehicle(beside)
-    inside = attachments(source.path).get(beside.name)
-    if inside is None:
-        return None
-    return vehicle_from_text(inside.decode("utf-8", "replace"), f"vehicle.yaml inside {source.path}")
+    inside = attachments(source.path)
+    return attached_vehicle(source.path, inside) if VEHICLE_FILE in inside else None

@@ -6,7 +6,7 @@ stack open too: MCAP, and the older sqlite3 format of rosbag2.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,10 +20,13 @@ from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.schema_migrations import steps_of
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import NAMESPACE, in_default_namespace
+from hindrax_core.vehicle import Vehicle, vehicle_from_text
 
 PATTERNS = ("*.mcap", "*.db3")
 RUN_BAG = "bag"
 """Where the bag lies in the folder of a run."""
+VEHICLE_FILE = "vehicle.yaml"
+"""Its name in the folder of a run, and inside a bag."""
 COMPRESSED = (".zstd", ".zst", ".lz4")
 EVERY = 10_000
 """Messages between two reports of how far the reading of a bag is."""
@@ -165,3 +168,11 @@ def attachments(path: str | Path) -> dict[str, bytes]:
                 if isinstance(record, Attachment):
                     found.setdefault(record.name, record.data)
     return found
+
+
+def attached_vehicle(bag: str | Path, inside: Mapping[str, bytes]) -> Vehicle:
+    """Vehicle by the file among the attachments of a bag; UsageError when there is none."""
+    text = inside.get(VEHICLE_FILE)
+    if text is None:
+        raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
+    return vehicle_from_text(text.decode("utf-8", "replace"), f"{VEHICLE_FILE} inside {bag}")

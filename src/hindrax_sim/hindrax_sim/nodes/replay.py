@@ -17,8 +17,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
-from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
-from hindrax_core.errors import UsageError
+from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
 from hindrax_core.events import NS_PER_S, Stamp, to_s
 from hindrax_core.topics import (
     BATTERY,
@@ -32,7 +31,7 @@ from hindrax_core.topics import (
     namespace_arguments,
     resolved,
 )
-from hindrax_core.vehicle import Vehicle, load_vehicle, vehicle_from_text
+from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import message_class, publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
@@ -115,20 +114,12 @@ class Player(BatchedNode):
         self._ports.last_write = self._ports.hardware.stamp
 
 
-def vehicle_of(words: argparse.Namespace) -> Vehicle:
-    """Vehicle from the arguments or the bag; UsageError when neither has one."""
-    if words.vehicle:
-        return load_vehicle(words.vehicle)
-    text = attachments(words.bag).get("vehicle.yaml")
-    if text is None:
-        raise UsageError(f"{words.bag}: has no vehicle file inside; name one with --vehicle")
-    return vehicle_from_text(text.decode("utf-8", "replace"), f"{words.bag}, vehicle.yaml")
-
-
 def run(words: argparse.Namespace, folder: Path) -> int:
     """Replay once, or until a signal."""
     stop = StopSignal()
-    hardware = RecordedHardware(vehicle_of(words), frames_of(words.bag))
+    given = load_vehicle(words.vehicle) if words.vehicle else None
+    vehicle = given or attached_vehicle(words.bag, attachments(words.bag))
+    hardware = RecordedHardware(vehicle, frames_of(words.bag))
     remaps = namespace_arguments(words.namespace, own_clock=True)
     rclpy.init(args=["--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
     with RecordedPorts(hardware, folder, rate=words.rate) as ports:
