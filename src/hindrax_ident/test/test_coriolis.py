@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,10 @@ from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import NAN, Velocity
 from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.assessment import DraftFit
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.coriolis import Masses, VelocityHistory, coriolis, coriolis_errors
-from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.motion_model import MOTIONS, model_of
 from hindrax_ident.model.thrust_lag import LaggedThrust
 from hindrax_ident.online.session import Session
 
@@ -88,9 +90,19 @@ def drifting(vehicle: Vehicle) -> list[Any]:
     return sorted(said, key=lambda event: event.stamp)
 
 
-def off(vehicle: Vehicle, said: list[Any], prior: dict[str, dict[str, tuple[float, float]]] | None) -> list[Any]:
+class Told(Session):
+    """Knows the total masses of some axes, each with its deviation."""
+
+    known: Mapping[int, tuple[float, float]] = {}
+
+    def _believed_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
+        return self.known.get(axis) or super()._believed_mass(axis, drafted)
+
+
+def off(vehicle: Vehicle, said: list[Any], known: Mapping[int, tuple[float, float]]) -> list[Any]:
     """Error of k_r [N m] and its standard deviation: refined and online."""
-    session = Session(vehicle, prior=prior, silent=True)
+    session = Told(vehicle, silent=True)
+    session.known = known
     for event in said:
         session.step(event)
     result, truth = session.finalize().results.motions["pitch"], truth_of(vehicle)["pitch"]["k_r"]
@@ -100,9 +112,9 @@ def off(vehicle: Vehicle, said: list[Any], prior: dict[str, dict[str, tuple[floa
 
 def test_a_drift_while_pitching_is_no_stiffness(vehicle: Vehicle, drifting: list[Any]) -> None:
     truth = truth_of(vehicle)
-    prior = {motion: {"added_mass": (truth[motion]["added_mass"], 0.1)} for motion in ("surge", "heave_down")}
+    known = {MOTIONS[one].axis: (vehicle.mass_kg + truth[one]["added_mass"], 0.1) for one in ("surge", "heave_down")}
     for (error, sigma), (error_without, sigma_without) in zip(
-        off(vehicle, drifting, prior), off(vehicle, drifting, None), strict=True
+        off(vehicle, drifting, known), off(vehicle, drifting, {}), strict=True
     ):
         assert abs(error) < 3.5 * sigma
         assert 10.0 * sigma < abs(error_without) < 3.0 * sigma_without
@@ -136,10 +148,10 @@ def test_after_a_pause_a_velocity_may_be_any() -> None:
 
 
 def test_one_false_lock_while_pitching_changes_nothing(vehicle: Vehicle, drifting: list[Any]) -> None:
-    prior = {"surge": {"added_mass": (12.0, 0.1)}, "heave_down": {"added_mass": (22.0, 0.1)}}
+    known = {0: (vehicle.mass_kg + 12.0, 0.1), 2: (vehicle.mass_kg + 22.0, 0.1)}
     velocities = [index for index, event in enumerate(drifting) if isinstance(event.reading, Velocity)]
     at = next(index for index in velocities[len(velocities) // 2 :] if drifting[index].reading.source == "dvl75")
     false = dataclasses.replace(drifting[at].reading, nu=(4.0, NAN, 4.0, NAN, NAN, NAN))
     lied = [*drifting[:at], Stamped(drifting[at].stamp, false), *drifting[at + 1 :]]
-    for (error, sigma), (error_lied, _) in zip(off(vehicle, drifting, prior), off(vehicle, lied, prior), strict=True):
+    for (error, sigma), (error_lied, _) in zip(off(vehicle, drifting, known), off(vehicle, lied, known), strict=True):
         assert abs(error_lied - error) < 0.1 * sigma

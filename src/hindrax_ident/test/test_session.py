@@ -46,9 +46,8 @@ def run(
     vehicle: Vehicle,
     said: list[Stamped[Phase | Velocity | Attitude | Thrust]],
     tuning: Tuning | None = None,
-    prior: dict[str, dict[str, tuple[float, float]]] | None = None,
 ) -> tuple[Session, list[Stamped[Estimate]]]:
-    session = Session(vehicle, tuning, prior)
+    session = Session(vehicle, tuning)
     feed = Feed(vehicle, session.tuning)
     estimates = [estimate for event in feed.all(said) for estimate in session.step(event)]
     return session, estimates
@@ -253,15 +252,6 @@ def test_late_stamps_are_not_taken_for_a_longer_lag(vehicle: Vehicle) -> None:
     assert result.quality["latency_s"] == pytest.approx(0.08, abs=0.02)
     assert result.quality["lag_s"] == pytest.approx(0.15, abs=0.02)
     assert abs(result.coefficients["added_mass"].value - 12.08) < 3.0 * result.coefficients["added_mass"].std
-
-
-def test_a_prior_makes_the_start_warm(vehicle: Vehicle, surge: list[Any]) -> None:
-    early = [event for event in surge if event.stamp < stamp_from_s(12.0)]
-    prior = {"surge": {"k_q": (66.0, 2.0), "k_l": (1.0, 1.0), "added_mass": (12.0, 1.0)}}
-    warm, cold = run(vehicle, early, prior=prior)[1][-1].reading, run(vehicle, early)[1][-1].reading
-    assert warm.sigmas[0] < 3.5
-    assert warm.sigmas[0] < cold.sigmas[0]
-    assert abs(warm.values[0] - 66.48) < 6.0
 
 
 def test_plateaus_only_leaves_three_coefficients(vehicle: Vehicle, surge: list[Any]) -> None:

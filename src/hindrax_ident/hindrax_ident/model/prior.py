@@ -1,8 +1,7 @@
-"""Priors: wide, from the size of the vehicle, or narrow, from an earlier result."""
+"""The prior of an axis: wide, from the size of the vehicle."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,17 +41,3 @@ def wide_prior(vehicle: Vehicle, model: Model) -> Prior:
     if model.restores:
         sigmas[-2] += abs(values[-2])
     return Prior(np.array(values), np.array(sigmas))
-
-
-def with_prior(belief: Prior, model: Model, prior: Mapping[str, tuple[float, float]]) -> Prior:
-    """Belief with the parameters named by `prior` replaced by its values and standard deviations.
-
-    Names are those of the coefficients; `added_mass` is the total mass minus the body's own.
-    """
-    values, sigmas = belief.values.copy(), belief.sigmas.copy()
-    for index, name in enumerate(model.names):
-        known = prior.get("added_mass" if name == "mass" else name)
-        if known is not None:
-            values[index] = known[0] + (model.rigid if name == "mass" else 0.0)
-            sigmas[index] = known[1]
-    return Prior(values, sigmas)

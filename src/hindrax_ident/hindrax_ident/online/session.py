@@ -32,15 +32,12 @@ from hindrax_ident.assess.results import MotionResult, Results
 from hindrax_ident.fit.one_sided import OnlineEstimates, one_sided, side_of
 from hindrax_ident.model.coriolis import USUAL_MASS_RATIO, USUAL_MASS_RATIO_SIGMA, Masses, VelocityHistory
 from hindrax_ident.model.motion_model import MOTIONS, Motion, model_of, motions_of, rigid_mass
-from hindrax_ident.model.prior import wide_prior, with_prior
+from hindrax_ident.model.prior import wide_prior
 from hindrax_ident.online.axis_estimator import Verdict
 from hindrax_ident.online.axis_session import AxisSession
 from hindrax_ident.records.axis_record import Record
 from hindrax_ident.records.phases import PhaseLimits, PhaseLog, usable
 from hindrax_ident.tuning import Tuning
-
-Prior = Mapping[str, Mapping[str, tuple[float, float]]]
-"""Per motion and coefficient: value and standard deviation."""
 
 JOIN_S = 1.0
 """Longest pause between legs of one stretch: the equation of motion holds while the vehicle turns back."""
@@ -58,16 +55,10 @@ class Outcome:
 class Session:
     """One run of one vehicle."""
 
-    def __init__(
-        self, vehicle: Vehicle, tuning: Tuning | None = None, prior: Prior | None = None, *, silent: bool = False
-    ) -> None:
-        """`prior`: results of earlier runs to start from; none by default.
-
-        A `silent` session learns the same, but computes no estimate before the end.
-        """
+    def __init__(self, vehicle: Vehicle, tuning: Tuning | None = None, *, silent: bool = False) -> None:
+        """A `silent` session learns the same, but computes no estimate before the end."""
         self._silent = silent
         self.vehicle, self.tuning = vehicle, tuning or Tuning()
-        self._prior = prior or {}
         self._axes: dict[int, AxisSession] = {}
         self._log = PhaseLog([])
         self._phase = Phase("", "")
@@ -120,20 +111,11 @@ class Session:
         self._masses = self._believed_masses({})
         motion = self._motion
         if motion and motion.axis not in self._axes:
-            self._axes[motion.axis] = self._new_axis(motion.axis)
+            model = model_of(self.vehicle, motion.axis)
+            self._axes[motion.axis] = AxisSession(self.vehicle, model, wide_prior(self.vehicle, model), self.tuning)
         if motion and self._thrust is not None:
             # An axis that was not active before needs the present thrust.
             self._axes[motion.axis].thrust(t_s, self._thrust)
-
-    def _new_axis(self, axis: int) -> AxisSession:
-        model = model_of(self.vehicle, axis)
-        belief = wide_prior(self.vehicle, model)
-        for motion in motions_of(axis):
-            known = self._prior.get(motion.name, {})
-            suffix = "_negative" if model.split and motion.side < 0 else ""
-            named = {f"{name}{suffix}" if name in ("k_q", "k_l") else name: pair for name, pair in known.items()}
-            belief = with_prior(belief, model, named)
-        return AxisSession(self.vehicle, model, belief, self.tuning)
 
     def _on_thrust(self, t_s: float, thrust: Thrust) -> None:
         if not all(np.isfinite(thrust.wrench)):
@@ -218,7 +200,7 @@ class Session:
         return Masses(values, sigmas)
 
     def _believed_mass(self, axis: int, drafted: DraftFit | None) -> tuple[float, float]:
-        """Total mass of an axis and its deviation [kg, kg m^2]: refined, online, from the prior, or the usual ratio."""
+        """Total mass of an axis and its deviation [kg, kg m^2]: refined, online, or the usual ratio."""
         rigid = rigid_mass(self.vehicle, axis)
         if drafted or axis in self._axes:
             fit = drafted.fit if drafted else None
@@ -226,10 +208,6 @@ class Session:
             value, sigma = float(theta[-1]), float(np.sqrt(covariance[-1, -1]))
             if sigma < MASS_SHARE * value:
                 return value, sigma
-        for motion in motions_of(axis):
-            if "added_mass" in self._prior.get(motion.name, {}):
-                added, sigma = self._prior[motion.name]["added_mass"]
-                return rigid + added, sigma
         return USUAL_MASS_RATIO * rigid, USUAL_MASS_RATIO_SIGMA * rigid
 
     @property
