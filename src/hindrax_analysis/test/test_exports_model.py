@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_analysis.coefficients_file import coefficients_of
-from hindrax_analysis.exports.export_model import ExportModel, direction, export_model, header
+from hindrax_analysis.exports.export_model import ExportModel, export_model, header
 from hindrax_analysis.exports.tables import result_table, write_csv, write_latex
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import Drag, Hydrodynamics, Vehicle
@@ -23,7 +23,7 @@ VEHICLE = Vehicle("hindrax", 15.22, 0.0153, (0.59, 0.47, 0.40), hydrodynamics=PR
 
 
 def drag_at(drag: Drag, speed: float) -> float:
-    k_q, k_l = direction(drag, backward=speed < 0.0)
+    k_q, k_l = drag.of(backward=speed < 0.0)
     return (k_q * abs(speed) + k_l) * speed
 
 

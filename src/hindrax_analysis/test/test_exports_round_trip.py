@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_analysis.exports import gz, python_model, stonefish, uuv, vehicle_block
-from hindrax_analysis.exports.export_model import ExportModel, direction, mean_of_directions
+from hindrax_analysis.exports.export_model import ExportModel, mean_of_directions
 from hindrax_core.knobs import build
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
@@ -48,7 +48,7 @@ HALF_TURN = np.array([1, -1, -1, 1, -1, -1])
 
 def drag(velocity: Array) -> Array:
     """Force of the drag on the vehicle, SNAME: against every component of its velocity."""
-    k = [direction(HYDRODYNAMICS.drag(axis), backward=v < 0.0) for axis, v in zip(AXES, velocity, strict=True)]
+    k = [HYDRODYNAMICS.drag(axis).of(backward=v < 0.0) for axis, v in zip(AXES, velocity, strict=True)]
     return np.array([-(k_q * abs(v) + k_l) * v for (k_q, k_l), v in zip(k, velocity, strict=True)])
 
 

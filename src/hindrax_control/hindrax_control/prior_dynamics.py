@@ -29,30 +29,20 @@ class PriorDynamics:
 
     def drag_force(self, rate: float) -> float:
         """Force against drag at a steady rate [m/s, rad/s]."""
-        k_q, k_l = self._coefficients(rate)
-        return (k_q * abs(rate) + k_l) * rate
+        return self.drag.resistance(rate)
 
     def drag_slope(self, rate: float) -> float:
         """Derivative of the drag force at a rate."""
-        k_q, k_l = self._coefficients(rate)
+        k_q, k_l = self.drag.of(backward=rate < 0.0)
         return 2.0 * k_q * abs(rate) + k_l
 
     def rate_at(self, force: float) -> float:
         """Steady rate at which drag balances a force: the inverse of `drag_force`."""
-        k_q, k_l = self._coefficients(force)
+        k_q, k_l = self.drag.of(backward=force < 0.0)
         if k_q == 0.0:
             return force / k_l if k_l else math.copysign(math.inf, force)
         root = math.sqrt(k_l * k_l + 4.0 * k_q * abs(force))
         return math.copysign(2.0 * abs(force) / (k_l + root), force) if force else 0.0
-
-    def _coefficients(self, sign: float) -> tuple[float, float]:
-        drag = self.drag
-        if sign >= 0.0:
-            return drag.k_q, drag.k_l
-        return (
-            drag.k_q if drag.k_q_negative is None else drag.k_q_negative,
-            drag.k_l if drag.k_l_negative is None else drag.k_l_negative,
-        )
 
 
 def prior_dynamics(vehicle: Vehicle) -> dict[str, PriorDynamics]:

@@ -82,6 +82,16 @@ class Drag:
     k_q_negative: float | None = knob(None, meaning="quadratic, for motion the other way [N s^2/m^2, Nm s^2]")
     k_l_negative: float | None = knob(None, meaning="linear, for motion the other way [N s/m, Nm s]")
 
+    def of(self, *, backward: bool) -> tuple[float, float]:
+        """k_q and k_l of motion ahead, or of motion the other way."""
+        k_q, k_l = (self.k_q_negative, self.k_l_negative) if backward else (None, None)
+        return self.k_q if k_q is None else k_q, self.k_l if k_l is None else k_l
+
+    def resistance(self, speed: float) -> float:
+        """Force against a motion at a speed, positive with it [N, Nm]."""
+        k_q, k_l = self.of(backward=speed < 0.0)
+        return (k_q * abs(speed) + k_l) * speed
+
 
 @dataclass(frozen=True, slots=True)
 class Hydrodynamics:

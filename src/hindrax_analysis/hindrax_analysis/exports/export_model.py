@@ -51,18 +51,9 @@ def unit_of(motion: str, name: str) -> str:
     return UNITS[name][motion in ROTATIONS]
 
 
-def direction(drag: Drag, *, backward: bool) -> tuple[float, float]:
-    """Quadratic and linear coefficient for motion forward or backward along the axis."""
-    if not backward:
-        return drag.k_q, drag.k_l
-    k_q = drag.k_q if drag.k_q_negative is None else drag.k_q_negative
-    k_l = drag.k_l if drag.k_l_negative is None else drag.k_l_negative
-    return k_q, k_l
-
-
 def mean_of_directions(drag: Drag) -> tuple[float, float]:
     """Quadratic and linear coefficient halfway between both directions, for formats that have one for both."""
-    forward, backward = direction(drag, backward=False), direction(drag, backward=True)
+    forward, backward = drag.of(backward=False), drag.of(backward=True)
     return 0.5 * (forward[0] + backward[0]), 0.5 * (forward[1] + backward[1])
 
 

@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_analysis.exports.export_model import ExportModel, buoyancy_box_m, direction, header, mean_of_directions
+from hindrax_analysis.exports.export_model import ExportModel, buoyancy_box_m, header, mean_of_directions
 from hindrax_analysis.exports.xml import add, commented, number
 from hindrax_core.vehicle import AXES
 
@@ -67,7 +67,7 @@ def _damping(plugin: ET.Element, model: ExportModel) -> None:
         force, velocity = FORCES[index], VELOCITIES[index]
         add(plugin, f"{force}{velocity}", number(-k_l))
         add(plugin, f"{force}{velocity}abs{velocity}", number(-k_q))
-        forward, backward = direction(drag, backward=False)[0], direction(drag, backward=True)[0]
+        forward, backward = drag.of(backward=False)[0], drag.of(backward=True)[0]
         if forward != backward:
             # Gazebo's forward is SNAME's forward or backward: the half difference takes the sign of the turn.
             add(plugin, f"{force}{velocity}{velocity}", number(-0.5 * (forward - backward) * TURN[index]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_analysis.exports.export_model import ExportModel, direction, header
+from hindrax_analysis.exports.export_model import ExportModel, header
 from hindrax_core.vehicle import AXES
 
 CONVENTIONS = (
@@ -109,7 +109,7 @@ if __name__ == "__main__":
 def write(model: ExportModel) -> str:
     """Text of the Python file."""
     vehicle = model.vehicle
-    sides = [[direction(model.hydrodynamics.drag(axis), backward=back) for axis in AXES] for back in (False, True)]
+    sides = [[model.hydrodynamics.drag(axis).of(backward=back) for axis in AXES] for back in (False, True)]
     body = BODY.format(
         mass=vehicle.mass_kg,
         weight=vehicle.weight_N,

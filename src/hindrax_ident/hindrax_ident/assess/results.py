@@ -148,10 +148,7 @@ def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
     out = {}
     for motion in MOTIONS.values():
         axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[motion.axis]
-        drag = vehicle.hydrodynamics.drag(axis)
-        back = motion.side < 0
-        k_q = drag.k_q_negative if back and drag.k_q_negative is not None else drag.k_q
-        k_l = drag.k_l_negative if back and drag.k_l_negative is not None else drag.k_l
+        k_q, k_l = vehicle.hydrodynamics.drag(axis).of(backward=motion.side < 0)
         out[motion.name] = {
             "k_q": k_q,
             "k_l": k_l,

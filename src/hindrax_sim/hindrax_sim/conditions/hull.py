@@ -29,7 +29,7 @@ class PowerDrag:
     """k_q V^(2 - n) |v|^n in the place of k_q v^2."""
 
     def __init__(self, drags: list[Drag], exponent: float) -> None:
-        self._quadratic = [(one.k_q, one.k_q if one.k_q_negative is None else one.k_q_negative) for one in drags]
+        self._quadratic = [(one.k_q, one.of(backward=True)[0]) for one in drags]
         self._exponent = exponent
 
     def resistance(self, axis: int, speed: float) -> float:

@@ -43,7 +43,7 @@ class Realization:
 
     def resistance(self, axis: int, speed: float) -> float:
         """Drag of the hull against a motion, positive with a positive speed [N, Nm]."""
-        own = resistance(self.hydrodynamics.drag(AXES[axis]), speed)
+        own = self.hydrodynamics.drag(AXES[axis]).resistance(speed)
         return own + sum(change(axis, speed) for change in self.drag_changes)
 
     def described(self) -> Vehicle:
@@ -65,15 +65,6 @@ class Realization:
 def _through(speed: float, whole: float, at_half: float) -> tuple[float, float]:
     """k_q and k_l of a drag that has these two forces at a speed and at half of it."""
     return 2.0 * (whole - 2.0 * at_half) / speed**2, (4.0 * at_half - whole) / speed
-
-
-def resistance(drag: Drag, speed: float) -> float:
-    """Force of COB-2023-1394 eq. 2 against a motion: k_q |v| v + k_l v, with the coefficients of its direction."""
-    k_q, k_l = drag.k_q, drag.k_l
-    if speed < 0.0:
-        k_q = k_q if drag.k_q_negative is None else drag.k_q_negative
-        k_l = k_l if drag.k_l_negative is None else drag.k_l_negative
-    return (k_q * abs(speed) + k_l) * speed
 
 
 def lever_wrench(force: Vec3, lever_m: Vec3) -> Vec6:

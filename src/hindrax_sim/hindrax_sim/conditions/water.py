@@ -7,7 +7,7 @@ import math
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import AXES, GRAVITY_mps2
-from hindrax_sim.conditions.realization import Realization, lever_wrench, resistance
+from hindrax_sim.conditions.realization import Realization, lever_wrench
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.quaternion import rotate
@@ -112,7 +112,7 @@ class Wake:
         for axis, (velocity, drag) in enumerate(zip(plant.mid_step(dt), self._drags, strict=True)):
             followed = self._followed[axis]
             met = velocity - self._size * followed if velocity * followed < 0.0 else velocity
-            forces.append(resistance(drag, velocity) - resistance(drag, met))
+            forces.append(drag.resistance(velocity) - drag.resistance(met))
             self._followed[axis] += share * (velocity - followed)
         X, Y, Z, K, M, N = forces
         return (X, Y, Z, K, M, N)

@@ -320,8 +320,7 @@ def _inertia(vehicle: Vehicle, hydrodynamics: Hydrodynamics) -> Vec6:
 
 def _both_ways(drag: Drag) -> tuple[float, float, float, float]:
     """Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x."""
-    k_q = drag.k_q if drag.k_q_negative is None else drag.k_q_negative
-    k_l = drag.k_l if drag.k_l_negative is None else drag.k_l_negative
+    k_q, k_l = drag.of(backward=True)
     return (-drag.k_q, -drag.k_l, k_q, -k_l)
 
 
