@@ -149,6 +149,5 @@ def _duration(seconds: float) -> dict[str, int]:
 
 
 class _NoAliases(yaml.SafeDumper):
-    def ignore_aliases(self, data: Any) -> bool:
-        del data
+    def ignore_aliases(self, _data: Any) -> bool:
         return True

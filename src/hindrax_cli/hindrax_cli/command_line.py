@@ -89,8 +89,7 @@ class HelpText(argparse.RawDescriptionHelpFormatter):
         found = long_choices(action)
         return f"{super()._expand_help(action)}; one of {found}" if found else super()._expand_help(action)
 
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        del indent
+    def _fill_text(self, text: str, width: int, _indent: str) -> str:
         return fitted_description(text.splitlines(), width)
 
 

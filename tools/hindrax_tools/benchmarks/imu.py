@@ -102,14 +102,12 @@ class _Chip:
         self._memory[registers.WHO_AM_I] = registers.IDENTITY
         self._memory[registers.INT_STATUS_1] = registers.RAW_DATA_READY
 
-    def write(self, data: bytes, now_s: float) -> None:
-        del now_s
+    def write(self, data: bytes, _now_s: float) -> None:
         self._register = data[0]
         if len(data) == 2 and self._register in (registers.GYRO_CONFIG_1, registers.ACCEL_CONFIG):
             self._memory[self._register] = data[1]
 
-    def read(self, count: int, now_s: float) -> bytes:
-        del now_s
+    def read(self, count: int, _now_s: float) -> bytes:
         if self._register == registers.FIFO_COUNTH:
             return (BATCH * SAMPLE.size).to_bytes(2, "big")
         if self._register == registers.FIFO_R_W:

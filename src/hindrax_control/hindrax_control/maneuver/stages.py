@@ -224,9 +224,8 @@ class ExciteMotion:
         self._axis, self._driver, self._freedom, self._station = axis, driver, freedom, station
         self._pose = pose
 
-    def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
+    def begin(self, _moment: StageInput) -> tuple[Setpoint, ...]:
         """Release the holds of the axis that is driven."""
-        del moment
         return tuple(Setpoint(name, engaged=False) for name in HOLD_OF.get(self._axis, ()))
 
     def step(self, moment: StageInput) -> StageOutput:

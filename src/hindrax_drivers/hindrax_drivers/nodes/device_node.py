@@ -126,9 +126,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
         if not self.finalized:
             self.tap.add(stamp, sent, data)
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Succeed once the device has identified itself."""
-        del state
         return TransitionCallbackReturn.SUCCESS if self.ready() else TransitionCallbackReturn.FAILURE
 
     def on_request(self, wanted: State) -> None:

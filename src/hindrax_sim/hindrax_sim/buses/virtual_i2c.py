@@ -76,9 +76,8 @@ class LockStep:
         except OSError as error:
             raise wire_error("virtual bus", transaction.address, error.errno or 0) from error
 
-    def sleep_until(self, stamp: Stamp, readable: int | None = None) -> None:
+    def sleep_until(self, stamp: Stamp, _readable: int | None = None) -> None:
         """Jump to the stamp."""
-        del readable
         self.time = max(self.time, stamp)
 
     def wake(self) -> None:

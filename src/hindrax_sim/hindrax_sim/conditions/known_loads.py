@@ -26,9 +26,8 @@ class KnownLoad:
             for size, part, center in zip(vehicle.envelope_m, hook, vehicle.center_of_mass_m, strict=True)
         )
 
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
+    def wrench(self, plant: Plant, _dt: float) -> Vec6:
         """Force and moment in body axes."""
-        del dt
         w, x, y, z = plant.quaternion
         a, b, c = self._force
         return lever_wrench(rotate((w, -x, -y, -z), (self.share * a, self.share * b, self.share * c)), self._lever_m)

@@ -49,9 +49,8 @@ class Bias:
         self._velocity_mps = velocity_mps
         self._time_s = 0.0
 
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
+    def wrench(self, _plant: Plant, dt: float) -> Vec6:
         """Let time pass; no force."""
-        del plant
         self._time_s += dt
         return ZERO6
 
@@ -163,9 +162,8 @@ class FalseLocks:
     def _waiting(self) -> float:
         return -math.log(max(1e-12, self._draws.uniform())) / self._rate_Hz
 
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
+    def wrench(self, _plant: Plant, dt: float) -> Vec6:
         """Let time pass; no force."""
-        del plant
         self._wait_s -= dt
         if self._wait_s <= 0.0:
             self._wait_s += self._waiting()

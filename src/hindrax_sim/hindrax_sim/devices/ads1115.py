@@ -68,9 +68,8 @@ class Ads1115(Part[SupplyTruth]):
         plus, minus = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))[multiplexer]
         return inputs[plus] - (0.0 if minus is None else inputs[minus])
 
-    def power_cycle(self, now_s: float) -> None:
+    def power_cycle(self, _now_s: float) -> None:
         """Fault, and power-up: all registers as in the data sheet."""
-        del now_s
         self._pointer, self._words, self._conversion = 0, list(AT_RESET), None
 
 

@@ -37,9 +37,8 @@ class Part(Generic[TruthT]):
         self._truth = truth
         self._disguised = self._saturated = self._hung = False
 
-    def set_truth(self, truth: TruthT, now_s: float) -> None:
+    def set_truth(self, truth: TruthT, _now_s: float) -> None:
         """Set the truth from now on."""
-        del now_s
         self._truth = truth
 
     def power_cycle(self, now_s: float) -> None:

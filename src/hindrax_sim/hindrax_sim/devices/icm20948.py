@@ -232,9 +232,8 @@ class DataReadyLine:
         if not self.cut:
             self._edges, self._newest_s = self._edges + 1, taken_s
 
-    def write(self, data: bytes, now_s: float) -> None:
+    def write(self, _data: bytes, now_s: float) -> None:
         """Be watched from now on; the name of the chip does not matter."""
-        del data
         self._part.read(0, now_s)
         self._edges, self._newest_s = 0, 0.0
 

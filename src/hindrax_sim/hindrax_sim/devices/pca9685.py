@@ -95,9 +95,8 @@ class Pca9685:
                 self._advance()
         self._note(now_s)
 
-    def read(self, count: int, now_s: float) -> bytes:
+    def read(self, count: int, _now_s: float) -> bytes:
         """Bytes from the register last written or read on."""
-        del now_s
         found = bytearray()
         for _ in range(count):
             # ALL_LED registers are write-only and read as zero.
@@ -205,9 +204,8 @@ class LoopBack:
         self._chip, self._channel = chip, channel
         self._since_s = 0.0
 
-    def write(self, data: bytes, now_s: float) -> None:
+    def write(self, _data: bytes, now_s: float) -> None:
         """Be watched from now on; the name of the chip does not matter."""
-        del data
         self._since_s = now_s
 
     def read(self, count: int, now_s: float) -> bytes:
@@ -230,9 +228,8 @@ class AllCall:
             raise NackError
         self.chip.write(data, now_s)
 
-    def read(self, count: int, now_s: float) -> bytes:
+    def read(self, _count: int, _now_s: float) -> bytes:
         """Refuse the read: no device answers."""
-        del count, now_s
         raise NackError
 
 
@@ -248,7 +245,6 @@ class GeneralCall:
             raise NackError
         self.chip.power_cycle(now_s)
 
-    def read(self, count: int, now_s: float) -> bytes:
+    def read(self, _count: int, _now_s: float) -> bytes:
         """Refuse the read: no device answers."""
-        del count, now_s
         raise NackError

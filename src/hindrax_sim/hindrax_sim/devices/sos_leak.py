@@ -20,8 +20,7 @@ class ProbeTruth:
 class SosLeak(Part[ProbeTruth]):
     """One board with its probes. Disguised, it is another signal on the line."""
 
-    def __init__(self, seed: int = 0) -> None:
-        del seed
+    def __init__(self, _seed: int = 0) -> None:
         super().__init__(ProbeTruth())
         self._turn = 0
         self._powered_s = 0.0

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from hindrax_sim.devices.register_emulator import BusStuckError, NackError, RegisterEmulator
-from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
+from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled, Switch
 
 
 class BusFault:
@@ -20,11 +21,12 @@ class BusFault:
     `device` is the part as a whole, whatever addresses it answers at.
     """
 
-    def __init__(self, seed: int = 0) -> None:
-        self._random = random.Random(seed)  # noqa: S311  # noise, not secrets
+    def __init__(self, seed: int = 0, switch: Switch = lambda _device, _on, _now_s: None) -> None:
+        self._random, self._switch = random.Random(seed), switch  # noqa: S311  # noise, not secrets
 
     def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Act on the device as the fault starts, and as it ends."""
+        self._switch(device, on, now_s)
 
     def write(self, data: bytes) -> bytes:
         """Return the bytes that reach the device; raises OSError as a bus does."""
@@ -38,12 +40,21 @@ class BusFault:
         return self._random.random() < probability
 
 
+WrongIdentity = partial(BusFault, switch=lambda device, on, now_s: (device.power_cycle(now_s), device.disguise(on)))
+"""Another part answers at the address; the exchange interrupts its power."""
+Reset = partial(BusFault, switch=lambda device, on, now_s: on and device.power_cycle(now_s))
+"""The device loses power briefly, at the start."""
+Saturated = partial(BusFault, switch=lambda device, on, _now_s: device.saturate(on))
+"""Measurements at the end of their scale."""
+Repeated = partial(BusFault, switch=lambda device, on, _now_s: device.hang(on))
+"""The converters hang: they repeat the last values."""
+
+
 class Absent(BusFault):
     """No device acknowledges at the address."""
 
-    def write(self, data: bytes) -> bytes:
+    def write(self, _data: bytes) -> bytes:
         """Refuse."""
-        del data
         raise NackError
 
     def read(self, data: bytes) -> bytes:
@@ -75,9 +86,8 @@ class Nack(BusFault):
 class BusStuck(BusFault):
     """A line is held low: every transaction times out (Errno 110)."""
 
-    def write(self, data: bytes) -> bytes:
+    def write(self, _data: bytes) -> bytes:
         """Time out."""
-        del data
         raise BusStuckError
 
     def read(self, data: bytes) -> bytes:
@@ -109,42 +119,6 @@ class BitFlips(BusFault):
         wrong = bytearray(data)
         wrong[place >> 3] ^= 1 << (place & 7)
         return bytes(wrong)
-
-
-class WrongIdentity(BusFault):
-    """Another part answers at the address; the exchange interrupts its power."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Swap the parts."""
-        device.power_cycle(now_s)
-        device.disguise(on)
-
-
-class Reset(BusFault):
-    """The device loses power briefly, at the start."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Cycle the power."""
-        if on:
-            device.power_cycle(now_s)
-
-
-class Saturated(BusFault):
-    """Measurements at the end of their scale."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Saturate the measurements."""
-        del now_s
-        device.saturate(on)
-
-
-class Repeated(BusFault):
-    """The converters hang: they repeat the last values."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Hang, or go on."""
-        del now_s
-        device.hang(on)
 
 
 class FaultyBus:

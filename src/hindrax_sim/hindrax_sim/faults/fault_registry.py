@@ -14,19 +14,9 @@ from typing import Any, TypeVar
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
 from hindrax_sim.devices.serial_emulator import SerialEmulator
-from hindrax_sim.faults import bus_faults, stream_faults, world_faults
+from hindrax_sim.faults import bus_faults, device_lies, stream_faults, world_faults
 from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
-from hindrax_sim.faults.device_lies import (
-    DepthStuck,
-    FalseLock,
-    ForceOffset,
-    GyroOffset,
-    RangeShort,
-    SensorFault,
-    SensorFaultInjector,
-    VelocityBias,
-    VelocityFrozen,
-)
+from hindrax_sim.faults.device_lies import SensorFault, SensorFaultInjector
 from hindrax_sim.faults.fault_schedule import Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
 from hindrax_sim.faults.world_faults import FaultInjector, WorldFault
@@ -109,13 +99,27 @@ _KINDS = (
         "the device says its last words again and again",
         bus_faults.Repeated,
     ),
-    FaultKind("velocity_bias", ("dvl75",), None, "0.25 m/s forward too much", on_truth=VelocityBias),
-    FaultKind("velocity_frozen", ("dvl75",), None, "the velocity stays as it is", on_truth=VelocityFrozen),
-    FaultKind("false_lock", ("dvl75",), None, "locked on what moves along with the vehicle", on_truth=FalseLock),
-    FaultKind("gyro_offset", ("icm20948",), None, "40 deg/s of roll too much", on_truth=GyroOffset),
-    FaultKind("force_offset", ("icm20948",), None, "3 m/s^2 to starboard too much", on_truth=ForceOffset),
-    FaultKind("depth_stuck", ("ms5837",), None, "the pressure stays as it is", on_truth=DepthStuck),
-    FaultKind("range_short", ("ping1d",), None, "an echo half a meter too near, as of a fish", on_truth=RangeShort),
+    FaultKind("velocity_bias", ("dvl75",), None, "0.25 m/s forward too much", on_truth=device_lies.VelocityBias),
+    FaultKind(
+        "velocity_frozen", ("dvl75",), None, "the velocity stays as it is", on_truth=lambda: device_lies.velocity_frozen
+    ),
+    FaultKind(
+        "false_lock", ("dvl75",), None, "locked on what moves along with the vehicle", on_truth=device_lies.FalseLock
+    ),
+    FaultKind(
+        "gyro_offset", ("icm20948",), None, "40 deg/s of roll too much", on_truth=lambda: device_lies.gyro_offset
+    ),
+    FaultKind(
+        "force_offset", ("icm20948",), None, "3 m/s^2 to starboard too much", on_truth=lambda: device_lies.force_offset
+    ),
+    FaultKind("depth_stuck", ("ms5837",), None, "the pressure stays as it is", on_truth=device_lies.DepthStuck),
+    FaultKind(
+        "range_short",
+        ("ping1d",),
+        None,
+        "an echo half a meter too near, as of a fish",
+        on_truth=lambda: device_lies.range_short,
+    ),
     FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=world_faults.thruster_fails),
     FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=world_faults.lock_lost),
     FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=world_faults.leak),

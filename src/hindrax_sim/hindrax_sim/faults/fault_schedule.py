@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 FaultT = TypeVar("FaultT")
+Switch: TypeAlias = Callable[[Any, bool, float], object]
+"""Acts on a device as its fault starts (true), and as it ends, at a time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from hindrax_sim.devices.serial_emulator import SerialEmulator
-from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
+from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled, Switch
+
+LEAP_S = 1000.0
 
 
 class StreamFault:
@@ -22,23 +25,22 @@ class StreamFault:
     connected = True
     """Whether the port is there at all while the fault lasts."""
 
-    def __init__(self, seed: int = 0) -> None:
-        self._random = np.random.default_rng(seed)
+    def __init__(self, seed: int = 0, switch: Switch = lambda _device, _on, _now_s: None) -> None:
+        self._random, self._switch = np.random.default_rng(seed), switch
 
     def switch(self, device: Any, on: bool, now_s: float) -> None:
         """Act on the device as the fault starts, and as it ends."""
+        self._switch(device, on, now_s)
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Return the chunks of the device's bytes that reach the host.
 
         Called without data as time passes, and once with infinite time at the end, to return held bytes.
         """
-        del now_s
         return [data] if data else []
 
-    def incoming(self, data: bytes, now_s: float) -> bytes:
+    def incoming(self, data: bytes, _now_s: float) -> bytes:
         """Return the bytes of the host that reach the device."""
-        del now_s
         return data
 
     def _chance(self, probability: float) -> bool:
@@ -48,17 +50,25 @@ class StreamFault:
         return self._random.integers(0, 256, count, dtype=np.uint8).tobytes()
 
 
+WrongIdentity = partial(StreamFault, switch=lambda device, on, _now_s: device.disguise(on))
+"""Another device answers."""
+Saturated = partial(StreamFault, switch=lambda device, on, _now_s: device.saturate(on))
+"""Measurements at the end of their scale."""
+Reset = partial(StreamFault, switch=lambda device, on, now_s: on and device.power_cycle(now_s))
+"""The device restarts in mid-stream; its current message is cut."""
+ClockJump = partial(StreamFault, switch=lambda device, on, _now_s: device.jump_clock(LEAP_S if on else -LEAP_S))
+"""The device's clock jumps ahead, and back at the end."""
+
+
 class Absent(StreamFault):
     """No device at the port: no byte passes in either direction."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, _data: bytes, _now_s: float) -> list[bytes]:
         """Nothing."""
-        del data, now_s
         return []
 
-    def incoming(self, data: bytes, now_s: float) -> bytes:
+    def incoming(self, _data: bytes, _now_s: float) -> bytes:
         """Nothing."""
-        del data, now_s
         return b""
 
 
@@ -73,50 +83,11 @@ class UnplugReplug(Absent):
             device.power_cycle(now_s)
 
 
-class WrongIdentity(StreamFault):
-    """Another device answers."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Swap the devices."""
-        del now_s
-        device.disguise(on)
-
-
-class Saturated(StreamFault):
-    """Measurements at the end of their scale."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Saturate the measurements."""
-        del now_s
-        device.saturate(on)
-
-
-class Reset(StreamFault):
-    """The device restarts in mid-stream; its current message is cut."""
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Cycle the power."""
-        if on:
-            device.power_cycle(now_s)
-
-
-class ClockJump(StreamFault):
-    """The device's clock jumps ahead, and back at the end."""
-
-    LEAP_S = 1000.0
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Jump ahead, or back."""
-        del now_s
-        device.jump_clock(self.LEAP_S if on else -self.LEAP_S)
-
-
 class CutFrames(StreamFault):
     """A piece is missing from every second message."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Cut a piece of random place and length out."""
-        del now_s
         if len(data) < 2 or self._chance(0.5):
             return [data] if data else []
         start, stop = sorted(self._random.choice(len(data) + 1, 2, replace=False).tolist())
@@ -126,9 +97,8 @@ class CutFrames(StreamFault):
 class Bytewise(StreamFault):
     """Every byte arrives by itself."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Split into bytes."""
-        del now_s
         return [data[at : at + 1] for at in range(len(data))]
 
 
@@ -154,9 +124,8 @@ class Merged(StreamFault):
 class Garbage(StreamFault):
     """Bursts of up to 300 random bytes before, inside and behind messages."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Insert a burst at a random place."""
-        del now_s
         if not data:
             return [self._noise(int(self._random.integers(1, 300)))] if self._chance(0.02) else []
         if self._chance(0.4):
@@ -168,9 +137,8 @@ class Garbage(StreamFault):
 class BitFlips(StreamFault):
     """One bit in a thousand is wrong."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Flip."""
-        del now_s
         if not data:
             return []
         bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8))
@@ -181,14 +149,12 @@ class BitFlips(StreamFault):
 class BaudMismatch(StreamFault):
     """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Garble the bytes."""
-        del now_s
         return [self._noise(1 + len(data) * 2 // 3)] if data else []
 
-    def incoming(self, data: bytes, now_s: float) -> bytes:
+    def incoming(self, data: bytes, _now_s: float) -> bytes:
         """Garble the bytes."""
-        del now_s
         return self._noise(1 + len(data) * 2 // 3) if data else b""
 
 
@@ -199,9 +165,8 @@ class Repeated(StreamFault):
         super().__init__(seed)
         self._last = b""
 
-    def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
+    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Repeat the first message."""
-        del now_s
         self._last = self._last or data
         return [self._last] if data else []
 
