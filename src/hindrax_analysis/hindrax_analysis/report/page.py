@@ -6,9 +6,9 @@ import math
 import re
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
 
-from hindrax_analysis.report.style import CSS
-
+CSS = Path(__file__).with_name("style.css").read_text(encoding="utf-8")
 EMPTY = "data:,"
 """An empty icon: without one, a browser requests it from the server."""
 

@@ -32,24 +32,7 @@ class Monitor(App[None]):
         Binding("down,pagedown", "scroll(1)", show=False),
         Binding("up,pageup", "scroll(-1)", show=False),
     ]
-    CSS = """
-    Screen { background: $background; }
-    #headline { dock: top; height: auto; max-height: 3; padding: 0 1; }
-    Screen.old .section, Screen.old #estimates { opacity: 45%; }
-    .row { height: auto; }
-    .row Static { width: 1fr; }
-    Screen.narrow .row { layout: vertical; }
-    Screen.narrow .row Static { width: 100%; }
-    .section { border-top: solid $primary; border-title-color: $text; border-title-style: bold;
-               padding: 0 1; height: auto; margin: 0 1 0 0; }
-    #state, #thrusters { height: 9; }
-    #holds, #health { height: auto; min-height: 6; max-height: 12; }
-    #maneuver { min-height: 3; max-height: 5; margin: 0; }
-    #rest { height: 1fr; min-height: 2; border-top: solid $primary; border-title-color: $text;
-            border-title-style: bold; padding: 0 1;
-            scrollbar-size-vertical: 1; }
-    Screen.narrow #rest { height: auto; }
-    """
+    CSS_PATH = "app.tcss"
 
     def __init__(self, vehicle: WatchedVehicle) -> None:
         super().__init__()
