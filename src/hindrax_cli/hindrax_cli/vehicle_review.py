@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hindrax_cli.health_checks.check import Check, judged
+from hindrax_cli.health_checks.check import Check
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle
@@ -46,23 +46,23 @@ def _body(vehicle: Vehicle) -> list[Check]:
     arm_m = vehicle.center_of_mass_m[2] - vehicle.center_of_buoyancy_m[2]
     upright = "" if arm_m > 0.0 else "put center_of_buoyancy_m above center_of_mass_m: z is down"
     return [
-        judged("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
-        judged("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
+        Check("net buoyancy", f"{net_N:+.2f} N, {'floats' if net_N > 0.0 else 'sinks'}", doubt),
+        Check("righting arm", f"{1e3 * arm_m:.0f} mm", upright),
     ]
 
 
 def _thrusters(vehicle: Vehicle) -> list[Check]:
     if not vehicle.thrusters:
-        return [judged("thrusters", "none", "add thrusters and curves to fly; identification does without")]
+        return [Check("thrusters", "none", "add thrusters and curves to fly; identification does without")]
     motions = servable_motions(AXES, vehicle)
     found = [
-        judged("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
-        *(judged("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
+        Check("flies", ", ".join(motions.flown) or "nothing", "" if motions.flown else "check positions and angles"),
+        *(Check("does not fly", f"{motion}: {reason}") for motion, reason in motions.left_out),
     ]
-    found.append(judged("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
+    found.append(Check("channels", ", ".join(str(one.channel) for one in vehicle.thrusters), _shared(vehicle)))
     far = [one.name for one in vehicle.thrusters if _outside(vehicle, one.position_m)]
     found.append(
-        judged(
+        Check(
             "thruster positions",
             "within the envelope" if not far else f"{', '.join(far)} far outside of it",
             "check unit and origin of position_m" if far else "",
@@ -71,17 +71,17 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     reach = largest_wrench(vehicle)
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
-    found.append(judged("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
+    found.append(Check("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
     limits = zip(AXES, vehicle.limits.wrench, UNITS, strict=True)
     capped = [f"{axis} {most:g} of {reach[axis]:.0f} {unit}" for axis, most, unit in limits if most < reach[axis]]
     if capped:
-        found.append(judged("limits.wrench", f"leaves {', '.join(capped)}"))
+        found.append(Check("limits.wrench", f"leaves {', '.join(capped)}"))
     if math.isfinite(upright := upright_speed_mps(vehicle)):
         most = vehicle.limits.speed_mps
         slower = f"set limits.speed_mps to {MARGIN * upright:.2f}, or ballast it deeper" if most > upright else ""
-        found.append(judged("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
+        found.append(Check("pitch", f"rights itself up to {upright:.2f} m/s ahead, limit {most:g} m/s", slower))
     assumed = [name for name, curve in vehicle.curves.items() if curve.positive is None]
-    found += [judged(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
+    found += [Check(f"curve {name}", "positive branch assumed to mirror the negative one") for name in assumed]
     return found
 
 
@@ -99,17 +99,17 @@ def _outside(vehicle: Vehicle, position_m: tuple[float, float, float]) -> bool:
 
 def _sensors(vehicle: Vehicle) -> list[Check]:
     return [
-        judged(name, vehicle.sensors[name].port or "no port")
+        Check(name, vehicle.sensors[name].port or "no port")
         if name in vehicle.sensors
-        else judged(name, "missing", f"add it to sensors: it measures {what}")
+        else Check(name, "missing", f"add it to sensors: it measures {what}")
         for name, what in NEEDED.items()
     ]
 
 
 def _truth(vehicle: Vehicle) -> Check:
     if vehicle.hydrodynamics is not None:
-        return judged("hydrodynamics", "given: the mock can fly")
-    return judged("hydrodynamics", "missing", "the mock needs it: `./hindrax estimate --vehicle FILE` prints the block")
+        return Check("hydrodynamics", "given: the mock can fly")
+    return Check("hydrodynamics", "missing", "the mock needs it: `./hindrax estimate --vehicle FILE` prints the block")
 
 
 def picture(vehicle: Vehicle) -> str:

@@ -13,7 +13,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_cli import command_line
 from hindrax_cli.command_line import load, main, module_names, modules, parser_of, print_overview
 from hindrax_cli.commands.machine import doctor
-from hindrax_cli.health_checks.check import bad, good
+from hindrax_cli.health_checks.check import Check
 from hindrax_core.text import screen_text
 from hindrax_core.text.screen_text import COMMAND, UNBOUNDED
 
@@ -110,7 +110,9 @@ def test_the_doctor_cuts_nothing(
 ) -> None:
     monkeypatch.setattr(doctor, "console", lambda: Console(width=width, file=sys.stdout))
     port, sentence = "mock:/tmp/hindrax-v7u9iiwn/of/some/length/i2c", "check cable and power; " * 4
-    doctor.show([good("ros", "ROS 2 jazzy"), good(port, "socket"), bad("dvl75", f"none at {port}", sentence.strip())])
+    doctor.show(
+        [Check("ros", "ROS 2 jazzy"), Check(port, "socket"), Check("dvl75", f"none at {port}", sentence.strip())]
+    )
     said = capsys.readouterr().out
     assert "\u2026" not in said
     bare = "".join(said.split())

@@ -26,6 +26,7 @@ from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_operator.connection import joined
+from hindrax_operator.snapshot import node_problems
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
@@ -149,12 +150,11 @@ def _own_thrusters(run: ThrusterRun) -> Iterator[Operator]:
                 beat.beat(f"thruster {run.thruster} alone", {})
 
             with joined(presence, tick=look_after) as operator:
-                operator.wait(
-                    lambda: operator.thrusters is not None, UP_S, lambda: f"the thrusters; {_node_problems(operator)}"
-                )
+                operator.wait(lambda: operator.thrusters is not None, UP_S, lambda: _missing(operator))
                 yield operator
 
 
-def _node_problems(operator: Operator) -> str:
-    found = [f"{name}: {one.message}" for name, one in operator.diagnostics.items() if one.level != b"\x00"]
-    return "; ".join(found) or "their process says nothing, `./hindrax doctor` looks at the wires"
+def _missing(operator: Operator) -> str:
+    """The thrusters, and why they say nothing, by /diagnostics."""
+    silent = "their process says nothing, `./hindrax doctor` looks at the wires"
+    return f"the thrusters; {'; '.join(node_problems(operator)) or silent}"

@@ -29,6 +29,7 @@ from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment, plan_text
 from hindrax_operator.progress import Progress
+from hindrax_operator.snapshot import node_problems, troubles
 
 if TYPE_CHECKING:
     from hindrax_analysis.identification.bag_identification import IdentifiedBag
@@ -178,7 +179,7 @@ def fly(options: PoolOptions, folder: RunFolder, domain: int | None, progress: P
 def beat(liveness: LivenessFile, notes: str, operator: Any) -> None:
     """Tell `hindrax health` of the flight: what it is, whether it is armed, and what its nodes complain of."""
     state = "starting" if operator.thrusters is None else operator.thrusters.state
-    liveness.beat(f"{notes}: {state}", dict(line.partition(": ")[::2] for line in node_problems(operator)))
+    liveness.beat(f"{notes}: {state}", troubles(operator))
 
 
 def _operate(
@@ -293,7 +294,7 @@ def missing_solution(operator: Any) -> str:
 
 def report_devices(operator: Any, heard: dict[str, str], progress: Progress) -> None:
     """One line when a device or node is up, and one for what it still waits for; `heard` is what they said before."""
-    now = {name.removeprefix("hindrax: "): _trouble(one) for name, one in operator.diagnostics.items()}
+    now = troubles(operator)
     for name, trouble in now.items():
         if change := health_change(name, heard.get(name), trouble):
             progress.report(change)
@@ -310,13 +311,3 @@ def watch_record(operator: Any, heard: dict[str, str], progress: Progress, witho
     heard[name] = failure
     if failure and without_record == ABORT:
         raise HindraxError(f"{name}: {failure}; --without-record {CONTINUE} flies on")
-
-
-def _trouble(status: Any) -> str:
-    return "" if status.level == b"\x00" else str(status.message)
-
-
-def node_problems(operator: Any) -> list[str]:
-    """Every problem in /diagnostics, as `node: problem`."""
-    found = operator.diagnostics.items()
-    return [f"{name.removeprefix('hindrax: ')}: {one.message}" for name, one in found if one.level != b"\x00"]

@@ -133,6 +133,17 @@ def snapshot(operator: Any) -> Snapshot:
     )
 
 
+def troubles(operator: Any) -> dict[str, str]:
+    """What each node reports of itself in /diagnostics, by name: empty where it is well."""
+    found = operator.diagnostics.items()
+    return {name.removeprefix("hindrax: "): str(one.message) if one.level != b"\x00" else "" for name, one in found}
+
+
+def node_problems(operator: Any) -> list[str]:
+    """Every problem in /diagnostics, as `node: problem`."""
+    return [f"{name}: {trouble}" for name, trouble in troubles(operator).items() if trouble]
+
+
 def _thrusters(state: Any, allocation: Any) -> Thrusters:
     if state is None:
         return Thrusters()

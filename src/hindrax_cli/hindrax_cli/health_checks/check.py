@@ -7,24 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Name of the check, whether it passed, what was found, and the remedy."""
+    """Name of the check, what was found, and the remedy: empty where there is nothing to be done."""
 
     name: str
-    ok: bool
     found: str
     remedy: str = ""
 
+    @property
+    def ok(self) -> bool:
+        """Whether it has passed."""
+        return not self.remedy
 
-def good(name: str, found: str) -> Check:
-    """Make a passed check."""
-    return Check(name, ok=True, found=found)
-
-
-def bad(name: str, found: str, remedy: str) -> Check:
-    """Make a failed check."""
-    return Check(name, ok=False, found=found, remedy=remedy)
-
-
-def judged(name: str, found: str, remedy: str = "") -> Check:
-    """Make a check that has passed where there is nothing to be done."""
-    return Check(name, not remedy, found, remedy)
+    def document(self) -> dict[str, object]:
+        """As it appears in JSON."""
+        return {"name": self.name, "ok": self.ok, "found": self.found, "remedy": self.remedy}

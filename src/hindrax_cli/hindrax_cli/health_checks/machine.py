@@ -19,7 +19,7 @@ from pathlib import Path
 from hindrax_bag.run_folder import FIRST_YEAR, FREE_BYTES_WANTED
 from hindrax_bringup.network.tether import Tether, address_of
 from hindrax_bringup.stack_lock import FOLDER
-from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_cli.health_checks.check import Check
 from hindrax_core.errors import HindraxError
 
 LIBRARIES = ("numpy", "scipy", "yaml", "rich", "textual", "serial", "smbus2", "mcap")
@@ -35,23 +35,23 @@ def python() -> Check:
     version = f"Python {platform.python_version()} at {sys.executable}"
     lacking = [name for name in LIBRARIES if importlib.util.find_spec(name) is None]
     if sys.version_info[:2] not in PYTHONS:
-        return bad("python", version, "wanted Python 3.11 or 3.12; run ./hindrax setup")
+        return Check("python", version, "wanted Python 3.11 or 3.12; run ./hindrax setup")
     if lacking:
-        return bad("python", f"{version}, without {', '.join(lacking)}", "run ./hindrax setup")
-    return good("python", f"{version}, {len(LIBRARIES)} libraries")
+        return Check("python", f"{version}, without {', '.join(lacking)}", "run ./hindrax setup")
+    return Check("python", f"{version}, {len(LIBRARIES)} libraries")
 
 
 def ros(environment: Mapping[str, str] = os.environ) -> Check:
     """The client library and our own messages, and which graph this terminal would join."""
     lacking = [name for name in ("rclpy", "hindrax_msgs") if importlib.util.find_spec(name) is None]
     if lacking:
-        return bad("ros", f"no {' and no '.join(lacking)}", "run ./hindrax setup, and start tools with ./hindrax")
+        return Check("ros", f"no {' and no '.join(lacking)}", "run ./hindrax setup, and start tools with ./hindrax")
     distribution = environment.get("ROS_DISTRO", "unknown distribution")
     graph = f"domain {environment.get('ROS_DOMAIN_ID', '0')}"
     middleware = environment.get("RMW_IMPLEMENTATION", "its default middleware")
     if distribution != "jazzy":
-        return bad("ros", f"ROS 2 {distribution}", "wanted jazzy; open a terminal that sources no other ROS")
-    return good("ros", f"ROS 2 jazzy, {middleware}, {graph}")
+        return Check("ros", f"ROS 2 {distribution}", "wanted jazzy; open a terminal that sources no other ROS")
+    return Check("ros", f"ROS 2 jazzy, {middleware}, {graph}")
 
 
 def disk(folder: Path) -> Check:
@@ -59,8 +59,8 @@ def disk(folder: Path) -> Check:
     free = shutil.disk_usage(folder).free
     text = f"{free / 1e9:.1f} GB free at {folder}"
     if free < FREE_BYTES_WANTED:
-        return bad("disk", text, f"wanted {FREE_BYTES_WANTED / 1e9:.1f} GB; move old bags away or use --out")
-    return good("disk", text)
+        return Check("disk", text, f"wanted {FREE_BYTES_WANTED / 1e9:.1f} GB; move old bags away or use --out")
+    return Check("disk", text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,27 +96,29 @@ def clock(kernel: KernelTime, now_s: float) -> Check:
     """Whether stamps of two machines can be compared: a request to arm that seems old is refused."""
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(now_s))
     if time.gmtime(now_s).tm_year < FIRST_YEAR:
-        return bad("time", f"{date}: the clock was never set", "set it: connect a network with NTP, or `sudo date -s`")
+        return Check(
+            "time", f"{date}: the clock was never set", "set it: connect a network with NTP, or `sudo date -s`"
+        )
     if not kernel.synchronized:
         remedy = "start chrony or systemd-timesyncd; without internet let the vehicle follow the topside computer"
-        return bad("time", f"{date}, not synchronized", remedy)
+        return Check("time", f"{date}, not synchronized", remedy)
     if kernel.error_s > MAX_ERROR_s:
-        return bad("time", f"{date}, error up to {kernel.error_s:.2f} s", f"wanted {MAX_ERROR_s:g} s; wait for NTP")
-    return good("time", f"{date}, synchronized, error at most {1e3 * kernel.error_s:.0f} ms")
+        return Check("time", f"{date}, error up to {kernel.error_s:.2f} s", f"wanted {MAX_ERROR_s:g} s; wait for NTP")
+    return Check("time", f"{date}, synchronized, error at most {1e3 * kernel.error_s:.0f} ms")
 
 
 def groups() -> Check:
     """Membership in the groups that own serial ports and I2C buses; root needs none."""
     user = pwd.getpwuid(os.getuid()).pw_name
     if os.getuid() == 0:
-        return good("groups", "root: may open everything")
+        return Check("groups", "root: may open everything")
     existing = {group.gr_name for group in grp.getgrall()} & set(GROUPS)
     mine = {grp.getgrgid(number).gr_name for number in os.getgroups() if _known(number)}
     lacking = sorted(existing - mine)
     if lacking:
         remedy = f"sudo usermod -aG {','.join(lacking)} {user}, then log in again"
-        return bad("groups", f"{user} is not in {', '.join(lacking)}", remedy)
-    return good("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
+        return Check("groups", f"{user} is not in {', '.join(lacking)}", remedy)
+    return Check("groups", f"{user} is in {', '.join(sorted(existing)) or 'no special group, and none exists here'}")
 
 
 def _known(number: int) -> bool:
@@ -169,13 +171,13 @@ def leftovers(found: list[Running], user: int, place: str = "") -> Check:
     """
     first = next((one.words for one in found if one.pid == 1), "")
     if any(word in first for word in LAUNCHERS):
-        return good("processes", "looked after by the first process")
+        return Check("processes", "looked after by the first process")
     ours = [one for one in found if (one.owner, one.place) == (user, place)]
     lost = [one for one in ours if one.parent == 1 and any(word in one.words for word in NODE_WORDS)]
     if lost:
         numbers = " ".join(str(one.pid) for one in lost)
-        return bad("processes", f"{len(lost)} left behind: {lost[0].words}", f"end them: kill {numbers}")
-    return good("processes", "none left behind")
+        return Check("processes", f"{len(lost)} left behind: {lost[0].words}", f"end them: kill {numbers}")
+    return Check("processes", "none left behind")
 
 
 def machine(folder: Path) -> list[Check]:
@@ -191,8 +193,8 @@ def tether(named: Tether | None) -> list[Check]:
         address = address_of(named.interface)
     except HindraxError as error:
         found, _, remedy = str(error).partition("; ")
-        return [bad("tether", found, remedy)]
-    return [good("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'anybody'}")]
+        return [Check("tether", found, remedy)]
+    return [Check("tether", f"{named.interface} is {address}; at its other end {', '.join(named.peers) or 'anybody'}")]
 
 
 def vehicle_machine() -> list[Check]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_cli.health_checks.check import Check
 from hindrax_core.input_checks.stamp_window import OTHER_CLOCK_s
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
@@ -48,33 +48,37 @@ MOCK_CLOCK = "if it is a mock vehicle, nothing: it has a clock of its own, and c
 def clocks(ages_s: Sequence[float]) -> Check:
     """Judge two clocks by how old stamps are on arrival [s]: the youngest is the offset and the least delay."""
     if not ages_s:
-        return bad("clocks", "nothing is heard of the vehicle", "see `tether`, then `./hindrax doctor` on the vehicle")
+        return Check(
+            "clocks", "nothing is heard of the vehicle", "see `tether`, then `./hindrax doctor` on the vehicle"
+        )
     least, most = min(ages_s), max(ages_s)
     if abs(least) > OFFSET_s:
         which = "behind" if least > 0.0 else "ahead of"
         found = f"the vehicle's clock is {abs(least):.2f} s {which} this one"
         remedy = "let the vehicle take its time from here: docs/how-to/two-machines.md"
-        return bad("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_s else remedy)
-    return good("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
+        return Check("clocks", found, MOCK_CLOCK if abs(least) > OTHER_CLOCK_s else remedy)
+    return Check("clocks", f"the vehicle's stamps arrive {1e3 * least:.0f} to {1e3 * most:.0f} ms old")
 
 
 def judged(diagnostics: Mapping[str, Any], wanted: Iterable[str], title: str) -> list[Check]:
     """One check for the stack, one for each node."""
     if not diagnostics:
-        return [bad("stack", f"{title}, but nobody reports", "end it and start it again; its logs tell why")]
+        return [Check("stack", f"{title}, but nobody reports", "end it and start it again; its logs tell why")]
     by_name = {name.removeprefix("hindrax: "): one for name, one in diagnostics.items()}
-    return [good("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
+    return [Check("stack", title), *(_node(name, by_name.get(name)) for name in wanted)]
 
 
 def _node(name: str, status: Any) -> Check:
     if status is None:
-        return bad(name, "its node says nothing", "its process is down; see logs/ of the run, or start the stack again")
+        return Check(
+            name, "its node says nothing", "its process is down; see logs/ of the run, or start the stack again"
+        )
     values = {pair.key: pair.value for pair in status.values}
     rate = float(values.get("rate [Hz]", math.nan))
     parts = [values.get("identity", ""), status.message, "" if math.isnan(rate) else f"{rate:.1f} Hz"]
     found = ", ".join(part for part in parts if part)
     if status.level == b"\x00":
-        return good(name, found)
+        return Check(name, found)
     trouble = values.get("last trouble", "")
     remedy = f"last trouble: {trouble}" if trouble and trouble not in found else "check power, wiring and vehicle file"
-    return bad(name, found, remedy)
+    return Check(name, found, remedy)

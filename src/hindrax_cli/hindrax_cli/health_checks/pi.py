@@ -10,7 +10,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_cli.health_checks.check import Check
 
 BOARD = "Raspberry Pi 4"
 MODEL = "proc/device-tree/model"
@@ -34,7 +34,7 @@ def board(root: Path = Path("/")) -> list[Check]:
     if not model.startswith(BOARD):
         return []
     settings = _settings(root)
-    checks = [good("board", model), i2c_speed(root, settings), core_clock(settings), uarts(settings)]
+    checks = [Check("board", model), i2c_speed(root, settings), core_clock(settings), uarts(settings)]
     checks += [names(root), service(root), power(root)]
     return checks + [adapter(path) for path in sorted(root.glob(FTDI))]
 
@@ -46,28 +46,28 @@ def i2c_speed(root: Path, settings: dict[str, list[str]]) -> Check:
     with contextlib.suppress(OSError):
         found = int.from_bytes((root / I2C_SPEED).read_bytes()[:4], "big")
         if found == I2C_Hz:
-            return good("i2c speed", f"{found // 1000} kHz")
+            return Check("i2c speed", f"{found // 1000} kHz")
         booted = "" if wanted in asked else " and not asked for"
-        return bad("i2c speed", f"{found // 1000} kHz, wanted {I2C_Hz // 1000}{booted}", REBOOT)
+        return Check("i2c speed", f"{found // 1000} kHz, wanted {I2C_Hz // 1000}{booted}", REBOOT)
     if "i2c_arm=on" not in asked:
-        return bad("i2c speed", "I2C is switched off", REBOOT)
-    return bad("i2c speed", "there is no adapter i2c-1, though it is asked for", "sudo modprobe i2c-dev; sudo reboot")
+        return Check("i2c speed", "I2C is switched off", REBOOT)
+    return Check("i2c speed", "there is no adapter i2c-1, though it is asked for", "sudo modprobe i2c-dev; sudo reboot")
 
 
 def core_clock(settings: dict[str, list[str]]) -> Check:
     """The clock of I2C is divided from the core clock, which must not change with the load."""
     fixed, least = (settings.get(key, [""])[-1] for key in ("core_freq", "core_freq_min"))
     if fixed and fixed == least:
-        return good("core clock", f"fixed at {fixed} MHz")
-    return bad("core clock", "changes with the load, and the speed of I2C with it", REBOOT)
+        return Check("core clock", f"fixed at {fixed} MHz")
+    return Check("core clock", "changes with the load, and the speed of I2C with it", REBOOT)
 
 
 def uarts(settings: dict[str, list[str]]) -> Check:
     """The UARTs of DVL and Ping; their baud rate does not follow the core clock, as that of the mini UART does."""
     lacking = [name for name in UARTS if name not in (line.split(",")[0] for line in settings.get("dtoverlay", []))]
     if lacking:
-        return bad("uarts", f"{', '.join(lacking)} switched off", REBOOT)
-    return good("uarts", f"{', '.join(UARTS)} switched on")
+        return Check("uarts", f"{', '.join(lacking)} switched off", REBOOT)
+    return Check("uarts", f"{', '.join(UARTS)} switched on")
 
 
 def names(root: Path) -> Check:
@@ -75,41 +75,43 @@ def names(root: Path) -> Check:
     ours = Path(__file__).parents[4] / "docker/pi/60-hindrax.rules"
     found = _text(root / RULES)
     if not found:
-        return bad("device names", f"no /{RULES}: ports keep the names of the kernel, which move", SET_UP)
+        return Check("device names", f"no /{RULES}: ports keep the names of the kernel, which move", SET_UP)
     if ours.is_file() and found != _text(ours):
-        return bad("device names", f"/{RULES} differs from that of this version", SET_UP)
+        return Check("device names", f"/{RULES} differs from that of this version", SET_UP)
     links = sorted(link.name for link in (root / "dev/hindrax").glob("*"))
-    return good("device names", f"/dev/hindrax: {', '.join(links) or 'empty, nothing is plugged in'}")
+    return Check("device names", f"/dev/hindrax: {', '.join(links) or 'empty, nothing is plugged in'}")
 
 
 def service(root: Path) -> Check:
     """Whether the stack starts with the machine."""
     if (root / UNIT).is_symlink() or (root / UNIT).exists():
-        return good("service", "hindrax.service starts with the machine")
+        return Check("service", "hindrax.service starts with the machine")
     if _text(root / "etc/hindrax/hindrax.env"):
-        return good("service", "no hindrax.service; the container has a restart policy of its own")
-    return bad("service", "the stack does not start with the machine", SET_UP)
+        return Check("service", "no hindrax.service; the container has a restart policy of its own")
+    return Check("service", "the stack does not start with the machine", SET_UP)
 
 
 def power(root: Path) -> Check:
     """Under-voltage: a Pi that browns out drops bytes before it drops out."""
     text = _text(root / THROTTLED).strip()
     if not text:
-        return good("power", "this kernel does not tell")
+        return Check("power", "this kernel does not tell")
     flags = int(text, 16)
     if flags & UNDER_VOLTAGE:
-        return bad("power", "under-voltage now", "give it 5.1 V and 3 A; look at cable, plug and converter")
+        return Check("power", "under-voltage now", "give it 5.1 V and 3 A; look at cable, plug and converter")
     if flags & UNDER_VOLTAGE_BEFORE:
-        return bad("power", "there was under-voltage since the start", "look at cable, plug and converter, then reboot")
-    return good("power", "no under-voltage since the start")
+        return Check(
+            "power", "there was under-voltage since the start", "look at cable, plug and converter, then reboot"
+        )
+    return Check("power", "no under-voltage since the start")
 
 
 def adapter(latency: Path) -> Check:
     """How long a USB adapter keeps bytes to itself."""
     name, held_ms = latency.parent.name, int(_text(latency) or 0)
     if held_ms > LATENCY_ms:
-        return bad(name, f"keeps bytes for {held_ms} ms, wanted {LATENCY_ms}", f"{SET_UP}, then plug it in again")
-    return good(name, f"keeps bytes for {held_ms} ms")
+        return Check(name, f"keeps bytes for {held_ms} ms, wanted {LATENCY_ms}", f"{SET_UP}, then plug it in again")
+    return Check(name, f"keeps bytes for {held_ms} ms")
 
 
 def _settings(root: Path) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from hindrax_cli.health_checks.check import Check, bad, good
+from hindrax_cli.health_checks.check import Check
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Identity, Output, Send, SerialDevice, Trouble
 from hindrax_core.errors import HindraxError
@@ -69,32 +69,32 @@ def require_ports(vehicle: Vehicle, file: str) -> None:
 
 def address(path: str) -> Check:
     """An address of the network, which is there or not when it is listened at."""
-    return good(path, "an address to listen at; whether anybody speaks is seen below")
+    return Check(path, "an address to listen at; whether anybody speaks is seen below")
 
 
 def chip(path: str) -> Check:
     """A GPIO chip, found by label or name."""
     try:
-        return good(path, f"there, it is {find_chip(path.removeprefix(GPIO_PREFIX))}")
+        return Check(path, f"there, it is {find_chip(path.removeprefix(GPIO_PREFIX))}")
     except DeviceError as error:
-        return bad(path, ABSENT if "found the chips" in str(error) else str(error), f"{error}")
+        return Check(path, ABSENT if "found the chips" in str(error) else str(error), f"{error}")
 
 
 def port(path: str) -> Check:
     """Whether a port can be opened; a mock's socket, an I2C adapter or a serial port."""
     file = Path(path.removeprefix(MOCK_PREFIX))
     if not file.exists():
-        return bad(path, ABSENT, _absent(path))
+        return Check(path, ABSENT, _absent(path))
     if not os.access(file, os.R_OK | os.W_OK):
         group = _group(file)
-        return bad(path, f"not allowed, it belongs to group {group}", f"sudo usermod -aG {group} $USER, log in again")
+        return Check(path, f"not allowed, it belongs to group {group}", f"sudo usermod -aG {group} $USER, log in again")
     if path.startswith(MOCK_PREFIX):
-        return good(path, "socket of the mock")
+        return Check(path, "socket of the mock")
     if is_mounted(file):
-        return good(path, "bus of a mock")
+        return Check(path, "bus of a mock")
     if not stat.S_ISCHR(file.stat().st_mode):
-        return bad(path, "no device file", "check the port in the vehicle file")
-    return good(path, f"there{_speed(file)}" if file.resolve() == file else f"there, it is {file.resolve()}")
+        return Check(path, "no device file", "check the port in the vehicle file")
+    return Check(path, f"there{_speed(file)}" if file.resolve() == file else f"there, it is {file.resolve()}")
 
 
 def _absent(path: str) -> str:
@@ -132,11 +132,11 @@ def devices(settings: Settings, instead: Ports, clock: str) -> list[Check]:
 def _asked(name: str, where: str, ask: Callable[[], str]) -> Check:
     """Ask a device; an error becomes a failed check."""
     if not where.startswith((UDP_PREFIX, GPIO_PREFIX)) and not Path(where.removeprefix(MOCK_PREFIX)).exists():
-        return bad(name, f"not asked: {where} is not there", f"see {where}")
+        return Check(name, f"not asked: {where} is not there", f"see {where}")
     try:
-        return good(name, f"{ask()} at {where}")
+        return Check(name, f"{ask()} at {where}")
     except (DeviceError, HindraxError) as error:
-        return bad(name, str(error), "check power, wiring, and port and address in the vehicle file")
+        return Check(name, str(error), "check power, wiring, and port and address in the vehicle file")
 
 
 def _sensor(where: str, mount: Mount, vehicle: Vehicle, clock_port: str) -> str:

@@ -7,7 +7,6 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Group
@@ -71,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         checks += wires.ports(vehicle, {}) + wires.devices(settings, {}, settings.clock)
     if arguments.json:
-        print_json({"checks": [asdict(one) for one in checks]})
+        print_json({"checks": [one.document() for one in checks]})
     else:
         show(checks)
     return 0 if all(one.ok for one in checks) else 1
@@ -83,7 +82,7 @@ def from_topside(vehicle: Vehicle) -> list[Check]:
         with joined(None) as operator:
             return [nodes.far_clock(operator), *nodes.stack(operator, vehicle, "the vehicle over the tether")]
     except HindraxError as error:
-        return [Check("stack", ok=False, found=str(error), remedy="see `tether`; is `./hindrax up` running there?")]
+        return [Check("stack", str(error), "see `tether`; is `./hindrax up` running there?")]
 
 
 def of_stack(presence: StackLock) -> list[Check]:
@@ -92,7 +91,7 @@ def of_stack(presence: StackLock) -> list[Check]:
         with joined(presence) as operator:
             return nodes.stack(operator, load_vehicle(presence.vehicle), presence.title)
     except HindraxError as error:
-        return [Check("stack", ok=False, found=str(error), remedy="end it and start it again")]
+        return [Check("stack", str(error), "end it and start it again")]
 
 
 def in_mock(settings: Settings, vehicle_file: Path, faults: tuple[str, ...]) -> list[Check]:

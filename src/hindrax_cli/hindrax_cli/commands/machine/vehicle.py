@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +92,7 @@ def check(arguments: argparse.Namespace) -> int:
     vehicle = load_vehicle(vehicle_file(arguments.vehicle))
     found = findings(vehicle)
     if arguments.json:
-        print_json({"checks": [asdict(one) for one in found]})
+        print_json({"checks": [one.document() for one in found]})
     else:
         _show_checks(vehicle)
     return 0 if all(one.ok for one in found) else 1

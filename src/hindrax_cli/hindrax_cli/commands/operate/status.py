@@ -89,7 +89,7 @@ def _vehicle(stack: StackLock) -> str:
 def _ask(stack: StackLock, made: StackStatus) -> None:
     """Fill in what only the graph of a stack tells, without a heartbeat: no person is there who could act."""
     from hindrax_operator.connection import joined  # noqa: PLC0415  # rclpy is loaded only where it is needed
-    from hindrax_operator.pool_run import node_problems  # noqa: PLC0415  # as above
+    from hindrax_operator.snapshot import node_problems  # noqa: PLC0415  # as above
 
     made.thrusters = UNKNOWN
     try:
