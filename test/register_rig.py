@@ -3,11 +3,13 @@
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
+from lock_step import LockStep
+
 from hindrax_core.bus_operations import Program, run
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_drivers.buses.bus_schedule import BusOutput, BusSchedule
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.register_emulator import RegisterEmulator
 
 STEP_S = 0.005

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import pytest
+from lock_step import LockStep
 
 from hindrax_core.bus_operations import DeviceError, Transaction
 from hindrax_core.driver_interface import Output
@@ -19,7 +20,7 @@ from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuar
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import RegisterOutput
 from hindrax_drivers.output.output_thread import OutputThread
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 
 START = stamp_from_s(100.0)

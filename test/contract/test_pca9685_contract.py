@@ -3,11 +3,12 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lock_step import LockStep
 
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.events import Stamp, after
 from hindrax_drivers.devices.pca9685 import Pca9685
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 
 CHANNELS = (*range(8), 8, 9)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from lock_step import LockStep
 
 from hindrax_core.bus_operations import Transaction, Write
 from hindrax_core.driver_interface import Output
@@ -24,7 +25,7 @@ from hindrax_drivers.output.output_guard import (
 )
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import RegisterOutput
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, with_bus_faults
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 
 import pytest
+from lock_step import LockStep
 
 from hindrax_bringup.share_files import default_vehicle, hindrax_with
 from hindrax_cli.command_line import main
@@ -19,7 +20,7 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import Battery
 from hindrax_drivers.bus_capture import CapturedReadings
 from hindrax_drivers.nodes.thruster_settings import Settings
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import Pca9685
 
 Say = Callable[..., int]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from lock_step import LockStep
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
@@ -17,7 +18,7 @@ from hindrax_core.bus_operations import run as run_program
 from hindrax_core.events import Stamp, after
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.output.oscillator import LOOKS, Edge, clock_Hz
-from hindrax_sim.buses.virtual_i2c import LockStep, VirtualI2c
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 
 TRUE_Hz = 25e6 * 1.031

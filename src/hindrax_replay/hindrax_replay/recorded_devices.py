@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from hindrax_core.events import Stamp, Stamped
+from hindrax_core.events import Stamped
 from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.wire_frames import frames_in
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_replay.recorded_wires import RecordedWire, RegisterWire, SerialWire
@@ -34,20 +35,12 @@ class ReplayedDevice:
 
     def frames(self, batch: Any) -> None:
         """Feed one RawFrames message to the device."""
-        for stamp, direction, data in unpack(batch):
+        for stamp, direction, data in frames_in(batch):
             for output in self.wire.frame(stamp, direction, data):
                 if isinstance(output, Stamped):
                     for name, message in self._messages.of(output):
                         if name in self.topics:
                             self._add_made(self.topics[name], output.stamp, message)
-
-
-def unpack(batch: Any) -> Iterator[tuple[Stamp, int, bytes]]:
-    """Stamp, direction and bytes of every frame of a decoded RawFrames message."""
-    start, data = 0, bytes(batch.data)
-    for stamp, direction, length in zip(batch.stamps, bytes(batch.directions), batch.lengths, strict=True):
-        yield Stamp(int(stamp)), direction, data[start : start + length]
-        start += length
 
 
 def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from rclpy.node import Node
 
 from hindrax_core.events import Stamp, seconds_between
@@ -63,11 +61,3 @@ class FrameTap:
         self._begin = None
         self._stamps, self._lengths = [], []
         self._directions, self._data = bytearray(), bytearray()
-
-
-def unpack(message: RawFrames) -> Iterator[tuple[Stamp, int, bytes]]:
-    """Stamp, direction and bytes of every frame of a batch."""
-    start, data = 0, bytes(message.data)
-    for stamp, direction, length in zip(message.stamps, message.directions, message.lengths, strict=True):
-        yield Stamp(int(stamp)), int(direction), data[start : start + length]
-        start += length

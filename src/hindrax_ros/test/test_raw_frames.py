@@ -11,8 +11,9 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 from rclpy.node import Node
 
 from hindrax_core.events import NS_PER_S, Stamp
+from hindrax_core.wire_frames import frames_in
 from hindrax_ros import raw_frames
-from hindrax_ros.raw_frames import RECEIVED, UNHEARD_S, FrameTap, unpack
+from hindrax_ros.raw_frames import RECEIVED, UNHEARD_S, FrameTap
 
 STEP_ns = NS_PER_S // 100
 
@@ -37,7 +38,7 @@ def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
 
 
 def stamps_of(messages: list[Any]) -> list[int]:
-    return [stamp for message in messages for stamp, _, _ in unpack(message)]
+    return [stamp for message in messages for stamp, _, _ in frames_in(message)]
 
 
 def test_no_frame_before_the_first_subscriber_is_lost(wire: Wire) -> None:

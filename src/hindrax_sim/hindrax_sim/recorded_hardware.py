@@ -19,7 +19,7 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_core.wire_frames import unpack_transaction
+from hindrax_core.wire_frames import frames_in, unpack_transaction
 from hindrax_sim.devices.emulator_registry import SERIAL
 from hindrax_sim.devices.register_emulator import NackError
 
@@ -160,14 +160,10 @@ def _pairs(frames: Sequence[Frame]) -> Iterable[tuple[Frame, Frame]]:
             yield asked, answer
 
 
-def frames_of(bag: Path) -> dict[str, list[Frame]]:
+def recorded_frames(bag: Path) -> dict[str, list[Frame]]:
     """Wire frames of every source of a bag, in the order of their times."""
     names = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
     found: dict[str, list[Frame]] = {}
     for message in messages(bag, names):
-        batch, start = message.decoded(), 0
-        frames = found.setdefault(names[message.topic], [])
-        for stamp, direction, length in zip(batch.stamps, batch.directions, batch.lengths, strict=True):
-            frames.append((int(stamp), direction, bytes(batch.data[start : start + length])))
-            start += length
+        found.setdefault(names[message.topic], []).extend(frames_in(message.decoded()))
     return found

@@ -18,7 +18,7 @@ from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.devices.register_emulator import NackError
-from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, frames_of
+from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, recorded_frames
 
 MS = 1_000_000
 BAG = Path(__file__).parents[3] / "test" / "replay" / "bags" / "surge"
@@ -85,7 +85,7 @@ def test_without_wire_frames_there_is_no_hardware(vehicle: Vehicle) -> None:
 
 
 def test_the_real_driver_reads_the_recorded_part(vehicle: Vehicle) -> None:
-    hardware = RecordedHardware(vehicle, frames_of(BAG))
+    hardware = RecordedHardware(vehicle, recorded_frames(BAG))
     mount = vehicle.sensors["ms5837"]
     row = DEVICES[mount.device]
     schedule, now = BusSchedule(), hardware.stamp

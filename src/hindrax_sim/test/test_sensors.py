@@ -12,9 +12,12 @@ import pytest
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
-from hindrax_sim.flights.sensor_models import QUIET, Noise, sensors
+from hindrax_sim.flights.sensor_models import Noise, sensors
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import Conditions, World
+
+QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Sensors without noise and bias: what is left is their rounding."""
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 CALM = Conditions(thrust_noise=0.0)

@@ -49,10 +49,6 @@ class Noise:
     dvl_heading_rad: float = math.radians(1.0)
 
 
-QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-"""Sensors without noise and bias: what is left is their rounding."""
-
-
 class SensorModel(Protocol):
     """A sensor model with a fixed period."""
 

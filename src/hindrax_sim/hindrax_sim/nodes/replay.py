@@ -40,7 +40,7 @@ from hindrax_ros.process import StopSignal
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import Ports
 from hindrax_sim.nodes.hardware_process import main_of, outlast_output
-from hindrax_sim.recorded_hardware import RecordedHardware, frames_of
+from hindrax_sim.recorded_hardware import RecordedHardware, recorded_frames
 
 PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
 CLOCK_NS = 4 * STEP_ns
@@ -119,7 +119,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     stop = StopSignal()
     given = load_vehicle(words.vehicle) if words.vehicle else None
     vehicle = given or attached_vehicle(words.bag, attachments(words.bag))
-    hardware = RecordedHardware(vehicle, frames_of(words.bag))
+    hardware = RecordedHardware(vehicle, recorded_frames(words.bag))
     remaps = namespace_arguments(words.namespace, own_clock=True)
     rclpy.init(args=["--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
     with RecordedPorts(hardware, folder, rate=words.rate) as ports:

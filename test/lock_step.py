@@ -1,0 +1,38 @@
+"""A virtual bus without a process: a test sets its time."""
+
+from __future__ import annotations
+
+from hindrax_core.bus_operations import Transaction
+from hindrax_core.events import Stamp
+from hindrax_drivers.buses.clock import EPOCH
+from hindrax_drivers.buses.register_bus import wire_error
+from hindrax_sim.buses.virtual_i2c import VirtualI2c
+
+
+class LockStep:
+    """A virtual bus as a RegisterBus of the same process: the stepper of the world sets the time, nothing sleeps."""
+
+    def __init__(self, bus: VirtualI2c, now: Stamp = EPOCH) -> None:
+        self._bus = bus
+        self.time = now
+
+    def now(self) -> Stamp:
+        """Time as set."""
+        return self.time
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Run one transaction, with the errors of a real bus."""
+        try:
+            return self._bus.transfer(transaction, self.time)
+        except OSError as error:
+            raise wire_error("virtual bus", transaction.address, error.errno or 0) from error
+
+    def sleep_until(self, stamp: Stamp, _readable: int | None = None) -> None:
+        """Jump to the stamp."""
+        self.time = max(self.time, stamp)
+
+    def wake(self) -> None:
+        """Do nothing: no one sleeps."""
+
+    def close(self) -> None:
+        """Do nothing."""
