@@ -26,6 +26,10 @@ def test_columns_come_by_name_in_any_order_and_separator(separator: str) -> None
     assert "note_V" not in record
 
 
+def test_a_comma_that_does_not_separate_is_that_of_decimals() -> None:
+    assert read_columns("time_s;force_N\n0,5;-1,25\n", COLUMNS, "a.csv")["force_N"].tolist() == [-1.25]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_analysis.records.csv_columns import check_width
+from hindrax_analysis.records.csv_rows import check_width, rows_of
 from hindrax_core.errors import HindraxError
 
 MOST_JITTER = 0.01
@@ -39,18 +38,16 @@ def describe(columns: Sequence[Column]) -> str:
 def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str, Array]:
     """Numbers of the named columns, (n,) each, in the units of their names; missing optional columns are omitted.
 
-    Separators are comma, semicolon or tab; lines that begin with # and empty lines are skipped; other columns are
-    ignored. HindraxError names the source, the line, the column, what was found and what was wanted.
+    Other columns are ignored. HindraxError names the source, the line, the column, what was found and what was wanted.
     """
-    rows = _rows(text)
-    try:
-        _, header = next(rows)
-    except StopIteration:
+    rows = rows_of(text, source)
+    if not rows:
         wanted = ", ".join(column.name for column in columns)
-        raise HindraxError(f"{source}: the file is empty, wanted a header line with {wanted}") from None
+        raise HindraxError(f"{source}: the file is empty, wanted a header line with {wanted}")
+    header = rows[0][1]
     present = [column for column in columns if _has(header, column, source)]
     values: dict[str, list[float]] = {column.name: [] for column in present}
-    for line, cells in rows:
+    for line, cells in rows[1:]:
         check_width(cells, header, f"{source}, line {line}")
         for column in present:
             where = f"{source}, line {line}, column {column.name}"
@@ -61,24 +58,7 @@ def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str,
     return arrays
 
 
-def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _carries_data(line)]
-    if not lines:
-        return
-    first = lines[0][1]
-    separator = max(",;\t", key=first.count)
-    for number, line in lines:
-        cells = next(csv.reader([line], delimiter=separator))
-        yield number, [cell.strip() for cell in cells]
-
-
-def _carries_data(line: str) -> bool:
-    bare = line.strip().lstrip("\ufeff")
-    return bool(bare) and not bare.startswith("#")
-
-
 def _has(header: list[str], column: Column, source: str) -> bool:
-    header[0] = header[0].lstrip("\ufeff")
     if header.count(column.name) > 1:
         raise HindraxError(f"{source}: column {column.name} occurs {header.count(column.name)} times, wanted once")
     if column.name in header:

@@ -158,15 +158,6 @@ def _words(text: str) -> str:
     return re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
 
 
-def check_width(cells: Sequence[str], header: Sequence[str], where: str) -> None:
-    """HindraxError for a row with more cells than the header line: its cells may be shifted."""
-    if any(cells[len(header) :]):
-        raise HindraxError(
-            f"{where}: found {len(cells)} cells, wanted {len(header)} as in the header line; write decimals with a "
-            "point, or separate the cells with semicolons"
-        )
-
-
 def number(text: str) -> float:
     """A cell as a number; NaN for one without a value. ValueError for other text."""
     try:

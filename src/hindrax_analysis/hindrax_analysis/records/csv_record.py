@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from hindrax_analysis.records.csv_columns import Meaning, check_width, factor_of, meaning_of, near_miss, number, time_of
+from hindrax_analysis.records.csv_columns import Meaning, factor_of, meaning_of, near_miss, number, time_of
+from hindrax_analysis.records.csv_rows import Row, cells_of, check_width, rows_of
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
 from hindrax_ident.arrays import Array, array
 
-PREAMBLE = 40
-"""Lines searched for the header line."""
 MOST_LINES = 250_000
 """More than an hour at 60 Hz; the identification of as many takes 2 GB."""
 UNIX_SCALES = ((1e17, 1e-9, "ns"), (1e14, 1e-6, "us"), (1e11, 1e-3, "ms"))
@@ -53,48 +52,25 @@ def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> 
     return replace(recording, assumptions=tuple(one for one in assumptions if one))
 
 
-def _rows(text: str, source: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _rows(text: str, source: str) -> tuple[list[str], list[Row]]:
     """Cells of the header line, and line number and cells of each line below it."""
     count = text.count("\n")
     if count > MOST_LINES:
         raise HindraxError(
             f"{source}: found {count} lines, wanted at most {MOST_LINES}; keep the maneuvers only, or every nth line"
         )
-    numbered = [(n, line) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1)]
-    lines = [(n, line) for n, line in numbered if line.strip() and not line.lstrip().startswith("#")]
-    first = next((i for i, (_, line) in enumerate(lines[:PREAMBLE]) if _is_header(line)), 0)
-    lines = lines[first:]
-    if len(lines) < 2:
+    rows = rows_of(text, source, _is_header)
+    if len(rows) < 2:
         raise HindraxError(
-            f"{source}: found {len(lines)} lines, wanted a header line with column names and data below it"
+            f"{source}: found {len(rows)} lines, wanted a header line with column names and data below it"
         )
-    try:
-        cells = _cells([line for _, line in lines], _separator(lines[0][1]))
-    except csv.Error as error:
-        raise HindraxError(f"{source}: is not CSV ({error})") from error
-    if len(cells) != len(lines):
-        raise HindraxError(f"{source}: a quotation mark is not closed, wanted one row per line")
-    rows = [(n, row) for (n, _), row in zip(lines, cells, strict=True)]
     return rows[0][1], rows[1:]
-
-
-def _separator(line: str) -> str:
-    """Separator of the cells; a space where there is no other."""
-    found = max(",;\t", key=line.count)
-    return found if found in line else " "
-
-
-def _cells(lines: Sequence[str], separator: str) -> list[list[str]]:
-    spaced = separator == " "
-    rows = csv.reader((line.strip() for line in lines) if spaced else lines, delimiter=separator, skipinitialspace=True)
-    # With another separator a comma can only be that of decimals.
-    return [[(cell if separator == "," else cell.replace(",", ".")).strip() for cell in row] for row in rows]
 
 
 def _is_header(line: str) -> bool:
     """Whether a line names the time and another known column."""
     try:
-        found = {known.name for cell in _cells([line], _separator(line))[0] if (known := meaning_of(cell))}
+        found = {known.name for cell in cells_of([line])[0] if (known := meaning_of(cell))}
     except (HindraxError, csv.Error, IndexError):
         return False
     return "t" in found and len(found) > 1
@@ -144,7 +120,7 @@ def _is_data(cell: str) -> bool:
     return True
 
 
-def _with_units(meanings: dict[int, Meaning], rows: list[tuple[int, list[str]]], source: str) -> dict[int, Meaning]:
+def _with_units(meanings: dict[int, Meaning], rows: list[Row], source: str) -> dict[int, Meaning]:
     """Meanings with the units of a line below the header line."""
     line, units = rows[0]
     out = {}
@@ -158,7 +134,7 @@ def _with_units(meanings: dict[int, Meaning], rows: list[tuple[int, list[str]]],
     return out
 
 
-def _values(rows: list[tuple[int, list[str]]], index: int, meaning: Meaning, column: str, source: str) -> Array:
+def _values(rows: list[Row], index: int, meaning: Meaning, column: str, source: str) -> Array:
     """Numbers of one column: (n,), in the unit of the file; NaN for empty cells."""
     read: Callable[[str], float] = time_of if meaning.name == "t" else number
     out = []
@@ -172,7 +148,7 @@ def _values(rows: list[tuple[int, list[str]]], index: int, meaning: Meaning, col
     return np.array(out)
 
 
-def _check_times(time: Array, rows: list[tuple[int, list[str]]], source: str) -> None:
+def _check_times(time: Array, rows: list[Row], source: str) -> None:
     if not np.all(np.isfinite(time)):
         line = rows[int(np.argmin(np.isfinite(time)))][0]
         raise HindraxError(f"{source}, line {line}: no time, wanted a number in every line; remove the line")
