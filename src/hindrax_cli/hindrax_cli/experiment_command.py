@@ -17,7 +17,7 @@ from hindrax_bag.read.bag_reader import messages
 from hindrax_cli.argument_types import add_json
 from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.text.text_file import nothing_left, require_place
+from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 PLOT_KINDS = (".png", ".svg", ".pdf")
 
@@ -122,9 +122,6 @@ def save_plot(path: Path | None, name: str, *data: Any) -> None:
     if path is None:
         return
     figure = getattr(importlib.import_module("hindrax_analysis.experiments.plots"), name)(*data)
-    try:
-        with nothing_left(path):
-            figure.savefig(path)
-    except OSError as error:
-        raise UsageError(f"--plot {path}: cannot be written ({cause(error)}); name another place") from error
+    with writing(f"--plot {path}", "name another place", UsageError), nothing_left(path):
+        figure.savefig(path)
     print_fitted(f"plot: {path}", sys.stderr)

@@ -9,11 +9,12 @@ from typing import Any
 
 from rich.markup import escape
 
+from hindrax_analysis.coefficients_file import as_yaml
 from hindrax_analysis.digits import measured
-from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write_coefficients, write_report
+from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
-from hindrax_analysis.report import RunReport, published_of
+from hindrax_analysis.report import RunReport, published_of, run_page
 from hindrax_analysis.report.published import CITATION, PAPER
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
@@ -136,15 +137,10 @@ def identify_run(
     Both say by what it was `aborted`, and what was `predicted`.
     """
     identified = replace(identify_bag(folder.bag, vehicle, mock=mock), predicted=predicted)
-    write_results(identified, folder, vehicle, aborted)
-    return identified
-
-
-def write_results(identified: IdentifiedBag, folder: RunFolder, vehicle: Vehicle, aborted: str = "") -> None:
-    """Write `coefficients.yaml` and `report.html`."""
-    conditions = bag_conditions(folder.bag, vehicle, identified.results, mock=identified.mock, aborted=aborted)
-    conditions = replace(conditions, predicted=identified.predicted)
-    write_coefficients(folder.coefficients, identified.results, conditions)
+    results = identified.results
+    conditions = bag_conditions(folder.bag, vehicle, results, mock=identified.mock, aborted=aborted)
+    conditions = replace(conditions, predicted=predicted)
+    write(folder.coefficients, as_yaml(results, conditions))
     traces = traces_of(folder.bag, identified.origin)
-    outcome = identified.outcome
-    write_report(folder.report, RunReport(vehicle, identified.results, outcome.assessments, conditions, traces))
+    write(folder.report, run_page(RunReport(vehicle, results, identified.outcome.assessments, conditions, traces)))
+    return identified

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of, read_coefficients
+from hindrax_analysis.coefficients_file import Conditions, conditions_of, read_coefficients
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
-from hindrax_analysis.report import RunReport, Trace, run_page
+from hindrax_analysis.report import Trace
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bag.software_version import software_version
-from hindrax_core.errors import HindraxError, cause
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
-from hindrax_core.text.text_file import replace_text
+from hindrax_core.text.text_file import replace_text, writing
 from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import Results
@@ -56,22 +56,10 @@ def told_end(bag: Path) -> str:
     return ""
 
 
-def write_coefficients(file: Path, results: Results, conditions: Conditions) -> None:
-    """Write `coefficients.yaml`; HindraxError when it cannot be written."""
-    write(file, as_yaml(results, conditions))
-
-
-def write_report(file: Path, report: RunReport) -> None:
-    """Write `report.html`; HindraxError when it cannot be written."""
-    write(file, run_page(report))
-
-
 def write(file: Path, text: str) -> None:
     """Write a file of text; HindraxError when that fails."""
-    try:
+    with writing(file):
         replace_text(file, text)
-    except OSError as error:
-        raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
 
 
 def traces_of(bag: Path, origin: Stamp | None) -> dict[str, Trace]:

@@ -13,8 +13,9 @@ from typing import Any, TextIO
 from hindrax_bag.message_comparison import flat
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.header_stamp import stamp_of
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.text.text_file import writing
 
 MOST_NAMED = 12
 TIME = ("time_s", "stamp_ns")
@@ -26,10 +27,8 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
     Columns: seconds since the first message of the bag, the message's own stamp (that of receipt where it has none),
     then every field. The fields of a topic are those of its first message; longer lists of later ones are cut.
     """
-    try:
+    with writing(folder, "name another"):
         return _extract(bag, folder, topics)
-    except OSError as error:
-        raise HindraxError(f"{folder}: cannot be written ({cause(error)}); name another") from error
 
 
 def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:

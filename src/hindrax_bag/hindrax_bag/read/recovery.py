@@ -18,8 +18,9 @@ from hindrax_bag.read.bag_reader import EVERY, bag_files
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.sqlite_file import rows
 from hindrax_bag.write.bag_file import BagFile
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
+from hindrax_core.text.text_file import writing
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +55,9 @@ def recover(
         raise UsageError(f"{output} exists already; name another folder with --out")
     damage = Damage()
     copy = _Copy(damage, progress, keep)
-    try:
-        with _nothing_left(output):
-            output.mkdir(parents=True, exist_ok=True)
-            _copy_all(copy, files, output)
-    except OSError as error:
-        raise HindraxError(f"{output}: cannot be written ({cause(error)}); name another with --out") from error
+    with writing(output, "name another with --out"), _nothing_left(output):
+        output.mkdir(parents=True, exist_ok=True)
+        _copy_all(copy, files, output)
     return Recovered(output, copy.total, damage.lost_s, tuple(damage.notes))
 
 

@@ -52,12 +52,9 @@ def require_place(file: Path) -> None:
     fresh = not file.exists()
     if not fresh and not (file.is_file() or file.is_dir()):
         return
-    try:
-        with nothing_left(file):
-            file.open("ab").close()
-            _require_room(file.parent)
-    except OSError as error:
-        raise HindraxError(f"{file}: cannot be written ({cause(error)}); make room or name another place") from error
+    with writing(file), nothing_left(file):
+        file.open("ab").close()
+        _require_room(file.parent)
     if fresh:
         file.unlink(missing_ok=True)
 
@@ -78,3 +75,14 @@ def nothing_left(file: Path) -> Iterator[None]:
         if fresh:
             file.unlink(missing_ok=True)
         raise
+
+
+@contextlib.contextmanager
+def writing(
+    place: Path | str, remedy: str = "make room or name another place", kind: type[HindraxError] = HindraxError
+) -> Iterator[None]:
+    """An error of its kind, with the remedy, where the block cannot write to the place."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{place}: cannot be written ({cause(error)}); {remedy}") from error

@@ -29,9 +29,9 @@ from hindrax_bag.read.recovery import recover
 from hindrax_bag.read.survey import ListedBag, Survey, find_bags, survey
 from hindrax_cli.argument_types import add_json
 from hindrax_cli.bag_fetch import SSH, fetch, remote_of
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.text.text_file import nothing_left, require_place
+from hindrax_core.text.text_file import nothing_left, require_place, writing
 
 NAME = "bag"
 HELP = "show, recover, cut, extract, plot and fetch bags"
@@ -160,11 +160,8 @@ def draw(lines: Sequence[Series], out: Path, title: str) -> None:
         panel.grid(visible=True, alpha=0.3)
     panels[-1, 0].set_xlabel("time since the first message [s]")
     figure.suptitle(title, fontsize=9)
-    try:
-        with nothing_left(out):
-            figure.savefig(out, dpi=120)
-    except OSError as error:
-        raise HindraxError(f"{out}: cannot be written ({cause(error)}); name another with --out") from error
+    with writing(out, "name another with --out"), nothing_left(out):
+        figure.savefig(out, dpi=120)
 
 
 def exported(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, as_yaml, conditions_of
 from hindrax_analysis.identification.bag_identification import show
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
@@ -21,13 +21,13 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.identification.result_files import bag_hash, told_end, traces_of, write_coefficients, write_report
+from hindrax_analysis.identification.result_files import bag_hash, told_end, traces_of, write
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.records.csv_columns import COLUMNS
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
-from hindrax_analysis.report import RunReport
+from hindrax_analysis.report import RunReport, run_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.software_version import software_version
 from hindrax_bringup.share_files import default_vehicle
@@ -138,9 +138,9 @@ def run(arguments: argparse.Namespace) -> int:
     took_s = time.monotonic() - began
     conditions = _conditions(vehicle, sources, found, said)
     if arguments.report:
-        write_report(arguments.report, _report(vehicle, sources, found, conditions))
+        write(arguments.report, run_page(_report(vehicle, sources, found, conditions)))
     if arguments.coefficients:
-        write_coefficients(arguments.coefficients, found.identified.results, conditions)
+        write(arguments.coefficients, as_yaml(found.identified.results, conditions))
     if arguments.json:
         print_json(_document(arguments, sources, found, conditions, took_s))
     else:

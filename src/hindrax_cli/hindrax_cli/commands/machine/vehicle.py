@@ -16,9 +16,9 @@ from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
-from hindrax_core.errors import UsageError, cause
+from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
-from hindrax_core.text.text_file import replace_text, require_place
+from hindrax_core.text.text_file import replace_text, require_place, writing
 from hindrax_core.vehicle import AXES, Thruster, Vehicle, load_vehicle, vehicle_from_text
 
 NAME = "vehicle"
@@ -62,11 +62,9 @@ def new(arguments: argparse.Namespace) -> int:
     require_place(next(folder for folder in out.absolute().parents if folder.exists()) / out.name)
     text = file_text(name, ask(_line, _say_or_end))
     vehicle = vehicle_from_text(text, str(out))
-    try:
+    with writing(out, "name another place with --out", UsageError):
         out.parent.mkdir(parents=True, exist_ok=True)
         replace_text(out, text)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({cause(error)}); name another place with --out") from error
     _show_checks(vehicle)
     print_fitted(f"written: {out}\n  ./hindrax vehicle show {name}\n  ./hindrax pool-test --mock --vehicle {name}")
     return 0

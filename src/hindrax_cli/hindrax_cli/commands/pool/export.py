@@ -13,8 +13,9 @@ from hindrax_analysis.exports.export_model import ExportModel, export_model
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_vehicle
-from hindrax_core.errors import UsageError, cause
+from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
+from hindrax_core.text.text_file import writing
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ros.messages.frames import urdf_of
 
@@ -57,10 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print_whole(text, end="")
         return 0
-    try:
+    with writing(f"--out {arguments.out}", "name another place", UsageError):
         arguments.out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"--out {arguments.out}: cannot be written ({cause(error)}); name another place") from error
     print_fitted(f"written: {arguments.out}", sys.stderr)
     return 0
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, read_coefficients
 from hindrax_analysis.identification.bag_identification import identify_bag
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
-from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write, write_report
+from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write
 from hindrax_analysis.records.provenance import is_mock
-from hindrax_analysis.report import RunReport, comparison_page
+from hindrax_analysis.report import RunReport, comparison_page, run_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder
 from hindrax_bringup.share_files import default_vehicle
@@ -88,5 +88,5 @@ def _again(path: Path, earlier: list[SavedCoefficients], out: Path | None) -> Pa
     conditions = _with_predicted(conditions, folder)
     traces = traces_of(folder.bag, identified.origin)
     page = RunReport(vehicle, identified.results, identified.outcome.assessments, conditions, traces, earlier)
-    write_report(out or folder.report, page)
+    write(out or folder.report, run_page(page))
     return out or folder.report
