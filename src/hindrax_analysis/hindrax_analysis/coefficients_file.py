@@ -7,6 +7,7 @@ readers ignore them.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -89,7 +90,7 @@ def as_yaml(results: Results, conditions: Conditions) -> str:
     parts = [_head(conditions), _dump({key: data[key] for key in data if key != "motions"}), "\nmotions:\n"]
     for name, result in results.motions.items():
         body = _dump({name: data["motions"][name]})
-        parts += ["\n", *(f"  # {line}\n" for line in _in_words(result)), _indented(body)]
+        parts += ["\n", *(f"  # {line}\n" for line in _in_words(result)), textwrap.indent(body, "  ")]
     if not results.motions:
         parts[-1] = "\n# Nothing was flown: there is no data, so there are no coefficients.\nmotions: {}\n"
     return "".join(parts)
@@ -108,10 +109,6 @@ def _head(conditions: Conditions) -> str:
 
 def _dump(data: Mapping[str, Any]) -> str:
     return str(yaml.safe_dump(dict(data), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True))
-
-
-def _indented(text: str) -> str:
-    return "".join(f"  {line}\n" for line in text.splitlines())
 
 
 def _in_words(result: MotionResult) -> list[str]:

@@ -72,7 +72,10 @@ def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> It
     Removed is only what `make_run_folder` made, and never a run `in_use` (resolved paths).
     """
     made = [path.resolve() for path in runs.glob("*") if not path.is_symlink() and RunFolder(path).vehicle.is_file()]
-    sizes = {path: _bytes_in(path) for path in sorted(made, key=lambda one: RunFolder(one).vehicle.stat().st_mtime_ns)}
+    sizes = {
+        path: sum(one.lstat().st_size for one in path.rglob("*") if one.is_file())
+        for path in sorted(made, key=lambda one: RunFolder(one).vehicle.stat().st_mtime_ns)
+    }
     total = sum(sizes.values())
     for path, size in sizes.items():
         if total > most_bytes and path not in in_use:
@@ -83,10 +86,6 @@ def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> It
                 continue
             total -= size
             yield f"{path}: removed, {size / 1e6:.1f} MB; the runs take {total / 1e6:.1f} MB now"
-
-
-def _bytes_in(folder: Path) -> int:
-    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:

@@ -40,16 +40,11 @@ class FrameErrors(NamedTuple):
 
 def to_body(vectors: Array, quaternions: Array) -> Array:
     """World vectors (n, 3) in body axes, by unit quaternions x, y, z, w of the body in the world, (n, 4)."""
-    return _rotated(vectors, quaternions * np.array([-1.0, -1.0, -1.0, 1.0]))
+    return to_world(vectors, quaternions * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 def to_world(vectors: Array, quaternions: Array) -> Array:
-    """Body vectors (n, 3) in world axes."""
-    return _rotated(vectors, quaternions)
-
-
-def _rotated(vectors: Array, quaternions: Array) -> Array:
-    """Vectors rotated by unit quaternions: (n, 3)."""
+    """Body vectors (n, 3) in world axes, rotated by unit quaternions."""
     axis, w = quaternions[:, :3], quaternions[:, 3:]
     across = 2.0 * np.cross(axis, vectors)
     return array(vectors + w * across + np.cross(axis, across))

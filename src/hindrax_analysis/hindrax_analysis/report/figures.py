@@ -118,7 +118,9 @@ def _distance_from_fit(figures: MotionFigures) -> Chart:
     """The first chart minus the fitted curve: shows the bands of a good fit."""
     whole, numbers = _force_velocity(figures), figures.result.coefficients
     layers = tuple(_minus_fit(layer, _steady(numbers, xs(layer))) for layer in whole.layers)
-    close = [part for layer in layers if not _is_paper(layer) for part in _extent(layer)]
+    close = [
+        part for layer in layers if not (isinstance(layer, Line) and layer.role == "paper") for part in _extent(layer)
+    ]
     return replace(
         whole,
         title="Distance from the fitted curve",
@@ -127,10 +129,6 @@ def _distance_from_fit(figures: MotionFigures) -> Chart:
         layers=layers,
         y_range=data_range(close, margin=0.15),
     )
-
-
-def _is_paper(layer: Layer) -> bool:
-    return isinstance(layer, Line) and layer.role == "paper"
 
 
 def _minus_fit(layer: Layer, fitted: Array) -> Layer:

@@ -27,7 +27,7 @@ def fit_autoregression(pieces: Sequence[Array], highest_order: int = HIGHEST_ORD
     for order in range(1, highest_order + 1):
         found, *_ = np.linalg.lstsq(past[:, :order], now, rcond=None)
         score = _score(now - past[:, :order] @ found, order)
-        if score < best_score and _stable(found):
+        if score < best_score and np.all(np.abs(np.roots(np.concatenate([[1.0], -found]))) < 0.995):
             best, best_score = found, score
     return best
 
@@ -41,10 +41,6 @@ def _lagged(piece: Array, order: int) -> Array:
 def _score(errors: Array, order: int) -> float:
     variance = float(errors @ errors) / len(errors)
     return len(errors) * math.log(max(variance, 1e-300)) + order * math.log(len(errors))
-
-
-def _stable(a: Array) -> bool:
-    return bool(np.all(np.abs(np.roots(np.concatenate([[1.0], -a]))) < 0.995))
 
 
 def color_backward(a: Array, x: Array) -> Array:

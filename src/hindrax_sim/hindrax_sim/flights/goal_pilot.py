@@ -19,11 +19,6 @@ PATIENCE_S = 60.0
 """Longest wait for them: a state is known after some ten seconds."""
 
 
-def _no_more(_now: Stamp) -> Goal | None:
-    """Nothing follows."""
-    return None
-
-
 class GoalPilot:
     """Flies a goal, if there is one, then those that `following` returns.
 
@@ -38,7 +33,7 @@ class GoalPilot:
         goal: Goal | None,
         knobs: PilotKnobs | None = None,
         *,
-        following: Callable[[Stamp], Goal | None] = _no_more,
+        following: Callable[[Stamp], Goal | None] = lambda _now: None,
         cancel_at_s: float = NAN,
         disabled: Sequence[str] = (),
     ) -> None:

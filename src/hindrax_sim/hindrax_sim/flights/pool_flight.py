@@ -84,10 +84,6 @@ class _Chosen:
         return None if choice is None else Goal((choice.motion,), levels=choice.levels)
 
 
-def _unwatched(_world: World, _output: ManeuverOutput) -> None:
-    """Nobody watches."""
-
-
 def fly(
     motions: Sequence[str],
     seed: int,
@@ -96,7 +92,7 @@ def fly(
     vehicle: Vehicle,
     excitation: str = PLATEAUS,
     knobs: PilotKnobs | None = None,
-    watch: Watch = _unwatched,
+    watch: Watch = lambda _world, _output: None,
     aim: Aim | None = None,
 ) -> PoolFlight:
     """Fly a goal with the believed vehicle; `world` as for `--world`, its random sizes are drawn by the same seed.

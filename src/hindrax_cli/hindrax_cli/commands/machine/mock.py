@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_bringup.stack_runner import asked_to_end
@@ -40,13 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Serve until a signal, which is the normal end."""
     format_ports = document if arguments.json else plain if arguments.print_paths else table
-
-    def print_ports(found: Mapping[str, str]) -> None:
-        print_fitted(format_ports(found))
-
     options = mock_options(arguments)
     faces = (arguments.i2c_device, arguments.dvl_udp)
     wanted = DeviceOptions(Path(arguments.vehicle), options, arguments.folder, *faces)
     with asked_to_end() as over:
-        serve(wanted, print_ports, over)
+        serve(wanted, lambda found: print_fitted(format_ports(found)), over)
     return 0
