@@ -13,8 +13,8 @@ from hindrax_control.maneuver.goal import PLATEAUS, Goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import Plan
 from hindrax_control.pilot import PilotKnobs
-from hindrax_core.events import Stamp, Stamped, to_s
-from hindrax_core.signals import Estimate, IdentEvent, Navigation
+from hindrax_core.events import Stamp, to_s
+from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.model.motion_model import MOTIONS
@@ -33,11 +33,10 @@ Watch: TypeAlias = Callable[[World, ManeuverOutput], None]
 
 @dataclass(frozen=True, slots=True)
 class PoolFlight:
-    """One flight: the vehicle as it is believed, the world, all that the identification was told, how it ended."""
+    """One flight: the vehicle as it is believed, the world, what identified it, how it ended."""
 
     vehicle: Vehicle
     world: World
-    events: tuple[Stamped[IdentEvent], ...]
     session: Session
     aborted: str
     plans: tuple[Plan, ...] = ()
@@ -56,19 +55,6 @@ class PoolFlight:
     def drag_N(self, motion: str, speed: float) -> float:
         """The hull's own drag at a signed speed, positive with it [N, Nm]."""
         return self.world.truth.resistance(MOTIONS[motion].axis, speed)
-
-
-class _Recording(Session):
-    """A session that keeps its events."""
-
-    def __init__(self, vehicle: Vehicle) -> None:
-        super().__init__(vehicle, silent=True)
-        self.events: list[Stamped[IdentEvent]] = []
-
-    def step(self, event: Stamped[IdentEvent]) -> Sequence[Stamped[Estimate]]:
-        """Keep an event and process it."""
-        self.events.append(event)
-        return super().step(event)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +86,7 @@ def fly(
     With an aim, the identification chooses what is flown.
     """
     vehicle = calibrated(vehicle)
-    session = _Recording(vehicle)
+    session = Session(vehicle, silent=True)
     experiment = None if aim is None else Experiment(tuple(motions), aim)
     if experiment is None:
         pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
@@ -115,15 +101,7 @@ def fly(
     aborted = pilot.output.aborted if pilot.output is not None else never
     if experiment is not None and aborted.startswith("cancelled: "):
         aborted, _ = "", experiment.next(session, to_s(step.world.stamp))
-    return PoolFlight(vehicle, step.world, tuple(session.events), session, aborted, pilot.plans, experiment)
-
-
-def identified(events: Sequence[Stamped[IdentEvent]], vehicle: Vehicle) -> Outcome:
-    """What the identification makes of kept events."""
-    session = Session(vehicle, silent=True)
-    for event in events:
-        session.step(event)
-    return session.finalize()
+    return PoolFlight(vehicle, step.world, session, aborted, pilot.plans, experiment)
 
 
 def calibrated(vehicle: Vehicle) -> Vehicle:
