@@ -73,9 +73,10 @@ def test_the_run_is_called_by_its_folder(saved: Path) -> None:
 
 
 def test_the_exports_read_the_same_file(saved: Path, vehicle: Vehicle) -> None:
-    motions = export_model(read_coefficients(saved), vehicle, str(saved), complete=True).motions
-    assert motions["surge"].value("k_q") == 66.4812345678901
-    assert "yaw" not in motions
+    made = export_model(read_coefficients(saved), vehicle, str(saved), complete=True).hydrodynamics
+    assert made.surge.k_q == 66.4812345678901
+    assert vehicle.hydrodynamics is not None
+    assert made.yaw == vehicle.hydrodynamics.yaw
 
 
 def test_words_stand_beside_the_numbers(saved: Path) -> None:

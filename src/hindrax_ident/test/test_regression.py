@@ -65,7 +65,7 @@ def test_least_squares_on_it_gives_the_parameters_back() -> None:
     rls = Rls([0.0] * 4, [1e6] * 4)
     for sample in rows(model, flight, 0.15):
         rls.update(sample.x, sample.y)
-    theta, _ = physical(rls.values, rls.covariance)
+    theta, _ = physical(rls.values, rls.unit_covariance * rls.variance)
     assert theta == pytest.approx(THETA, rel=2e-3, abs=2e-3)
 
 
@@ -75,7 +75,7 @@ def test_a_neglected_lag_shows_in_the_mass() -> None:
     rls = Rls([0.0] * 4, [1e6] * 4)
     for sample in rows(model, flight, 0.0):
         rls.update(sample.x, sample.y)
-    assert physical(rls.values, rls.covariance)[0][-1] > 29.0
+    assert physical(rls.values, rls.unit_covariance * rls.variance)[0][-1] > 29.0
 
 
 def test_samples_say_when_the_start_is_forgotten() -> None:
@@ -158,7 +158,7 @@ def test_means_over_a_span_are_compared_with_means_of_the_thrust() -> None:
             sample = regression.velocity(t, v, spread_s2)
             if sample is not None and sample.settled:
                 rls.update(sample.x, sample.y)
-        return float(physical(rls.values, rls.covariance)[0][-1])
+        return float(physical(rls.values, rls.unit_covariance * rls.variance)[0][-1])
 
     assert abs(mass(span_s**2 / 12.0) - THETA[3]) < 0.4 * abs(mass(0.0) - THETA[3])
 

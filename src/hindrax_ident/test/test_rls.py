@@ -63,7 +63,7 @@ def test_residual_variance_is_that_of_equation_8() -> None:
     _, squares, *_ = np.linalg.lstsq(X, y, rcond=None)
     assert rls.variance == pytest.approx(squares[0] / (200 - 3), rel=1e-6)
     expected = np.sqrt(np.diag(np.linalg.inv(X.T @ X)) * squares[0] / 197)
-    assert np.sqrt(np.diag(rls.covariance)) == pytest.approx(expected, rel=1e-6)
+    assert np.sqrt(np.diag(rls.unit_covariance * rls.variance)) == pytest.approx(expected, rel=1e-6)
 
 
 def test_residual_variance_needs_more_samples_than_parameters() -> None:

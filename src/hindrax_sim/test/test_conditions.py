@@ -12,7 +12,7 @@ from hindrax_core.events import stamp_from_s
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, GRAVITY_mps2, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
-from hindrax_sim.conditions.world_table import CONDITIONS, realize, sizes_of
+from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
 from hindrax_sim.physics.plant import Plant
 from hindrax_sim.physics.steady_thrust import thruster_force, wrench_per_newton
 from hindrax_sim.world import Conditions, World
@@ -93,8 +93,9 @@ def test_pool_draws_every_size_by_its_seed_within_its_limits() -> None:
             assert not any(name in one for one in drawn), "a known load hangs only where it is asked for"
             continue
         sizes = [one[name] for one in drawn]
+        deviation = abs(row.pool) / (1.0 if row.distribution == SIGNED else math.sqrt(3.0))
         assert all(row.least <= size <= row.most for size in sizes)
-        assert math.sqrt(sum(size * size for size in sizes) / len(sizes)) == pytest.approx(row.deviation, rel=0.1)
+        assert math.sqrt(sum(size * size for size in sizes) / len(sizes)) == pytest.approx(deviation, rel=0.1)
 
 
 def test_rows_are_named_alone_with_a_size_and_behind_pool() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,7 +34,6 @@ class ExportModel:
     """Largest tested speed per axis [m/s, rad/s]; formats with another drag law are fitted up to it."""
     source: str = ""
     notes: tuple[str, ...] = ()
-    motions: Mapping[str, SavedMotion] = field(default_factory=dict)
 
     @property
     def added_mass(self) -> Array:
@@ -125,7 +124,7 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     )
     speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
     notes = [*_joined(notes), *_uncertainty_notes(motions), *(f"assumed: {one}" for one in assumptions)]
-    return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes), motions)
+    return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes))
 
 
 def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> tuple[SavedMotion | None, SavedMotion | None]:

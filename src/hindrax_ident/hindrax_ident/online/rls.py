@@ -70,11 +70,6 @@ class Rls:
         return squares / freedom if freedom > 0.0 else math.nan
 
     @property
-    def covariance(self) -> Array:
-        """Covariance with the measured residual variance: (n, n). COB-2023-1394 eq. 7."""
-        return np.asarray(self.unit_covariance * self.variance)
-
-    @property
     def samples(self) -> int:
         """Samples used so far."""
         return self._read()[5]

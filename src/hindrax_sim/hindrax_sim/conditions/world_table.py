@@ -50,11 +50,6 @@ class Condition:
         return " ".join((self.add.__doc__ or "").split()).partition(" Size: ")
 
     @property
-    def deviation(self) -> float:
-        """Root mean square of the sizes that pool draws: what a budget of uncertainties may take as its prior."""
-        return abs(self.pool) / (1.0 if self.distribution == SIGNED else math.sqrt(3.0))
-
-    @property
     def draw(self) -> str:
         """How pool draws it, for tables."""
         limits = f"deviation {self.pool:g}" if self.distribution == SIGNED else f"0 to {self.pool:g}"
