@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     axes_named,
@@ -134,8 +135,8 @@ def plot(results: Results, motion: str, axes: Axes | None = None) -> Axes:
         raise UsageError(f"{motion}: has no drag curve; there is one of {', '.join(results.motions) or 'nothing'}")
     shown = plt.subplots()[1] if axes is None else axes
     drag, turns = result.drag, AXES.index(motion.partition("_")[0]) >= 3
-    std = np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
-    shown.fill_between(drag.speed, drag.force - 1.96 * std, drag.force + 1.96 * std, alpha=0.25, label="95 % band")
+    band = TWO_SIDED_95 * np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
+    shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % band")
     shown.plot(drag.speed, drag.force, label=motion)
     shown.set_xlabel("speed [rad/s]" if turns else "speed [m/s]")
     shown.set_ylabel("drag [N m]" if turns else "drag [N]")

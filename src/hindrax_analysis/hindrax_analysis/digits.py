@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+TWO_SIDED_95 = 1.96
+"""Standard deviations on each side of a 95 % band."""
 LAST_PLACE = -5
 """Power of ten of the last digit of a number that is written without one."""
 

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
+from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs
 from hindrax_analysis.report.published import published_of
 from hindrax_analysis.report.scale import data_range
@@ -21,7 +22,6 @@ from hindrax_ident.assess.results import MotionResult, Number
 from hindrax_ident.model.motion_model import MOTIONS, Motion
 from hindrax_ident.model.sign_dependent import reported_parameters
 
-TWO_SIDED_95 = 1.96
 CURVE_POINTS = 81
 BINS = 24
 PREDICTORS = ("model", "stays still", "keeps its speed")

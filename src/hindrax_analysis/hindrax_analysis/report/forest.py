@@ -9,13 +9,13 @@ from html import escape
 
 import numpy as np
 
+from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_analysis.report.chart import WIDTH, Role
 from hindrax_analysis.report.scale import Scale, data_range, tick_text, ticks
 from hindrax_ident.arrays import Array
 
 ROW = 26.0
 LEFT, RIGHT, TOP, BOTTOM = 148.0, 14.0, 6.0, 42.0
-TWO_SIDED_95 = 1.96
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hindrax_analysis.digits import rounded
+from hindrax_analysis.digits import TWO_SIDED_95, rounded
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_operator.progress import units
@@ -19,9 +19,8 @@ GOOD, WARN, BAD, DIM, VALUE = "green", "yellow", "bold red", "grey58", "bold"
 SILENT_s = 2.0
 FULL_us = 400.0
 """Half the span of the pulses: a full bar."""
-BAR = 8
-BAND = 1.96
-"""Standard deviations on each side of a 95 % band."""
+BAR, PROGRESS = 8, 28
+"""Cells of half a thruster's bar, and of a maneuver's."""
 LEVEL_STYLES = {"ok": GOOD, "warning": WARN, "error": BAD, "stale": BAD}
 SHORT_NAMES = {"added_mass": "m_a"}
 
@@ -120,7 +119,7 @@ def _well(name: str, one: NodeHealth) -> Text:
     return Text.assemble(("● ", GOOD), name, (rate, DIM))
 
 
-def maneuver(flight: ManeuverView | None, width: int = 78) -> RenderableType:
+def maneuver(flight: ManeuverView | None) -> RenderableType:
     """Progress of what is being flown, or how the last one ended."""
     if flight is None:
         return Text("none; ./hindrax pool-test flies them", style=DIM)
@@ -128,11 +127,10 @@ def maneuver(flight: ManeuverView | None, width: int = 78) -> RenderableType:
         return Text(f"{flight.motion} aborted by {flight.aborted}".lstrip(), style=BAD)
     if flight.phase == "done":
         return Text("done", style=GOOD)
-    length = max(10, width - 50)
-    done = round(length * min(1.0, max(0.0, flight.progress)))
+    done = round(PROGRESS * min(1.0, max(0.0, flight.progress)))
     first = Text.assemble(
         ("━" * done, "cyan"),
-        ("━" * (length - done), "grey27"),
+        ("━" * (PROGRESS - done), "grey27"),
         f" {100.0 * flight.progress:3.0f} %  ",
         (f"{flight.motion} {flight.phase}", VALUE),
         (f"  {_time(flight.remaining_s)} to go", DIM),
@@ -155,7 +153,7 @@ def _estimate(motion: str, one: Estimate) -> Text:
     text = Text().append(f"{motion} ", VALUE)
     text.append("● " if one.learning else "○ ", GOOD if one.learning else DIM)
     for name, value, sigma in zip(one.names, one.values, one.sigmas, strict=True):
-        band = BAND * sigma
+        band = TWO_SIDED_95 * sigma
         style = GOOD if band < 0.1 * abs(value) else WARN if band < abs(value) else DIM
         short = SHORT_NAMES.get(name, name)
         number, plus_minus = rounded(value, band) if math.isfinite(value) and math.isfinite(band) else ("?", "?")

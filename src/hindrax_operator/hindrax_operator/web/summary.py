@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hindrax_analysis.digits import TWO_SIDED_95
 from hindrax_control.hold.holds import HoldState
 from hindrax_core.signals import Estimate, Navigation
 from hindrax_core.vehicle import Vehicle
-from hindrax_operator.monitor.draw import BAND
+from hindrax_operator.progress import units
 from hindrax_operator.snapshot import ANGLES, ManeuverView, PlaceView, Snapshot, Thrusters
 
 Json = dict[str, Any]
@@ -94,7 +95,6 @@ def _hold(hold: HoldState) -> Json:
 def _flight(found: ManeuverView | None) -> Json | None:
     if found is None:
         return None
-    turning = found.motion in ("roll", "pitch", "yaw")
     return {
         "motion": found.motion,
         "phase": found.phase,
@@ -104,12 +104,12 @@ def _flight(found: ManeuverView | None) -> Json | None:
         "wall": found.wall_m,
         "force": found.force,
         "velocity": found.velocity,
-        "units": ("Nm", "rad/s") if turning else ("N", "m/s"),
+        "units": units(found.motion),
     }
 
 
 def _estimate(motion: str, found: Estimate) -> Json:
-    rows = zip(found.names, found.units, found.values, (BAND * sigma for sigma in found.sigmas), strict=True)
+    rows = zip(found.names, found.units, found.values, (TWO_SIDED_95 * sigma for sigma in found.sigmas), strict=True)
     keys = ("name", "unit", "value", "band")
     return {
         "motion": motion,
