@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn, Protocol
+from typing import NoReturn
 
 from hindrax_bag.software_version import software_version
 from hindrax_cli import commands
@@ -44,26 +44,8 @@ GROUPS = {
     "develop": ("for the shell and the code", ("completion", "test", "reference")),
 }
 """Folder under `commands` -> title in the overview, and the order of its commands there; a new one comes last."""
-
-
 LONGEST_WORD = 24
 """Of what there is to choose from, in the usage of a command."""
-
-
-class Command(Protocol):
-    """Interface of a module under `commands`."""
-
-    NAME: str
-    HELP: str
-    EXAMPLE: str
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the options."""
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Do the work and return the exit code."""
-
-
 WHOLE = ("int", "seed")
 """Argument types that are whole numbers."""
 
