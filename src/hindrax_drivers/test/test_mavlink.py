@@ -55,6 +55,10 @@ def test_a_frame_after_a_stray_start_byte_and_a_false_length_is_not_lost() -> No
     assert sum(isinstance(event, Frame) for event in events(data, [1])) == 4
 
 
+def test_bytes_without_any_start_are_refused_to_the_last() -> None:
+    assert events(bytes(64), [64]) == [Rejected(NOW, "no start of a frame", bytes(64))]
+
+
 def test_refusals_say_why() -> None:
     beat = encode(Heartbeat(12, 0, 0, 3), 1)
     unknown = b"\xfd\x01\x00\x00\x00\x01\x01\xe8\x03\x00\x00\x00\x00"
