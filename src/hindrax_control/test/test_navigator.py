@@ -309,6 +309,17 @@ def test_what_was_measured_after_the_newest_imu_sample_waits() -> None:
     assert ride.out[-1].reading.depth_m == pytest.approx(0.3 + 0.2 * 4.02, abs=1e-3)
 
 
+def test_a_velocity_waits_until_its_interval_is_over() -> None:
+    ride = Ride().run(4.0)
+    ride.tell(4.001, BottomVelocity((0.02, 0.0, 0.0), 0.01, 1.0, 0.1, 0), "dvl75")
+    surge_mps = []
+    for t in (4.02, 4.04, 4.06):
+        ride.tell(t, ride.inertial(4.0, CENTERED.sensors["icm20948"]), "icm20948")
+        surge_mps.append(ride.out[-1].reading.velocity_mps[0])
+    assert surge_mps[:2] == pytest.approx([0.0, 0.0], abs=1e-5)
+    assert surge_mps[2] > 1e-3
+
+
 def test_a_weak_echo_and_an_unknown_reading_are_passed_over() -> None:
     ride = Ride().run(4.0)
     ride.tell(4.0, Echo(0.3, 0.1), "ping1d")

@@ -145,8 +145,7 @@ class Timebase:
         """Short blocks first, so that a rate far off is found before it has done harm."""
         self._block_length = min(length_ns, self._block_ns)
         self._block_end = x + self._block_length
-        self._least = float("inf")
-        self._least_point = (x, 0.0)
+        self._least = float("inf")  # so the next sample is the least delayed one
 
     def _break(self, kind: BreakKind, shift_s: float, ticks: int, arrival: Stamp) -> None:
         self._on_break(Break(kind, shift_s, ticks, arrival))

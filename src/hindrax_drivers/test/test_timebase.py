@@ -134,7 +134,8 @@ def test_time_the_device_lost_is_found_within_two_seconds() -> None:
         pause = 30_000 * MS if index >= 200 else 0
         arrival = Stamp(START + index * 100 * MS + pause)
         stamp = base.map(index * 100_000, arrival)
-        if index >= 220:
+        assert index < 220 or told
+        if told:
             assert stamp == arrival
     assert [one.kind for one in told] == ["jump"]
     assert told[0].shift_s == pytest.approx(-30.0, abs=1e-3)
@@ -213,7 +214,7 @@ def test_after_a_restart_delays_from_before_count_no_more() -> None:
         base.map(index * 100_000, Stamp(START + index * 100 * MS + (10 * MS if index == 0 else 0)))
     base.restart()
     for index in range(100, 200):
-        arrival = Stamp(START + index * 100 * MS)
+        arrival = Stamp(START + (index + 1) * 100 * MS)
         assert base.map(index * 100_000, arrival) == arrival
 
 
