@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 # the same examples every time, so that it tells of the change at hand; a thorough one looks for new ones.
 settings.register_profile("hindrax", deadline=None, derandomize="HINDRAX_THOROUGH" not in os.environ)
 settings.load_profile("hindrax")
+
+# A shell ignores Ctrl-C for what it runs in the background, and all that the tests start would.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
