@@ -34,7 +34,7 @@ def holds(
 @pytest.mark.parametrize("ahead", [0.93, 1.0, 1.06])
 def test_the_gain_is_known_to_a_few_tenths_of_a_percent_whatever_else_pulls(ahead: float) -> None:
     found = weigh(holds(ahead, ahead, else_N=-2.0), 0, SURGE)
-    mean = 0.5 * (found.gain.positive + found.gain.negative)  # type: ignore[operator]
+    mean = 0.5 * (found.gain.positive + found.gain.negative)  # type: ignore[operator]  # weighed both ways
     assert abs(mean - ahead) < 2.5 * found.gain.sigma
     assert 0.003 < found.gain.sigma < 0.006
     assert found.misfit < 2.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -361,17 +362,23 @@ def test_what_is_to_outlast_a_power_cut_is_given_to_the_disk_whole(
     assert synced[1:] == [bag.path.stat().st_size]
 
 
+def refusing(number: int, text: str) -> Callable[..., None]:
+    """In the place of what writes, on a disk with this error."""
+
+    def refuse(*_args: object, **_keywords: object) -> None:
+        raise OSError(number, text)
+
+    return refuse
+
+
 def test_a_disk_that_refuses_the_end_of_a_file_is_told_and_what_was_flushed_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bag = writer(tmp_path / "bag")
     _record(bag, 1)
 
-    def refuse(*_args: object) -> None:
-        raise OSError(5, "Input/output error")
-
     with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", refuse)
+        patch.setattr(os, "fsync", refusing(5, "Input/output error"))
         bag.close()
     assert "Input/output error" in bag.stopped
     assert len(list(messages(tmp_path / "bag"))) == 100
@@ -384,11 +391,8 @@ def test_a_disk_that_refuses_ends_the_recording_but_not_the_process(
     bag = writer(tmp_path / "bag")
     _record(bag, 1)
 
-    def refuse(*_args: object, **_keywords: object) -> None:
-        raise OSError(28, "No space left on device")
-
     part = bag._part
-    monkeypatch.setattr(type(part), "flush", refuse)
+    monkeypatch.setattr(type(part), "flush", refusing(28, "No space left on device"))
     (said,) = bag.flush()
     assert "No space left on device" in said
     assert "bag recover" in said
@@ -407,10 +411,7 @@ def test_a_disk_that_refuses_a_message_ends_the_recording_with_what_was_flushed(
     bag = writer(tmp_path / "bag")
     _record(bag, 1)
 
-    def refuse(*_args: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(type(bag._part), "write", refuse)
+    monkeypatch.setattr(type(bag._part), "write", refusing(28, "No space left on device"))
     for _ in range(2):
         bag.write(WORD, word("lost"), 5 * NS_PER_S, 5 * NS_PER_S)
     assert "bag_0.mcap: No space left on device; recording stopped" in bag.stopped

@@ -34,10 +34,7 @@ def require_plot(path: Path | None) -> None:
         return
     if path.suffix.lower() not in PLOT_KINDS:
         raise UsageError(f"--plot {path}: found {path.suffix or 'no ending'}, wanted one of {', '.join(PLOT_KINDS)}")
-    try:
-        require_place(path)
-    except HindraxError as error:
-        raise UsageError(f"--plot {error}") from error
+    require_place(path, "--plot ")
 
 
 def add_record(parser: argparse.ArgumentParser, columns: Sequence[Column], nargs: str | None = None) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import UsageError, cause
 from hindrax_core.text.text_file import replace_text, require_place
 from hindrax_core.vehicle import vehicle_from_text
 
@@ -29,10 +29,7 @@ def set_key(file: Path, keys: Sequence[str], value: object) -> None:
 
 def require_editable(file: Path) -> None:
     """UsageError where `set_key` would not be able to write, told before anything is measured."""
-    try:
-        require_place(file)
-    except HindraxError as error:
-        raise UsageError(f"--write: {error}") from error
+    require_place(file, "--write: ")
 
 
 def edited(text: str, keys: Sequence[str], value: object, source: str) -> str:

@@ -7,7 +7,7 @@ import math
 from hindrax_cli.health_checks.check import Check
 from hindrax_control.maneuver.servable import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
 
 NEEDED = {"icm20948": "attitude and rates", "ms5837": "depth", "dvl75": "surge and sway velocity"}
 FLOATS_AT_MOST = 0.1
@@ -19,7 +19,6 @@ MARGIN = 0.8
 ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"
 UP, DOWN = "\u2299", "\u2297"
 WIDE, TALL = 45, 15
-UNITS = ("N",) * 3 + ("Nm",) * 3
 
 
 def findings(vehicle: Vehicle) -> list[Check]:
@@ -72,7 +71,7 @@ def _thrusters(vehicle: Vehicle) -> list[Check]:
     reach_N, need_N = reach["heave"], abs(vehicle.net_buoyancy_N)
     weak = "" if reach_N > 2.0 * need_N else "trim it: the vertical thrusters have too little to spare"
     found.append(Check("heave", f"{reach_N:.1f} N against {need_N:.1f} N of net buoyancy", weak))
-    limits = zip(AXES, vehicle.limits.wrench, UNITS, strict=True)
+    limits = zip(AXES, vehicle.limits.wrench, WRENCH_UNITS, strict=True)
     capped = [f"{axis} {most:g} of {reach[axis]:.0f} {unit}" for axis, most, unit in limits if most < reach[axis]]
     if capped:
         found.append(Check("limits.wrench", f"leaves {', '.join(capped)}"))

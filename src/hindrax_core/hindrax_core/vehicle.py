@@ -24,6 +24,7 @@ MOST_THRUSTERS = 16
 LAST_LINE = 127
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 WRENCH_SYMBOLS = ("X", "Y", "Z", "K", "M", "N")
+WRENCH_UNITS = ("N",) * 3 + ("Nm",) * 3
 
 
 @dataclass(frozen=True, slots=True)

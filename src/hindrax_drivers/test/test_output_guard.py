@@ -451,7 +451,7 @@ def test_a_clock_that_goes_back_disarms() -> None:
     assert "went back by" in state.reason
 
 
-@pytest.mark.parametrize("bad", [{"margin_s": 0.5}, {"neutral_us": 1000.0}])
+@pytest.mark.parametrize("bad", [{"margin_s": 0.5}, {"neutral_us": 1000.0}, {"neutral_us": 999.0, "low_us": 500.0}])
 def test_contradicting_knobs_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(bad))):
         OutputGuardKnobs(**bad)

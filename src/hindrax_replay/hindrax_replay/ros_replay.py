@@ -22,9 +22,9 @@ from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, REPLAY, SENSORS, UNHEARD
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
-from hindrax_core.errors import HindraxError, UsageError, cause
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.text.text_file import require_place
+from hindrax_core.text.text_file import require_place, writing
 from hindrax_replay.bag_replay import Replayed
 from hindrax_replay.recorded_devices import parameters_of
 from hindrax_replay.ros_bag_comparison import compare_bags
@@ -59,10 +59,8 @@ def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Pa
 def _folder(out: Path | None) -> Iterator[RunFolder]:
     if out is not None:
         folder = RunFolder(out.resolve())
-        try:
+        with writing(out, "name another folder with --out", UsageError):
             out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"{out}: cannot be written ({cause(error)}); name another folder with --out") from error
         require_place(folder.vehicle)
         yield folder
         return

@@ -10,7 +10,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from hindrax_core.errors import HindraxError, cause
+from hindrax_core.errors import HindraxError, UsageError, cause
 
 NOTHING_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
 """Of a folder that takes no new file, or of a file that is mounted there by itself."""
@@ -47,12 +47,15 @@ def _replace(target: Path, text: str) -> None:
         draft.unlink(missing_ok=True)
 
 
-def require_place(file: Path) -> None:
-    """HindraxError where a file cannot be written, told before the work whose result it is to hold."""
+def require_place(file: Path, option: str = "") -> None:
+    """HindraxError where a file cannot be written, told before the work whose result it is to hold.
+
+    UsageError with the words of an option before the file, where that is what asked for it.
+    """
     fresh = not file.exists()
     if not fresh and not (file.is_file() or file.is_dir()):
         return
-    with writing(file), nothing_left(file):
+    with writing(f"{option}{file}", kind=UsageError if option else HindraxError), nothing_left(file):
         file.open("ab").close()
         _require_room(file.parent)
     if fresh:

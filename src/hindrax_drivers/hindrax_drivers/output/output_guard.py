@@ -28,6 +28,8 @@ SERVO_LOW_us, SERVO_HIGH_us = 500.0, 2500.0
 """What is outside is not a servo pulse at all but a sign of garbage; what is inside is clipped to the limits."""
 ASK_AGAIN = "ask again"
 """Ends the refusal of a request that would be taken if it were made now."""
+LEAST_REST_us = 1000.0
+"""No speed controller rests at a shorter pulse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +57,9 @@ class OutputGuardKnobs:
         """Check that the trip comes after the end of a fresh command, and that rest is an allowed pulse."""
         if self.silence_s - self.margin_s <= 0.0:
             raise ValueError(f"margin_s: found {self.margin_s:g}, wanted less than silence_s ({self.silence_s:g})")
-        if self.neutral_us and not self.low_us <= self.neutral_us <= self.high_us:
-            wanted = f"{self.low_us:g} to {self.high_us:g}, or 0 for that of the vehicle file"
+        least_us = max(self.low_us, LEAST_REST_us)
+        if self.neutral_us and not least_us <= self.neutral_us <= self.high_us:
+            wanted = f"{least_us:g} to {self.high_us:g}, or 0 for that of the vehicle file"
             raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {wanted}")
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.model.motion_model import MOTIONS, offset, restoring
 
@@ -147,8 +147,7 @@ def truth_of(vehicle: Vehicle) -> dict[str, dict[str, float]]:
         return {}
     out = {}
     for motion in MOTIONS.values():
-        axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[motion.axis]
-        k_q, k_l = vehicle.hydrodynamics.drag(axis).of(backward=motion.side < 0)
+        k_q, k_l = vehicle.hydrodynamics.drag(AXES[motion.axis]).of(backward=motion.side < 0)
         out[motion.name] = {
             "k_q": k_q,
             "k_l": k_l,

@@ -11,7 +11,7 @@ from hindrax_cli.argument_types import positive
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.text.screen_text import print_fitted
-from hindrax_core.vehicle import WRENCH_SYMBOLS, load_vehicle
+from hindrax_core.vehicle import WRENCH_SYMBOLS, WRENCH_UNITS, load_vehicle
 from hindrax_operator.connection import add_stack, operator_of, presence_of
 
 NAME = "wrench"
@@ -72,8 +72,9 @@ def require_within(wrench: Vec6, limits: Vec6) -> None:
 
 def wrench_text(wrench: Sequence[float]) -> str:
     """Return the axes that are not zero, with their units."""
-    units = ("N",) * 3 + ("Nm",) * 3
-    parts = [f"{s} {v:+.1f} {u}" for s, v, u in zip(WRENCH_SYMBOLS, wrench, units, strict=True) if abs(v) >= 0.05]
+    parts = [
+        f"{s} {v:+.1f} {u}" for s, v, u in zip(WRENCH_SYMBOLS, wrench, WRENCH_UNITS, strict=True) if abs(v) >= 0.05
+    ]
     return ", ".join(parts) or "nothing"
 
 
