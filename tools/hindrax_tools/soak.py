@@ -15,8 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_bag.read.bag_reader import messages, stamp_of
 from hindrax_bag.run_folder import make_run_folder
 from hindrax_bringup.process_state import descendants
 from hindrax_bringup.processes import MOCK, modules

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 SEPARATOR = "=" * 80
@@ -24,6 +25,7 @@ def share_lookup(package: str, name: str) -> str:
     return (Path(get_package_share_directory(package)) / "msg" / f"{name}.msg").read_text(encoding="utf-8")
 
 
+@cache
 def definition(type_name: str, lookup: Lookup = share_lookup) -> str:
     """Full text of a type given as `package/msg/Type`: encoding `ros2msg` of the MCAP registry."""
     package, _, name = type_name.split("/")

@@ -128,11 +128,8 @@ class Difference:
 
 
 def _plain(value: Any) -> Any:
-    return value if isinstance(value, bool | int | str) or _finite(value) else str(value)
-
-
-def _finite(value: Any) -> bool:
-    return isinstance(value, float) and math.isfinite(value)
+    finite = isinstance(value, float) and math.isfinite(value)
+    return value if finite or isinstance(value, bool | int | str) else str(value)
 
 
 class ComparisonReport:
@@ -153,14 +150,13 @@ class ComparisonReport:
     ) -> bool:
         """Compare two CDR messages, decoded only when their bytes differ; True when only padding differs."""
         if recorded == replayed or self._padding.same(topic, recorded, replayed, decode):
-            self.agree(topic, recorded, decode)
+            if topic not in self._sizes:
+                rule, fields = self.rules.of(topic), flat(decode(recorded))
+                self._sizes[topic] = sum(rule.tolerance(_unnumbered(name)) is not None for name, _ in fields)
+            self._count(topic, self._sizes[topic])
             return True
         self.compare_messages(topic, stamp, decode(recorded), decode(replayed))
         return False
-
-    def agree(self, topic: str, recorded: bytes, decode: Callable[[bytes], Any]) -> None:
-        """Count a message whose fields are all the same."""
-        self._count(topic, self._sizes.get(topic) or self._size(topic, decode(recorded)))
 
     def compare_messages(self, topic: str, stamp: int, recorded: Any, replayed: Any) -> None:
         """Compare two decoded messages of one type."""
@@ -219,12 +215,6 @@ class ComparisonReport:
     def _count(self, topic: str, compared: int) -> None:
         self.fields_compared += compared
         self.messages[topic] = self.messages.get(topic, 0) + 1
-
-    def _size(self, topic: str, message: Any) -> int:
-        rule = self.rules.of(topic)
-        size = sum(rule.tolerance(_unnumbered(name)) is not None for name, _ in flat(message))
-        self._sizes[topic] = size
-        return size
 
     def _differ(self, topic: str, name: str, stamp: int, recorded: Any, replayed: Any) -> None:
         apart = _distance(recorded, replayed)

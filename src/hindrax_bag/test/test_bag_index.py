@@ -9,8 +9,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from mcap.writer import IndexType, Writer
 
-from hindrax_bag.bag_index import channel_of, contents_of, is_whole, parts
-from hindrax_bag.metadata import Contents
+from hindrax_bag.metadata import Contents, channel_of, contents_of, is_whole, parts
 from hindrax_core.topics import IMU, Quality, resolved
 
 MAGIC = b"\x89MCAP0\r\n"

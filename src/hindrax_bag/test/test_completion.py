@@ -16,11 +16,10 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.bag_index import is_whole, write_metadata
-from hindrax_bag.read import completion
+from hindrax_bag.metadata import is_whole, write_metadata
+from hindrax_bag.read import recovery
 from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.read.completion import begin_completion, complete, main, unfinished_files
-from hindrax_bag.read.recovery import copy_of
+from hindrax_bag.read.recovery import begin_completion, complete, copy_of, main, unfinished_files
 from hindrax_bag.read.survey import find_bags
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
@@ -61,7 +60,7 @@ def test_an_unfinished_bag_is_resumed_completed_and_indexed(tmp_path: Path) -> N
     bag.close()
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == 7
-    subprocess.run([sys.executable, "-m", "hindrax_bag.read.completion", *unfinished], check=True)
+    subprocess.run([sys.executable, "-m", "hindrax_bag.read.recovery", *unfinished], check=True)
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == len(list(reader.messages())) == 181 + 7
     with first.open("rb") as stream:
@@ -153,7 +152,7 @@ def test_a_file_that_is_dropped_meanwhile_does_not_come_back(tmp_path: Path, mon
         source.unlink()
         return made
 
-    monkeypatch.setattr(completion, "copy_of", copy_and_drop)
+    monkeypatch.setattr(recovery, "copy_of", copy_and_drop)
     assert complete(path) == f"{path}: was left unfinished; dropped meanwhile"
     assert list(path.parent.iterdir()) == []
 
@@ -161,10 +160,10 @@ def test_a_file_that_is_dropped_meanwhile_does_not_come_back(tmp_path: Path, mon
 def test_a_copy_is_made_where_there_is_room_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = unfinished_bag(tmp_path / "bag")
     size, before = path.stat().st_size, path.read_bytes()
-    monkeypatch.setattr(completion, "free_bytes", lambda _folder: size - 1)
+    monkeypatch.setattr(recovery, "free_bytes", lambda _folder: size - 1)
     assert "cannot be completed (0 MB are free, 0 MB are wanted for a copy); try" in complete(path)
     assert (path.read_bytes(), list(path.parent.iterdir())) == (before, [path])
-    monkeypatch.setattr(completion, "free_bytes", lambda _folder: size)
+    monkeypatch.setattr(recovery, "free_bytes", lambda _folder: size)
     assert "completed, 181 messages" in complete(path)
 
 

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from hindrax_bag.read.header_stamp import stamp_of, valid_stamp
+from hindrax_bag.read.bag_reader import stamp_of, valid_stamp
 
 LITTLE, BIG = b"\x00\x01\x00\x00", b"\x00\x00\x00\x00"
 NS = 1_000_000_000

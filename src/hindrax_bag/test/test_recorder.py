@@ -24,11 +24,10 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.nodes.recorder import QUEUE, offered_quality, parameter_file, type_hash
+from hindrax_bag import software_version
+from hindrax_bag.nodes.recorder import QUEUE, PublicationGaps, offered_quality, parameter_file, type_hash
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
 from hindrax_bag.read.recovery import recover
-from hindrax_bag.software_version import software_version
-from hindrax_bag.write.publication_gaps import PublicationGaps
 from hindrax_bringup.stack import environment
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import JOYSTICK, SENSOR, Quality, resolved

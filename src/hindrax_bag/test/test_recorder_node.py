@@ -27,12 +27,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float32MultiArray
 
-from hindrax_bag.bag_index import is_whole
+from hindrax_bag import software_version
+from hindrax_bag.metadata import is_whole
 from hindrax_bag.nodes import recorder as module
 from hindrax_bag.nodes.recorder import QUEUE, SYNC_EVERY, Recorder
 from hindrax_bag.read.bag_reader import BagMessage, attachments, messages
-from hindrax_bag.read.completion import complete
-from hindrax_bag.software_version import software_version
+from hindrax_bag.read.recovery import complete
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import (

@@ -16,9 +16,8 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from hindrax_bag.bag_index import is_whole
 from hindrax_bag.definitions import definition
-from hindrax_bag.metadata import Channel, qualities_of
+from hindrax_bag.metadata import Channel, is_whole, qualities_of
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_bag.read.recovery import recover

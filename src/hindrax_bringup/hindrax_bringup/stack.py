@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from hindrax_bag.bag_index import try_lock
+from hindrax_bag.metadata import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hindrax_bag.read.completion import begin_completion, unfinished_files
+from hindrax_bag.read.recovery import begin_completion, unfinished_files
 from hindrax_bag.run_folder import RUNS, RunFolder, make_run_folder, remove_oldest
 from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_liveness
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bag.bag_index import is_whole
-from hindrax_bag.metadata import Channel
+from hindrax_bag.metadata import Channel, is_whole
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from hindrax_bag.software_version import software_version
+from hindrax_bag import software_version
 from hindrax_cli import commands
 from hindrax_core.errors import INTERRUPTED, HindraxError, UsageError
 from hindrax_core.text.screen_text import fitted, fitted_description, print_fitted, print_whole, screen_width

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
-from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle, PulseCommand
 from hindrax_control.allocation.allocator import AllocationKnobs
 from hindrax_control.allocation.supply_voltage import SupplyKnobs

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
-from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_control.navigation.navigator import Navigator, NavigatorKnobs
 from hindrax_control.nodes.navigator_node import SOURCES
 from hindrax_core.events import NS_PER_S, Stamp, Stamped

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
-from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import LEAK, MEASURED, RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle

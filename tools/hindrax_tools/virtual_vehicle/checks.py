@@ -255,7 +255,7 @@ def power_cuts(trial: Trial) -> Iterator[Finding]:
         run = after
 
 
-COMPLETION = "pgrep -f [h]indrax_bag.read.completion >/dev/null || echo ended"
+COMPLETION = "pgrep -f [h]indrax_bag.read.recovery >/dev/null || echo ended"
 
 
 def no_device(trial: Trial) -> Iterator[Finding]:

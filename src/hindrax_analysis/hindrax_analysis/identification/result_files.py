@@ -14,9 +14,9 @@ from hindrax_analysis.coefficients_file import Conditions, conditions_of, read_c
 from hindrax_analysis.records.maneuver_record import maneuver_record
 from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.report import Trace
+from hindrax_bag import software_version
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
-from hindrax_bag.software_version import software_version
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_core.text.text_file import replace_text, writing

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mcap.records import Message, Metadata
 
-from hindrax_bag.bag_index import DESCRIPTION
+from hindrax_bag.metadata import DESCRIPTION
 from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.read.mcap_records import records
 from hindrax_core.vehicle import Vehicle

@@ -20,14 +20,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from hindrax_bag.bag_index import DESCRIPTION
-from hindrax_bag.metadata import SHORTEST_FOREVER_S, Channel
-from hindrax_bag.read.completion import begin_completion
-from hindrax_bag.read.header_stamp import valid_stamp
-from hindrax_bag.software_version import software_version
+from hindrax_bag import software_version
+from hindrax_bag.metadata import DESCRIPTION, SHORTEST_FOREVER_S, Channel
+from hindrax_bag.read.bag_reader import valid_stamp
+from hindrax_bag.read.recovery import begin_completion
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits, free_bytes
-from hindrax_bag.write.publication_gaps import PublicationGaps
 from hindrax_core.errors import cause
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import TOPICS, Quality, Topic
@@ -43,6 +41,34 @@ FLUSH_S = 0.5
 SYNC_EVERY = 2
 QUEUE = 4000
 """Queue length of one topic; further messages are lost, and counted."""
+
+
+class PublicationGaps:
+    """Lost messages of one topic, by gaps in the sequence numbers of its publishers.
+
+    A middleware reports messages lost on the wire, but not those dropped from a full queue. A number does not name its
+    publisher; it is assigned to the one whose next number it is.
+    """
+
+    def __init__(self, publishers: Callable[[], int]) -> None:
+        """`publishers`: how many the topic has; asked only when a number is not the next of any."""
+        self.lost = 0
+        self._publishers = publishers
+        self._last: list[int] = []
+
+    def count(self, number: int) -> None:
+        """Count the next message by its number."""
+        last = self._last
+        if number - 1 in last:
+            last[last.index(number - 1)] = number
+            return
+        if last and len(last) >= self._publishers():
+            before = [one for one in last if one < number]
+            if before:
+                self.lost += number - max(before) - 1
+            # Without one before it a publisher has restarted.
+            last.remove(max(before) if before else min(last))
+        last.append(number)
 
 
 class Recorder(BatchedNode):
@@ -161,17 +187,14 @@ class Recorder(BatchedNode):
         try:
             self.drain()
         finally:
-            self._finish()
-
-    def _finish(self) -> None:
-        if self._early:
-            self._write_early(max(sent for _, _, sent in self._early))
-        self._bag.close()
-        if self._bag.stopped:
-            self.get_logger().error(self._bag.stopped)
-        if self._completion is not None:
-            self._completion.wait()
-            self._bag.index()
+            if self._early:
+                self._write_early(max(sent for _, _, sent in self._early))
+            self._bag.close()
+            if self._bag.stopped:
+                self.get_logger().error(self._bag.stopped)
+            if self._completion is not None:
+                self._completion.wait()
+                self._bag.index()
 
 
 def _free_MB(folder: Path) -> str:

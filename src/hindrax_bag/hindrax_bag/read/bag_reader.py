@@ -6,19 +6,22 @@ stack open too: MCAP, and the older sqlite3 format of rosbag2.
 
 from __future__ import annotations
 
+import sqlite3
+import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from hindrax_bag.bag_index import DESCRIPTION, part_number
-from hindrax_bag.definitions import Lookup, share_lookup
-from hindrax_bag.read import sqlite_file
+from hindrax_bag.definitions import Lookup, definition, share_lookup
+from hindrax_bag.metadata import DESCRIPTION, part_number
 from hindrax_bag.read.mcap_records import Damage, records
 from hindrax_bag.read.schema_migrations import steps_of
 from hindrax_core.errors import UsageError
+from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import NAMESPACE, in_default_namespace
 from hindrax_core.vehicle import Vehicle, vehicle_from_text
 
@@ -31,28 +34,25 @@ COMPRESSED = (".zstd", ".zst", ".lz4")
 EVERY = 10_000
 """Messages between two reports of how far the reading of a bag is."""
 Decode = Callable[[bytes], Any]
+_STAMP = struct.Struct("<iI")
+CDR_HEAD, LITTLE_ENDIAN = 4, b"\x00\x01"
 
 
 class MessageDecoder:
     """Decoder of the bytes of a channel, made on first use: many callers need only bytes."""
 
     def __init__(self, topic: str, encoding: str, schema: Schema | None) -> None:
-        self._topic, self._encoding, self._schema = topic, encoding, schema
-        text = schema.data.decode("utf-8", "replace") if schema else ""
+        self._topic, self._encoding, self.schema = topic, encoding, schema
         self.type = schema.name if schema else ""
-        self.definition = text
-        self._steps = steps_of(self.type, text)
+        self.definition = schema.data.decode("utf-8", "replace") if schema else ""
+        self._steps = steps_of(self.type, self.definition)
         self.old = bool(self._steps)
         """The type has changed since: `decode` brings messages to today's form, their bytes are not those of today."""
         self.decode: Decode = self._first_decode
 
     def _first_decode(self, data: bytes) -> Any:
-        self.decode = self._decoder()
-        return self.decode(data)
-
-    def _decoder(self) -> Decode:
         """Decode by the schema of the bag and migrate the message to the current form."""
-        made: Decode | None = DecoderFactory().decoder_for(self._encoding, self._schema)
+        made: Decode | None = DecoderFactory().decoder_for(self._encoding, self.schema)
         if made is None:
             raise UsageError(f"topic {self._topic}: encoding {self._encoding!r} cannot be decoded, wanted cdr")
 
@@ -62,7 +62,8 @@ class MessageDecoder:
                 step.apply(message)
             return message
 
-        return decode
+        self.decode = decode
+        return decode(data)
 
 
 class BagMessage(NamedTuple):
@@ -152,11 +153,41 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | 
 
 
 def _sqlite_messages(file: Path, topics: Collection[str] | None, lookup: Lookup) -> Iterator[BagMessage]:
-    forms: dict[str, MessageDecoder] = {}
-    for topic, schema, encoding, data, stamp in sqlite_file.rows(file, topics, lookup):
-        if topic not in forms:
-            forms[topic] = MessageDecoder(topic, encoding, schema)
-        yield BagMessage(topic, schema.name, data, stamp, stamp, forms[topic])
+    """Messages of a .db3 file, tables `topics` and `messages`, in the order of their times."""
+    forms: dict[int, tuple[str, MessageDecoder]] = {}
+    try:
+        with closing(sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            texts = _definitions(database)
+            query = "SELECT id, name, type, serialization_format FROM topics"
+            for number, topic, kind, encoding in database.execute(query):
+                if topics is None or topic in topics:
+                    text = texts[kind] if kind in texts else _installed_definition(file, kind, lookup)
+                    schema = Schema(id=number, name=kind, encoding="ros2msg", data=text.encode())
+                    forms[number] = (topic, MessageDecoder(topic, encoding, schema))
+            query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+            for number, stamp, data in database.execute(query):
+                if number in forms:
+                    topic, form = forms[number]
+                    yield BagMessage(topic, form.type, bytes(data), int(stamp), int(stamp), form)
+    except sqlite3.DatabaseError as error:
+        raise UsageError(f"{file}: cannot be read as a sqlite3 bag ({error}); copy it anew, or name another") from error
+
+
+def _definitions(database: sqlite3.Connection) -> dict[str, str]:
+    """Definitions by type, if the bag contains them (rosbag2 since Iron)."""
+    found = database.execute("SELECT name FROM sqlite_master WHERE type='table' AND name='message_definitions'")
+    if found.fetchone() is None:
+        return {}
+    query = "SELECT topic_type, encoded_message_definition FROM message_definitions WHERE encoding='ros2msg'"
+    return {str(kind): str(text) for kind, text in database.execute(query) if text}
+
+
+def _installed_definition(file: Path, kind: str, lookup: Lookup) -> str:
+    try:
+        return definition(kind, lookup)
+    except (LookupError, OSError, ImportError, ValueError) as error:
+        why = f"the definition of {kind} is neither in the bag nor installed; install its package"
+        raise UsageError(f"{file}: {why}") from error
 
 
 def attachments(path: str | Path) -> dict[str, bytes]:
@@ -176,3 +207,17 @@ def attached_vehicle(bag: str | Path, inside: Mapping[str, bytes]) -> Vehicle:
     if text is None:
         raise UsageError(f"{bag}: has no vehicle file inside; name one with --vehicle")
     return vehicle_from_text(text.decode("utf-8", "replace"), f"{VEHICLE_FILE} inside {bag}")
+
+
+def stamp_of(data: bytes) -> int:
+    """Time in the header of a little-endian CDR message whose first field is a std_msgs/Header [ns]."""
+    seconds, nanoseconds = _STAMP.unpack_from(data, CDR_HEAD)
+    return int(seconds) * NS_PER_S + int(nanoseconds)
+
+
+def valid_stamp(data: bytes) -> int | None:
+    """As `stamp_of`, for untrusted bytes; None if they hold no time since 1970."""
+    if len(data) < CDR_HEAD + _STAMP.size or data[:2] != LITTLE_ENDIAN:
+        return None
+    seconds, nanoseconds = _STAMP.unpack_from(data, CDR_HEAD)
+    return stamp_of(data) if seconds >= 0 and nanoseconds < NS_PER_S else None

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from hindrax_bag.message_comparison import flat
-from hindrax_bag.read.bag_reader import messages
-from hindrax_bag.read.header_stamp import stamp_of
+from hindrax_bag.read.bag_reader import messages, stamp_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import writing
@@ -34,22 +34,22 @@ def extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str
 def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[str, tuple[Path, int]]:
     tables: dict[str, _Table] = {}
     begin: int | None = None
-    try:
+    with contextlib.ExitStack() as files:
         for message in messages(bag):
             begin = message.received if begin is None else begin
             if topics is not None and message.topic not in topics:
                 continue
             row = dict(flat(message.decoded()))
-            table = tables.get(message.topic)
-            if table is None:
+            if message.topic not in tables:
                 folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"{message.topic.strip('/').replace('/', '_')}.csv"
-                table = tables[message.topic] = _Table(path, list(row))
+                writer = csv.writer(files.enter_context(path.open("w", newline="", encoding="utf-8")))
+                writer.writerow([*TIME, *row])
+                tables[message.topic] = _Table(path, list(row), writer.writerow)
+            table = tables[message.topic]
             stamp = stamp_of(message.data) if "header.stamp.sec" in row else message.received
-            table.write([(message.received - begin) / NS_PER_S, stamp], row)
-    finally:
-        for table in tables.values():
-            table.close()
+            table.write([(message.received - begin) / NS_PER_S, stamp, *(row.get(name, "") for name in table.names)])
+            table.rows += 1
     missing = sorted(set(topics or ()) - tables.keys())
     if missing or not tables:
         for table in tables.values():
@@ -59,24 +59,14 @@ def _extract(bag: Path, folder: Path, topics: Collection[str] | None) -> dict[st
     return {topic: (table.path, table.rows) for topic, table in tables.items()}
 
 
+@dataclass(slots=True)
 class _Table:
     """One CSV file under way."""
 
-    def __init__(self, path: Path, names: Sequence[str]) -> None:
-        self.path, self.rows = path, 0
-        self._names = names
-        self._file: TextIO = path.open("w", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._file)
-        self._writer.writerow([*TIME, *names])
-
-    def write(self, head: Sequence[float], row: Mapping[str, Any]) -> None:
-        """Append a row; absent fields stay empty."""
-        self._writer.writerow([*head, *(row.get(name, "") for name in self._names)])
-        self.rows += 1
-
-    def close(self) -> None:
-        """End the file."""
-        self._file.close()
+    path: Path
+    names: Sequence[str]
+    write: Callable[[Sequence[Any]], object]
+    rows: int = 0
 
 
 @dataclass(slots=True)

@@ -1,9 +1,18 @@
-"""Make a complete, indexed bag from an unfinished one, or a smaller bag from a complete one."""
+"""Make a complete, indexed bag from an unfinished one, or a smaller bag from a complete one.
+
+Beside the recorder, `python -m hindrax_bag.read.recovery FILE...` completes files in place: a recorder that was killed
+leaves its last file without an index, which other readers refuse. Each such file is copied as far as it can be read,
+and the copy takes its place. A file that is still written is left alone.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,16 +20,27 @@ from pathlib import Path
 from mcap.records import Attachment, Message, Metadata, Schema
 from mcap.records import Channel as ChannelRecord
 
-from hindrax_bag.bag_index import channel_of
-from hindrax_bag.definitions import share_lookup
-from hindrax_bag.metadata import NAME, Channel, Contents, metadata_text
-from hindrax_bag.read.bag_reader import EVERY, bag_files
+from hindrax_bag.metadata import (
+    NAME,
+    Channel,
+    Contents,
+    channel_of,
+    is_whole,
+    metadata_text,
+    parts,
+    try_lock,
+    write_metadata,
+)
+from hindrax_bag.read.bag_reader import EVERY, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage, records
-from hindrax_bag.read.sqlite_file import rows
 from hindrax_bag.write.bag_file import BagFile
-from hindrax_core.errors import UsageError
+from hindrax_bag.write.limits import free_bytes
+from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import writing
+
+NICENESS = 10
+SUFFIX, DAMAGED = ".completed", ".damaged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,18 +73,12 @@ def recover(
     files = bag_files(bag)
     if output.exists() and any(output.iterdir() if output.is_dir() else [output]):
         raise UsageError(f"{output} exists already; name another folder with --out")
-    damage = Damage()
-    copy = _Copy(damage, progress, keep)
+    copy = _Copy(progress, keep)
     with writing(output, "name another with --out"), _nothing_left(output):
         output.mkdir(parents=True, exist_ok=True)
-        _copy_all(copy, files, output)
-    return Recovered(output, copy.total, damage.lost_s, tuple(damage.notes))
-
-
-def _copy_all(copy: _Copy, files: Sequence[Path], output: Path) -> None:
-    for number, file in enumerate(files):
-        copy.file(file, output / f"{output.name}_{number}.mcap")
-    copy.finish(output)
+        contents = [copy.file(file, output / f"{output.name}_{number}.mcap") for number, file in enumerate(files)]
+        (output / NAME).write_text(metadata_text(contents), encoding="utf-8")
+    return Recovered(output, copy.total, copy.damage.lost_s, tuple(copy.damage.notes))
 
 
 @contextlib.contextmanager
@@ -79,55 +93,52 @@ def _nothing_left(folder: Path) -> Iterator[None]:
 
 def copy_of(source: Path, target: Path) -> tuple[Contents, Damage]:
     """Copy the readable part of a file into a new, complete one; returns its contents and the damage."""
-    damage = Damage()
-    return _Copy(damage, lambda _count: None, everything).file(source, target), damage
+    copy = _Copy(lambda _count: None, everything)
+    return copy.file(source, target), copy.damage
 
 
 class _Copy:
-    """Copies files record by record and collects their contents for metadata.yaml."""
+    """Copies files record by record."""
 
-    def __init__(self, damage: Damage, progress: Callable[[int], None], keep: Callable[[str, float], bool]) -> None:
-        self.total = 0
+    def __init__(self, progress: Callable[[int], None], keep: Callable[[str, float], bool]) -> None:
+        self.total, self.damage = 0, Damage()
         self._begin: int | None = None
-        self._damage, self._progress, self._keep = damage, progress, keep
+        self._progress, self._keep = progress, keep
         self._noted: dict[str, tuple[Channel, str, str]] = {}
-        self._files: list[Contents] = []
 
     def file(self, source: Path, target: Path) -> Contents:
         """Copy the readable part of one file; a file of an sqlite3 bag becomes MCAP."""
         part = BagFile(target)
         if source.suffix == ".db3":
-            self._rows(source, part)
+            for message in messages(source):
+                if message.topic not in self._noted:
+                    self._note(ChannelRecord(0, message.topic, "cdr", {}, 0), message.form.schema)
+                self._message(part, message.topic, message.data, message.received, message.sent)
         else:
             self._records(source, part)
         part.close()
-        self._files.append(part.contents)
         return part.contents
-
-    def _rows(self, source: Path, part: BagFile) -> None:
-        for topic, schema, _, data, stamp in rows(source, None, share_lookup):
-            if topic not in self._noted:
-                self._channel(ChannelRecord(schema.id, topic, "cdr", {}, schema.id), schema)
-            self._message(part, topic, data, stamp, stamp)
 
     def _records(self, source: Path, part: BagFile) -> None:
         schemas: dict[int, Schema] = {}
         topics: dict[int, str] = {}
-        for record in records(source, self._damage):
+        for record in records(source, self.damage):
             if isinstance(record, Message):
                 self._message(part, topics.get(record.channel_id), record.data, record.log_time, record.publish_time)
             elif isinstance(record, Schema):
                 schemas[record.id] = record
             elif isinstance(record, ChannelRecord):
-                topics[record.id] = self._channel(record, schemas.get(record.schema_id))
+                topics[record.id] = record.topic
+                self._note(record, schemas.get(record.schema_id))
             elif isinstance(record, Attachment):
                 part.attach(record.name, record.media_type, record.data, record.create_time)
             elif isinstance(record, Metadata):
                 part.describe(record.name, record.metadata)
 
-    def finish(self, output: Path) -> None:
-        """Write metadata.yaml."""
-        (output / NAME).write_text(metadata_text(self._files), encoding="utf-8")
+    def _note(self, record: ChannelRecord, schema: Schema | None) -> None:
+        """Note a channel; it is opened with the first of its messages that is kept."""
+        text = schema.data.decode("utf-8", "replace") if schema else ""
+        self._noted[record.topic] = (channel_of(record, schema), text, schema.encoding if schema else "")
 
     def _message(self, part: BagFile, topic: str | None, data: bytes, received: int, sent: int) -> None:
         if self._begin is None:
@@ -135,19 +146,79 @@ class _Copy:
         if topic is None or not self._keep(topic, (received - self._begin) / NS_PER_S):
             return
         if not part.has(topic):
-            self._open(part, topic)
+            part.open_channel(*self._noted[topic])
         part.write(topic, data, received, sent)
         self.total += 1
         if self.total % EVERY == 0:
             self._progress(self.total)
 
-    def _channel(self, record: ChannelRecord, schema: Schema | None) -> str:
-        """Record a channel; it is opened with the first of its messages that is kept."""
-        channel = channel_of(record, schema)
-        text = schema.data.decode("utf-8", "replace") if schema else ""
-        self._noted[record.topic] = (channel, text, schema.encoding if schema else "")
-        return record.topic
 
-    def _open(self, part: BagFile, topic: str) -> None:
-        channel, text, encoding = self._noted[topic]
-        part.open_channel(channel, text, encoding)
+def begin_completion(files: Sequence[Path]) -> subprocess.Popen[bytes] | None:
+    """Complete files in a separate process, so that the flight is not disturbed; None without files."""
+    if not files:
+        return None
+    return subprocess.Popen([sys.executable, "-m", "hindrax_bag.read.recovery", *files])  # noqa: S603  # our own interpreter and module
+
+
+def unfinished_files(folder: Path) -> list[Path]:
+    """Unfinished files of all bags in a folder and in the folders below it, but for bags that are being recorded."""
+    bags = {file.parent for file in folder.rglob("*.mcap")}
+    return [file for bag in sorted(bags) if _at_rest(bag) for file in parts(bag) if not is_whole(file)]
+
+
+def _at_rest(bag: Path) -> bool:
+    number = os.open(bag, os.O_RDONLY)
+    try:
+        return try_lock(number)
+    finally:
+        os.close(number)
+
+
+def complete(file: Path) -> str:
+    """Replace an unfinished file by a complete copy; returns a sentence about it.
+
+    One without any message is removed. Where more than the end is damaged, the file is kept beside its copy.
+    """
+    target = file.with_name(file.name + SUFFIX)
+    with file.open("rb") as stream:
+        if not try_lock(stream):
+            return f"{file}: is still written, left alone"
+        try:
+            return f"{file}: was left unfinished; {_replaced(file, target)}"
+        except (HindraxError, OSError) as error:
+            return f"{file}: was left unfinished and cannot be completed ({error}); try ./hindrax bag recover"
+        finally:
+            target.unlink(missing_ok=True)
+
+
+def _replaced(file: Path, target: Path) -> str:
+    free, wanted = free_bytes(file.parent), file.stat().st_size
+    if free < wanted:
+        raise HindraxError(f"{free // 1_000_000} MB are free, {wanted // 1_000_000} MB are wanted for a copy")
+    target.unlink(missing_ok=True)
+    contents, damage = copy_of(file, target)
+    if damage.left_out:
+        os.link(file, file.with_name(file.name + DAMAGED))
+    if not file.exists():
+        return "dropped meanwhile"
+    if not contents.messages:
+        file.unlink()
+        return "removed, as it holds no message"
+    target.replace(file)
+    return f"completed, {contents.messages} messages"
+
+
+def main() -> int:
+    """Complete the files that are named, and write metadata.yaml of their bags."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    files = [Path(word) for word in sys.argv[1:]]
+    for file in files:
+        sys.stderr.write(f"{complete(file)}\n")
+    for bag in {file.parent for file in files}:
+        write_metadata(bag, {})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

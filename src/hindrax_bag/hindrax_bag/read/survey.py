@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from mcap.writer import MCAP0_MAGIC
 
-from hindrax_bag.bag_index import is_whole
-from hindrax_bag.metadata import NAME
+from hindrax_bag.metadata import NAME, is_whole
 from hindrax_bag.read.bag_reader import EVERY, PATTERNS, attachments, bag_files, messages
 from hindrax_bag.read.mcap_records import Damage
 from hindrax_core.errors import UsageError
@@ -107,8 +106,7 @@ class ListedBag:
 
     def document(self) -> dict[str, Any]:
         """JSON document."""
-        words = {"bag": str(self.bag), "bytes": self.bytes, "finished": self.finished, "note": self.note}
-        return {**words, "seconds": self.seconds, "messages": self.messages}
+        return asdict(self) | {"bag": str(self.bag)}
 
 
 def find_bags(folder: Path) -> list[ListedBag]:

@@ -16,9 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hindrax_bag.bag_index import is_whole, part_number, parts, try_lock, write_metadata
 from hindrax_bag.definitions import Lookup, definition, share_lookup
-from hindrax_bag.metadata import Channel, Contents
+from hindrax_bag.metadata import Channel, Contents, is_whole, part_number, parts, try_lock, write_metadata
 from hindrax_bag.write.bag_file import BagFile
 from hindrax_bag.write.limits import BagLimits, free_bytes
 from hindrax_core.errors import HindraxError, cause
@@ -39,7 +38,6 @@ class BagWriter:
     stopped: str = ""
     """Why nothing is recorded; empty while recording."""
     free: Callable[[Path], int] = free_bytes
-    _definitions: dict[str, str] = field(default_factory=dict)
     _extras: list[Callable[[BagFile], None]] = field(default_factory=list)
     _done: dict[str, Contents] = field(default_factory=dict)
     _begun: int = 0
@@ -98,7 +96,7 @@ class BagWriter:
             return
         try:
             if not part.has(topic):
-                self._open_channel(part, channel)
+                part.open_channel(channel, definition(channel.type, self.lookup))
             part.write(topic, data, received, sent)
         except OSError as error:
             self._give_up(error)
@@ -162,22 +160,22 @@ class BagWriter:
         if self._part is not None:
             put(self._part)
 
-    def _open_channel(self, part: BagFile, channel: Channel) -> None:
-        if channel.type not in self._definitions:
-            self._definitions[channel.type] = definition(channel.type, self.lookup)
-        part.open_channel(channel, self._definitions[channel.type])
-
     def _keep_limits(self, part: BagFile) -> list[str]:
         said: list[str] = []
-        contents = part.contents
+        contents, used = part.contents, f"the bag has used its {self.limits.budget_MB:g} MB of the disk"
         if self.limits.split_due(part.size_bytes, (contents.last - contents.first) / NS_PER_S):
             self._finish()
             self._next_part()
             said.append(f"{contents.name} is full; {self.path.name} goes on")
         while self.limits.over_budget(self.size_bytes) and self.limits.when_full == "oldest" and self._others():
-            said.append(self._drop_oldest())
+            oldest = self._others()[0]
+            oldest.unlink()
+            self.index()
+            said.append(f"{used}; dropped the oldest, {oldest.name}")
         if self.limits.over_budget(self.size_bytes):
-            said.append(self._stop(f"the bag has used its {self.limits.budget_MB:g} MB of the disk"))
+            self.stopped = f"{used}; recording stopped"
+            self._finish()
+            said.append(self.stopped)
         elif not self._has_room():
             self._finish()
             said.append(self._wait_for_room())
@@ -195,17 +193,6 @@ class BagWriter:
         self._next_part()
         self._waits_for_room, self.stopped = False, ""
         return [f"there is room on the disk again; recording goes on in {self.path.name}"]
-
-    def _drop_oldest(self) -> str:
-        oldest = self._others()[0]
-        oldest.unlink()
-        self.index()
-        return f"the bag has used its {self.limits.budget_MB:g} MB of the disk; dropped the oldest, {oldest.name}"
-
-    def _stop(self, why: str) -> str:
-        self.stopped = f"{why}; recording stopped"
-        self._finish()
-        return self.stopped
 
     def _give_up(self, error: OSError) -> str:
         """Leave the file unfinished: `recover` completes it."""

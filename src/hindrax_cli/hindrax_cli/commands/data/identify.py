@@ -29,7 +29,7 @@ from hindrax_analysis.records.provenance import date_of
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport, run_page
 from hindrax_analysis.terminal import working
-from hindrax_bag.software_version import software_version
+from hindrax_bag import software_version
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
