@@ -10,11 +10,11 @@ from hindrax_core.events import NS_PER_S, Stamp, stamp_from_s
 from hindrax_core.readings import Quaternion, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
 from hindrax_sim.conditions.world_table import realize
+from hindrax_sim.physics.geometry import euler, minus, plus, quaternion, rotate, rotate_back, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import LONGEST_STEP_S, Plant
 from hindrax_sim.physics.pool import PoolWalls
-from hindrax_sim.physics.quaternion import euler, quaternion, rotate
-from hindrax_sim.physics.steady_thrust import thruster_A
+from hindrax_sim.physics.thruster import thruster_A
 
 GUST_PERIOD_S = 0.1
 HELD_ns = stamp_from_s(0.2)
@@ -51,10 +51,7 @@ class Mounting:
 
     def into_sensor(self, vector: Vec3) -> Vec3:
         """Turn a body vector into the sensor's axes."""
-        if self.turn is None:
-            return vector
-        w, x, y, z = self.turn
-        return rotate((w, -x, -y, -z), vector)
+        return vector if self.turn is None else rotate_back(self.turn, vector)
 
     def into_body(self, vector: Vec3) -> Vec3:
         """Turn a sensor vector into body axes."""
@@ -77,7 +74,7 @@ class World:
         self.water_in_hull = False
         """Fault: the dry hull leaks."""
         self._draws = NormalDraws("world", seed)
-        self._motor_fields = [self._direction() for _ in vehicle.thrusters]
+        self._motor_fields = [unit(self._draws.three(1.0)) for _ in vehicle.thrusters]
         self._failed: dict[str, float] = {}
         self._next_gust = Stamp(0)
         self._disturb()
@@ -143,11 +140,9 @@ class World:
 
     def mounting(self, mount: Mount) -> Mounting:
         """Prepare a mount of this vehicle."""
-        px, py, pz = mount.position_m
-        cx, cy, cz = self.vehicle.center_of_mass_m
-        roll, pitch, yaw = (math.radians(angle) for angle in mount.rotation_deg)
+        roll, pitch, yaw = map(math.radians, mount.rotation_deg)
         turn = quaternion((roll, pitch, yaw)) if any(mount.rotation_deg) else None
-        return Mounting((px - cx, py - cy, pz - cz), turn)
+        return Mounting(minus(mount.position_m, self.vehicle.center_of_mass_m), turn)
 
     @property
     def attitude_rad(self) -> Vec3:
@@ -156,19 +151,9 @@ class World:
         return (roll, pitch, math.remainder(yaw + self.conditions.heading_rad, math.tau))
 
     @property
-    def rate_radps(self) -> Vec3:
-        """Body rates p, q, r."""
-        return (self.plant.p, self.plant.q, self.plant.r)
-
-    @property
     def depth_m(self) -> float:
         """Depth of the body origin below the surface."""
         return self.point_m((0.0, 0.0, 0.0))[2] - rotate(self.plant.quaternion, self.vehicle.center_of_mass_m)[2]
-
-    @property
-    def altitude_m(self) -> float:
-        """Height of the body origin above the floor."""
-        return self.vehicle.pool.depth_m - self.depth_m
 
     @property
     def supply_A(self) -> float:
@@ -177,8 +162,8 @@ class World:
 
     def point_m(self, lever_m: Vec3) -> Vec3:
         """Position of a point of the vehicle in the pool [m]."""
-        x, y, z = rotate(self.plant.quaternion, lever_m)
-        return (self.plant.x + x, self.plant.y + y, self.plant.z + z)
+        plant = self.plant
+        return plus((plant.x, plant.y, plant.z), rotate(plant.quaternion, lever_m))
 
     def inertial(self, at: Mounting) -> tuple[Vec3, Vec3]:
         """Specific force [m/s^2] and rate [rad/s] in the sensor's axes, with the effect of rotation at its lever."""
@@ -196,8 +181,6 @@ class World:
             fx += dq * lz - dr * ly + p * along - square * lx
             fy += dr * lx - dp * lz + q * along - square * ly
             fz += dp * ly - dq * lx + r * along - square * lz
-        if at.turn is None:
-            return (fx, fy, fz), (p, q, r)
         return at.into_sensor((fx, fy, fz)), at.into_sensor((p, q, r))
 
     def magnetic_T(self, at: Mounting) -> Vec3:
@@ -205,13 +188,11 @@ class World:
         conditions = self.conditions
         north, east, down = conditions.field_T
         cos, sin = math.cos(conditions.heading_rad), math.sin(conditions.heading_rad)
-        w, x, y, z = self.plant.quaternion
-        field = rotate((w, -x, -y, -z), (cos * north + sin * east, cos * east - sin * north, down))
-        bx, by, bz = field
-        for force, (mx, my, mz) in zip(self.plant.targets_N, self._motor_fields, strict=True):
-            strength = conditions.motor_field_T_per_A * thruster_A(force)
-            bx, by, bz = bx + strength * mx, by + strength * my, bz + strength * mz
-        return at.into_sensor((bx, by, bz))
+        own = (cos * north + sin * east, cos * east - sin * north, down)
+        field_T = rotate_back(self.plant.quaternion, own)
+        for force, along in zip(self.plant.targets_N, self._motor_fields, strict=True):
+            field_T = plus(field_T, along, conditions.motor_field_T_per_A * thruster_A(force))
+        return at.into_sensor(field_T)
 
     def pressure_Pa(self, at: Mounting) -> float:
         """Absolute pressure at the sensor; that of the air when it is out of the water."""
@@ -221,7 +202,7 @@ class World:
     def velocity_mps(self, at: Mounting) -> Vec3:
         """Velocity over ground of the sensor in its own axes."""
         u, v, w = self.plant.velocity_over_ground
-        p, q, r = self.rate_radps
+        p, q, r = self.plant.p, self.plant.q, self.plant.r
         lx, ly, lz = at.lever_m
         return at.into_sensor((u + q * lz - r * ly, v + r * lx - p * lz, w + p * ly - q * lx))
 
@@ -255,8 +236,3 @@ class World:
         """
         slant = max(0.0, self.tilt_rad(at) - half_beam_rad)
         return self.height_m(at) / math.cos(slant) if slant < 1.4 else None
-
-    def _direction(self) -> Vec3:
-        x, y, z = self._draws.three(1.0)
-        norm = math.sqrt(x * x + y * y + z * z) or 1.0
-        return (x / norm, y / norm, z / norm)

@@ -14,7 +14,7 @@ from hindrax_core.vehicle import AXES, GRAVITY_mps2, Hydrodynamics, Vehicle, loa
 from hindrax_sim.conditions.realization import TESTED, Realization
 from hindrax_sim.conditions.world_table import CONDITIONS, SIGNED, realize, sizes_of
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.steady_thrust import thruster_force, wrench_per_newton
+from hindrax_sim.physics.thruster import thruster_force, wrench_per_newton
 from hindrax_sim.world import Conditions, World
 
 VEHICLE = load_vehicle(default_vehicle())
@@ -39,7 +39,7 @@ def plant_of(world: Realization, *, nu: Vec6 = (0.0,) * 6, x_m: float = 0.0) -> 
 
 def wrench(world: Realization, plant: Plant, dt: float = 0.005) -> Vec6:
     (influence,) = world.influences
-    return influence.wrench(plant, dt)
+    return influence(plant, dt)
 
 
 def flown(sizes: Mapping[str, float], seed: int = 1) -> tuple[float, ...]:

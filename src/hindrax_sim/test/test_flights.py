@@ -76,7 +76,7 @@ def fly(motions: tuple[str, ...], *faults: str, seed: int = 1, vehicle: Vehicle 
         flown.told_s.append((step.elapsed_s, pilot.output.remaining_s))
         if phase.phase == "plateau":
             motion, world = phase.motion, step.world
-            off_m = abs(world.altitude_m - ALTITUDE_m)
+            off_m = abs(world.vehicle.pool.depth_m - world.depth_m - ALTITUDE_m)
             off_deg = abs(math.remainder(heading_deg(world), 90.0))
             flown.altitude_m[motion] = max(flown.altitude_m.get(motion, 0.0), off_m)
             flown.heading_deg[motion] = max(flown.heading_deg.get(motion, 0.0), off_deg)

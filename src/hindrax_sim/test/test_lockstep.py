@@ -49,7 +49,7 @@ def test_the_navigator_knows_the_truth_in_both_fidelities(fidelity: str) -> None
     found = events(step, 8.0, Navigation)
     state, world = found[-1].reading, step.world
     assert state.depth_m == pytest.approx(world.depth_m, abs=0.01)
-    assert state.altitude_m == pytest.approx(world.altitude_m, abs=0.02)
+    assert state.altitude_m == pytest.approx(world.vehicle.pool.depth_m - world.depth_m, abs=0.02)
     assert state.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
     assert state.attitude_rad == pytest.approx((0.0, 0.0, 0.0), abs=math.radians(6.0))
     assert state.dvl_locked
@@ -108,7 +108,7 @@ def test_faults_of_the_world_come_and_go() -> None:
 def test_garbage_on_a_wire_is_survived() -> None:
     step = Lockstep(VEHICLE, Idle(armed=False), 2, fidelity="bytes", faults=[parse_fault("garbage:ping1d@3+2")])
     state = events(step, 8.0, Navigation)[-1].reading
-    assert state.altitude_m == pytest.approx(step.world.altitude_m, abs=0.03)
+    assert state.altitude_m == pytest.approx(step.world.vehicle.pool.depth_m - step.world.depth_m, abs=0.03)
     assert state.ages_s["ping1d"] < 0.3
 
 

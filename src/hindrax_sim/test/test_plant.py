@@ -16,9 +16,9 @@ from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array
 from hindrax_sim.conditions.realization import Realization
+from hindrax_sim.physics.geometry import euler, quaternion, rotate
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.quaternion import euler, quaternion, rotate
-from hindrax_sim.physics.steady_thrust import steady_force, thruster_force, wrench_per_newton
+from hindrax_sim.physics.thruster import steady_force, thruster_force, wrench_per_newton
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
 DT = 0.002

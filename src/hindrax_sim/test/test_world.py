@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hindrax_core.events import Stamp, stamp_from_s
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
-from hindrax_sim.physics.quaternion import quaternion, rotate
+from hindrax_sim.physics.geometry import quaternion, rotate
 from hindrax_sim.world import Conditions, World
 
 VEHICLE = load_vehicle(Path(__file__).parents[2] / "hindrax_bringup/vehicles/hindrax.yaml")
@@ -75,7 +75,7 @@ def test_walls_stop_it_and_are_counted_once(pulses: list[int], coordinate: str, 
 def test_the_floor_stops_it_too() -> None:
     world = under_water(World(replace(VEHICLE, mass_kg=16.0), conditions=CALM))
     world.advance(stamp_from_s(20.0))
-    assert world.altitude_m == pytest.approx(0.2, abs=1e-3)
+    assert world.vehicle.pool.depth_m - world.depth_m == pytest.approx(0.2, abs=1e-3)
     assert world.box.floor_hits == 1
     assert world.box.wall_hits == 0
 

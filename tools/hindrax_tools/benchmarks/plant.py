@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.steady_thrust import wrench_per_newton
+from hindrax_sim.physics.thruster import wrench_per_newton
 from hindrax_tools.benchmarks import median_us, row
 
 DT_S = 0.004

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag
-from hindrax_sim.conditions.realization import TESTED, Realization, unit
+from hindrax_sim.conditions.realization import TESTED, Realization
+from hindrax_sim.physics.geometry import six, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
-from hindrax_sim.physics.plant import Plant
 
 CROSSED = ((0, 4), (1, 3), (1, 5), (2, 4))
 """Pairs of axes that a plane of symmetry leaves coupled: surge-pitch, heave-pitch, sway-roll, sway-yaw."""
@@ -20,28 +19,17 @@ def drag_exponent(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: Between v^1.7 and v^2, as drag coefficients fall with the Reynolds number.
     """
-    changed = PowerDrag([world.hydrodynamics.drag(axis) for axis in AXES], 2.0 + size)
-    world.influences.append(changed)
-    world.drag_changes.append(changed.resistance)
+    drags = [world.hydrodynamics.drag(axis) for axis in AXES]
+    quadratic = [(drag.k_q, drag.of(backward=True)[0]) for drag in drags]
+    exponent = 2.0 + size
 
+    def beyond(axis: int, speed: float) -> float:
+        """What k_q V^(2 - n) |v|^n has beyond k_q v^2 [N, Nm]."""
+        k_q, along = quadratic[axis][speed < 0.0], abs(speed)
+        return math.copysign(k_q * (TESTED[axis] ** (2.0 - exponent) * along**exponent - along * along), speed)
 
-class PowerDrag:
-    """k_q V^(2 - n) |v|^n in the place of k_q v^2."""
-
-    def __init__(self, drags: list[Drag], exponent: float) -> None:
-        self._quadratic = [(one.k_q, one.of(backward=True)[0]) for one in drags]
-        self._exponent = exponent
-
-    def resistance(self, axis: int, speed: float) -> float:
-        """What this law has beyond the quadratic one [N, Nm]."""
-        k_q = self._quadratic[axis][speed < 0.0]
-        top, size = TESTED[axis], abs(speed)
-        return math.copysign(k_q * (top ** (2.0 - self._exponent) * size**self._exponent - size * size), speed)
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """The difference of the two laws."""
-        X, Y, Z, K, M, N = (-self.resistance(axis, speed) for axis, speed in enumerate(plant.mid_step(dt)))
-        return (X, Y, Z, K, M, N)
+    world.influences.append(lambda plant, dt: six(-beyond(*at) for at in enumerate(plant.mid_step(dt))))
+    world.drag_changes.append(beyond)
 
 
 def fore_aft(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -64,8 +52,7 @@ def added_mass_cross(world: Realization, size: float, draws: NormalDraws) -> Non
     rows = [[0.0] * 6 for _ in AXES]
     for a, b in CROSSED:
         rows[a][b] = rows[b][a] = math.copysign(size * math.sqrt(mass[a] * mass[b]), draws.normal())
-    cross: tuple[Vec6, ...] = tuple((a, b, c, d, e, f) for a, b, c, d, e, f in rows)
-    world.change_vehicle(hydrodynamics=replace(world.hydrodynamics, added_mass_cross=cross))
+    world.change_vehicle(hydrodynamics=replace(world.hydrodynamics, added_mass_cross=tuple(map(six, rows))))
 
 
 def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:

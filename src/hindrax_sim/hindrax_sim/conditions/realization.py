@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 from hindrax_sim.physics.plant import Influence, ThrustLoss, truth_of
 
@@ -65,17 +64,3 @@ class Realization:
 def _through(speed: float, whole: float, at_half: float) -> tuple[float, float]:
     """k_q and k_l of a drag that has these two forces at a speed and at half of it."""
     return 2.0 * (whole - 2.0 * at_half) / speed**2, (4.0 * at_half - whole) / speed
-
-
-def lever_wrench(force: Vec3, lever_m: Vec3) -> Vec6:
-    """Wrench about the center of mass of a force at a lever: [f; r x f]."""
-    x, y, z = force
-    a, b, c = lever_m
-    return (x, y, z, b * z - c * y, c * x - a * z, a * y - b * x)
-
-
-def unit(vector: Vec3) -> Vec3:
-    """The vector's direction."""
-    norm = math.sqrt(sum(one * one for one in vector)) or 1.0
-    x, y, z = vector
-    return (x / norm, y / norm, z / norm)

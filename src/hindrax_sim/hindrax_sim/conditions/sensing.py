@@ -9,7 +9,8 @@ from dataclasses import replace
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.sensor_table import SENSORS
 from hindrax_core.signals import ZERO6
-from hindrax_sim.conditions.realization import Realization, Travel, unit
+from hindrax_sim.conditions.realization import Realization, Travel
+from hindrax_sim.physics.geometry import plus, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -37,28 +38,19 @@ def dvl_bias(world: Realization, size: float, draws: NormalDraws) -> None:
     """
     x, y, _ = unit(draws.three(1.0))
     level = math.hypot(x, y)
-    bias = Bias((size * x / level, size * y / level, 0.0))
-    world.influences.append(bias)
-    world.travel_errors.append(bias.added)
+    u, v, time_s = size * x / level, size * y / level, 0.0
 
-
-class Bias:
-    """Adds ground covered at a constant velocity."""
-
-    def __init__(self, velocity_mps: Vec3) -> None:
-        self._velocity_mps = velocity_mps
-        self._time_s = 0.0
-
-    def wrench(self, _plant: Plant, dt: float) -> Vec6:
-        """Let time pass; no force."""
-        self._time_s += dt
+    def pass_time(_plant: Plant, dt: float) -> Vec6:
+        nonlocal time_s
+        time_s += dt
         return ZERO6
 
-    def added(self, travel: Travel) -> Travel:
-        """The ground covered with what the bias has added so far."""
+    def biased(travel: Travel) -> Travel:
         turned, (x, y, z) = travel
-        a, b, c = (each * self._time_s for each in self._velocity_mps)
-        return turned, (x + a, y + b, z + c)
+        return turned, (x + u * time_s, y + v * time_s, z)
+
+    world.influences.append(pass_time)
+    world.travel_errors.append(biased)
 
 
 def dvl_yaw(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -81,16 +73,10 @@ def imu_misalignment(world: Realization, size: float, draws: NormalDraws) -> Non
 def _turn_mounts(world: Realization, quantity: str, turn_deg: Vec3) -> None:
     """Turn every sensor that publishes a quantity."""
     kinds = {sensor.name for sensor in SENSORS if quantity in sensor.publishes}
-    a, b, c = turn_deg
-
-    def turned(angles: Vec3) -> Vec3:
-        x, y, z = angles
-        return (x + a, y + b, z + c)
-
-    sensors = {
-        name: replace(mount, rotation_deg=turned(mount.rotation_deg)) if mount.device in kinds else mount
-        for name, mount in world.vehicle.sensors.items()
-    }
+    sensors = dict(world.vehicle.sensors)
+    for name, mount in sensors.items():
+        if mount.device in kinds:
+            sensors[name] = replace(mount, rotation_deg=plus(mount.rotation_deg, turn_deg))
     world.change_vehicle(sensors=sensors)
 
 
@@ -99,36 +85,24 @@ def dvl_latency(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: One interval at 20 Hz; a network brings more.
     """
-    late = Latency(size)
-    world.influences.append(late)
-    world.travel_errors.append(late.delayed)
+    time_s = 0.0
+    kept: deque[tuple[float, Travel]] = deque()
 
-
-class Latency:
-    """Keeps the travel of the last moments, and answers with that of a while ago."""
-
-    def __init__(self, latency_s: float) -> None:
-        self._latency_s = latency_s
-        self._time_s = 0.0
-        self._kept: deque[tuple[float, Travel]] = deque()
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Remember where the vehicle is at the beginning of this step; no force."""
-        self._kept.append((self._time_s, _travel(plant)))
-        self._time_s += dt
-        while len(self._kept) > 1 and self._kept[1][0] <= self._time_s - self._latency_s:
-            self._kept.popleft()
+    def remember(plant: Plant, dt: float) -> Vec6:
+        """Remember where the vehicle is at the beginning of this step."""
+        nonlocal time_s
+        kept.append((time_s, ((plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz))))
+        time_s += dt
+        while len(kept) > 1 and kept[1][0] <= time_s - size:
+            kept.popleft()
         return ZERO6
 
-    def delayed(self, travel: Travel) -> Travel:
+    def delayed(travel: Travel) -> Travel:
         """What was true a while ago, linear between the steps."""
-        if not self._kept:
+        if not kept:
             return travel
-        then_s = self._time_s - self._latency_s
-        (at_s, was), (next_s, following) = self._kept[0], (self._time_s, travel)
-        if len(self._kept) > 1:
-            next_s, following = self._kept[1]
-        share = min(1.0, max(0.0, (then_s - at_s) / (next_s - at_s)))
+        (at_s, was), (next_s, following) = kept[0], kept[1] if len(kept) > 1 else (time_s, travel)
+        share = min(1.0, max(0.0, (time_s - size - at_s) / (next_s - at_s)))
         (ax, ay, az), (sx, sy, sz) = was
         (bx, by, bz), (tx, ty, tz) = following
         return (
@@ -136,9 +110,8 @@ class Latency:
             (sx + share * (tx - sx), sy + share * (ty - sy), sz + share * (tz - sz)),
         )
 
-
-def _travel(plant: Plant) -> Travel:
-    return (plant.ax, plant.ay, plant.az), (plant.sx, plant.sy, plant.sz)
+    world.influences.append(remember)
+    world.travel_errors.append(delayed)
 
 
 def false_locks(world: Realization, size: float, draws: NormalDraws) -> None:
@@ -146,33 +119,20 @@ def false_locks(world: Realization, size: float, draws: NormalDraws) -> None:
 
     Size: One sample in a hundred; our estimate.
     """
-    false = FalseLocks(size, draws)
-    world.influences.append(false)
-    world.travel_errors.append(false.added)
 
+    def waiting_s() -> float:
+        return -math.log(max(1e-12, draws.uniform())) / size
 
-class FalseLocks:
-    """Steps in the ground covered, with exponential waiting times: each is one wrong velocity."""
+    wait_s, off_m = waiting_s(), (0.0, 0.0, 0.0)
 
-    def __init__(self, rate_Hz: float, draws: NormalDraws) -> None:
-        self._rate_Hz, self._draws = rate_Hz, draws
-        self._wait_s = self._waiting()
-        self._sum = (0.0, 0.0, 0.0)
-
-    def _waiting(self) -> float:
-        return -math.log(max(1e-12, self._draws.uniform())) / self._rate_Hz
-
-    def wrench(self, _plant: Plant, dt: float) -> Vec6:
-        """Let time pass; no force."""
-        self._wait_s -= dt
-        if self._wait_s <= 0.0:
-            self._wait_s += self._waiting()
-            (x, y, z), (a, b, c) = self._sum, self._draws.three(FALSE_m)
-            self._sum = (x + a, y + b, z + c)
+    def pass_time(_plant: Plant, dt: float) -> Vec6:
+        """Step in the ground covered after an exponential waiting time: each step is one wrong velocity."""
+        nonlocal wait_s, off_m
+        wait_s -= dt
+        if wait_s <= 0.0:
+            wait_s += waiting_s()
+            off_m = plus(off_m, draws.three(FALSE_m))
         return ZERO6
 
-    def added(self, travel: Travel) -> Travel:
-        """The ground covered with all steps so far."""
-        turned, (x, y, z) = travel
-        a, b, c = self._sum
-        return turned, (x + a, y + b, z + c)
+    world.influences.append(pass_time)
+    world.travel_errors.append(lambda travel: (travel[0], plus(travel[1], off_m)))

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 from hindrax_core.curves import cubic
 from hindrax_core.curves.curve_branches import Branch, Curve, scaled
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
-from hindrax_sim.conditions.realization import Realization, unit
+from hindrax_sim.conditions.realization import Realization
+from hindrax_sim.physics.geometry import combined, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.steady_thrust import thruster_A, wrench_per_newton
-from hindrax_sim.physics.thruster_lag import combined
+from hindrax_sim.physics.thruster import thruster_A, wrench_per_newton
 
 INFLOW_mps, INFLOW_N = 0.5, 10.0
 NEIGHBORS = 2
@@ -64,13 +65,8 @@ def _gained(curve: Curve, gain: float) -> Curve:
 
 
 def _later(curve: Curve, wider_us: float) -> Curve:
-    positive = curve.positive and _shifted(curve.positive, wider_us)
-    return replace(
-        curve,
-        negative=_shifted(curve.negative, -wider_us),
-        positive=positive,
-        dead_band_us=curve.dead_band_us + wider_us,
-    )
+    negative, positive = _shifted(curve.negative, -wider_us), curve.positive and _shifted(curve.positive, wider_us)
+    return replace(curve, negative=negative, positive=positive, dead_band_us=curve.dead_band_us + wider_us)
 
 
 def _shifted(branch: Branch, by_us: float) -> Branch:
@@ -86,33 +82,23 @@ def inflow_loss(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: K_T falling evenly to zero at J = 0.75: 0.15 to 0.35 for 76 mm at 50 to 10 N.
     """
-    world.influences.append(InflowLoss(world, size))
+    # T = T_nn n|n| + T_nu |n| u (Fossen 2011, section 9.?), written with the force T_0 = T_nn n|n| at rest. So
+    # T - T_0 = -c sqrt(|T_0|) u, where c loses the share `size` of 10 N at an inflow of 0.5 m/s.
+    factor = size * math.sqrt(INFLOW_N) / INFLOW_mps
+    rows = [(one.lag_s, wrench_per_newton(world.vehicle, one)) for one in world.vehicle.thrusters]
+    thrusts_N = [0.0] * len(rows)
 
-
-class InflowLoss:
-    """T = T_nn n|n| + T_nu |n| u (Fossen 2011, section 9.?), written with the force T_0 = T_nn n|n| at rest.
-
-    So T - T_0 = -c sqrt(|T_0|) u, where c loses the share `size` of 10 N at an inflow of 0.5 m/s.
-    """
-
-    def __init__(self, world: Realization, size: float) -> None:
-        self._factor = size * math.sqrt(INFLOW_N) / INFLOW_mps
-        self._wrenches = [wrench_per_newton(world.vehicle, one) for one in world.vehicle.thrusters]
-        self._lags_s = [one.lag_s for one in world.vehicle.thrusters]
-        self._thrusts_N = [0.0] * len(self._lags_s)
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
+    def lose(plant: Plant, dt: float) -> Vec6:
         """Wrench of the losses of all thrusters; their forces follow the targets with the thrusters' lags."""
-        velocities = plant.mid_step(dt)
-        losses = []
-        for index, (goal, lag_s, per_newton) in enumerate(
-            zip(plant.targets_N, self._lags_s, self._wrenches, strict=True)
-        ):
+        velocities, losses = plant.mid_step(dt), []
+        for index, (goal, (lag_s, per_newton)) in enumerate(zip(plant.targets_N, rows, strict=True)):
             keep = math.exp(-dt / lag_s) if lag_s > 0.0 else 0.0
-            thrust = self._thrusts_N[index] = goal + keep * (self._thrusts_N[index] - goal)
+            thrust = thrusts_N[index] = goal + keep * (thrusts_N[index] - goal)
             inflow = sum(one * velocity for one, velocity in zip(per_newton, velocities, strict=True))
-            losses.append((-self._factor * math.sqrt(abs(thrust)) * inflow, per_newton))
+            losses.append((-factor * math.sqrt(abs(thrust)) * inflow, per_newton))
         return combined(losses)
+
+    world.influences.append(lose)
 
 
 def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -121,7 +107,10 @@ def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
     Size: A rig gained 9 to 35 % by tilting its thrusters (Bulten, Stoltenkamp 2013).
     """
     places = [one.position_m for one in world.vehicle.thrusters]
-    neighbors = [_nearest(places, index) for index in range(len(places))]
+    neighbors = [
+        heapq.nsmallest(NEIGHBORS, {*range(len(places))} - {at}, key=lambda one: math.dist(places[one], place))
+        for at, place in enumerate(places)
+    ]
 
     def washed(forces: list[float]) -> list[float]:
         sums = (
@@ -131,11 +120,6 @@ def thruster_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
         return [math.copysign(max(0.0, abs(force) - loss), force) for force, loss in zip(forces, sums, strict=True)]
 
     world.thrust_losses.append(washed)
-
-
-def _nearest(places: Sequence[Vec3], index: int) -> list[int]:
-    others = [one for one in range(len(places)) if one != index]
-    return sorted(others, key=lambda one: math.dist(places[one], places[index]))[:NEIGHBORS]
 
 
 def hull_wash(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -160,7 +144,7 @@ def battery_sag(world: Realization, size: float, _draws: NormalDraws) -> None:
     Size: A lithium cell from 4.0 to 3.6 V.
     """
     volts_per_s = size * world.vehicle.supply_V / SAG_S
-    world.influences.append(SupplyDrop(lambda time_s, _plant: volts_per_s * time_s))
+    _drop_supply(world, lambda time_s, _plant: volts_per_s * time_s)
 
 
 def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -168,22 +152,21 @@ def supply_resistance(world: Realization, size: float, _draws: NormalDraws) -> N
 
     Size: Battery 20 mohm, cables and plugs 30 mohm; our estimate.
     """
-    world.influences.append(SupplyDrop(lambda _time_s, plant: size * sum(map(thruster_A, plant.targets_N))))
+    _drop_supply(world, lambda _time_s, plant: size * sum(map(thruster_A, plant.targets_N)))
 
 
-class SupplyDrop:
-    """A supply that is lower than the vehicle file says, by a function of time and plant [V], ten times a second."""
+def _drop_supply(world: Realization, drop_V: Callable[[float, Plant], float]) -> None:
+    """Lower the supply below that of the vehicle file by a function of time [s] and plant, ten times a second."""
+    was_V, time_s, next_s = 0.0, 0.0, SUPPLY_EVERY_S
 
-    def __init__(self, drop: Callable[[float, Plant], float]) -> None:
-        self._drop, self._was_V = drop, 0.0
-        self._time_s, self._next_s = 0.0, SUPPLY_EVERY_S
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Lower the supply; no force of its own."""
-        self._time_s += dt
-        if self._time_s >= self._next_s:
-            self._next_s += SUPPLY_EVERY_S
-            now_V = self._drop(self._time_s, plant)
-            plant.supply_V -= now_V - self._was_V
-            self._was_V = now_V
+    def lower(plant: Plant, dt: float) -> Vec6:
+        nonlocal was_V, time_s, next_s
+        time_s += dt
+        if time_s >= next_s:
+            next_s += SUPPLY_EVERY_S
+            now_V = drop_V(time_s, plant)
+            plant.supply_V -= now_V - was_V
+            was_V = now_V
         return ZERO6
+
+    world.influences.append(lower)

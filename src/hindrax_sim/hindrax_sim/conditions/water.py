@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import AXES, GRAVITY_mps2
-from hindrax_sim.conditions.realization import Realization, lever_wrench
+from hindrax_sim.conditions.realization import Realization
+from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, six
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.quaternion import rotate
 
 TETHER_m, TETHER_mps = 5.0, 0.5
 MEMORY_S = 1.0
@@ -22,7 +23,7 @@ def tether(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: What a hand feels of a neutral line of 8 mm; our estimate.
     """
-    world.influences.append(Tether(world, size, 0.0))
+    _tie(world, size, 0.0)
 
 
 def tether_drag(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -30,32 +31,27 @@ def tether_drag(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: 7.6 mm (Fathom ROV Tether), C_D 1.2, speed growing evenly along 5 m: 1.9 N.
     """
-    world.influences.append(Tether(world, 0.0, size))
+    _tie(world, 0.0, size)
 
 
-class Tether:
+def _tie(world: Realization, pull_N: float, drag_N: float) -> None:
     """Pull towards the anchor, `pull_N` at a distance of 5 m; drag against the motion, `drag_N` there at 0.5 m/s.
 
     Both grow with the horizontal distance, and act at the top of the stern.
     """
+    length, _, height = world.vehicle.envelope_m
+    lever_m = minus((-0.5 * length, 0.0, -0.5 * height), world.vehicle.center_of_mass_m)
+    anchor_x = -0.5 * world.vehicle.pool.length_m
+    pull, drag = pull_N / TETHER_m, drag_N / (TETHER_m * TETHER_mps**2)
 
-    def __init__(self, world: Realization, pull_N: float, drag_N: float) -> None:
-        vehicle = world.vehicle
-        length, _, height = vehicle.envelope_m
-        cx, cy, cz = vehicle.center_of_mass_m
-        self._lever_m = (-0.5 * length - cx, -cy, -0.5 * height - cz)
-        self._anchor_x = -0.5 * vehicle.pool.length_m
-        self._pull, self._drag = pull_N / TETHER_m, drag_N / (TETHER_m * TETHER_mps**2)
+    def tug(plant: Plant, dt: float) -> Vec6:
+        away = (plant.x - anchor_x, plant.y, 0.0)
+        a, b, c = rotate_back(plant.quaternion, away)
+        u, v, w, _, _, _ = plant.mid_step(dt)
+        brake = drag * math.hypot(*away) * math.sqrt(u * u + v * v + w * w)
+        return lever_wrench((-pull * a - brake * u, -pull * b - brake * v, -pull * c - brake * w), lever_m)
 
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Pull and drag at the stern."""
-        w, x, y, z = plant.quaternion
-        away = (plant.x - self._anchor_x, plant.y, 0.0)
-        a, b, c = rotate((w, -x, -y, -z), away)
-        u, v, down, _, _, _ = plant.mid_step(dt)
-        brake = self._drag * math.hypot(*away) * math.sqrt(u * u + v * v + down * down)
-        pull = self._pull
-        return lever_wrench((-pull * a - brake * u, -pull * b - brake * v, -pull * c - brake * down), self._lever_m)
+    world.influences.append(tug)
 
 
 def fluid_memory(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -63,27 +59,9 @@ def fluid_memory(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: Flow follows in about a length over speed; our estimate.
     """
+    # Cummins' convolution with one exponential: F = -share d/dt (the velocity through a first-order lag of 1 s).
     shares = [size * mass for mass in world.hydrodynamics.added_mass]
-    world.influences.append(FluidMemory(shares))
-
-
-class FluidMemory:
-    """Cummins' convolution with one exponential: F = -share d/dt (the velocity through a first-order lag of 1 s)."""
-
-    def __init__(self, shares: list[float]) -> None:
-        self._shares = shares
-        self._followed = [0.0] * 6
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Force of the memory on each axis."""
-        kept = math.exp(-dt / MEMORY_S)
-        forces = []
-        for axis, (velocity, share) in enumerate(zip(plant.mid_step(dt), self._shares, strict=True)):
-            behind = velocity - self._followed[axis]
-            forces.append(-share * behind / MEMORY_S)
-            self._followed[axis] += (1.0 - kept) * behind
-        X, Y, Z, K, M, N = forces
-        return (X, Y, Z, K, M, N)
+    _follow(world, MEMORY_S, lambda axis, velocity, followed: -shares[axis] * (velocity - followed) / MEMORY_S)
 
 
 def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
@@ -91,31 +69,28 @@ def wake(world: Realization, size: float, _draws: NormalDraws) -> None:
 
     Size: Wake fraction of bluff hulls, 0.1 to 0.3; our estimate.
     """
-    world.influences.append(Wake(world, size))
+    drags = [world.hydrodynamics.drag(axis) for axis in AXES]
+
+    def added(axis: int, velocity: float, followed: float) -> float:
+        """Drag at the speed through the water that follows, met by a motion against it, less what the plant knows."""
+        met = velocity - size * followed if velocity * followed < 0.0 else velocity
+        return drags[axis].resistance(velocity) - drags[axis].resistance(met)
+
+    _follow(world, WAKE_S, added)
 
 
-class Wake:
-    """Drag at the speed through the water that follows the vehicle, less the drag that the plant knows.
+def _follow(world: Realization, lag_s: float, force: Callable[[int, float, float], float]) -> None:
+    """Add a force [N, Nm] by axis, velocity through the water, and that through a first-order lag."""
+    followed = [0.0] * 6
 
-    The water's speed is `size` times the vehicle's own through a first-order lag of 5 s, and is met only by a motion
-    against it.
-    """
+    def push(plant: Plant, dt: float) -> Vec6:
+        share, velocities = 1.0 - math.exp(-dt / lag_s), plant.mid_step(dt)
+        forces = six(force(axis, velocity, followed[axis]) for axis, velocity in enumerate(velocities))
+        for axis, velocity in enumerate(velocities):
+            followed[axis] += share * (velocity - followed[axis])
+        return forces
 
-    def __init__(self, world: Realization, size: float) -> None:
-        self._size, self._followed = size, [0.0] * 6
-        self._drags = [world.hydrodynamics.drag(axis) for axis in AXES]
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """What the wake adds to the drag of each axis."""
-        share = 1.0 - math.exp(-dt / WAKE_S)
-        forces = []
-        for axis, (velocity, drag) in enumerate(zip(plant.mid_step(dt), self._drags, strict=True)):
-            followed = self._followed[axis]
-            met = velocity - self._size * followed if velocity * followed < 0.0 else velocity
-            forces.append(drag.resistance(velocity) - drag.resistance(met))
-            self._followed[axis] += share * (velocity - followed)
-        X, Y, Z, K, M, N = forces
-        return (X, Y, Z, K, M, N)
+    world.influences.append(push)
 
 
 def current(world: Realization, size: float, draws: NormalDraws) -> None:
@@ -124,7 +99,7 @@ def current(world: Realization, size: float, draws: NormalDraws) -> None:
     Size: Pool circulation; our estimate.
     """
     angle = math.tau * draws.uniform()
-    world.influences.append(MovingWater(world, (size * math.cos(angle), size * math.sin(angle), 0.0)))
+    _move_water(world, size * math.cos(angle), size * math.sin(angle))
 
 
 def seiche(world: Realization, size: float, draws: NormalDraws) -> None:
@@ -134,46 +109,40 @@ def seiche(world: Realization, size: float, draws: NormalDraws) -> None:
     """
     pool = world.vehicle.pool
     # Merian's formula: the longest wave of a closed basin is twice its length.
-    period_s = 2.0 * pool.length_m / math.sqrt(GRAVITY_mps2 * pool.depth_m)
+    frequency = math.tau / (2.0 * pool.length_m / math.sqrt(GRAVITY_mps2 * pool.depth_m))
     phase = math.tau * draws.uniform()
-    world.influences.append(MovingWater(world, (size, 0.0, 0.0), math.tau / period_s, phase, math.pi / pool.length_m))
+    _move_water(world, size, 0.0, frequency_radps=frequency, phase=phase, wave_number_radpm=math.pi / pool.length_m)
 
 
-class MovingWater:
-    """Water that moves with amplitude * cos(frequency t + phase) * cos(wave_number x), horizontally.
+def _move_water(
+    world: Realization,
+    north_mps: float,
+    east_mps: float,
+    *,
+    frequency_radps: float = 0.0,
+    phase: float = 0.0,
+    wave_number_radpm: float = 0.0,
+) -> None:
+    """Move the water with amplitude * cos(frequency t + phase) * cos(wave_number x), horizontally.
 
     Accelerated water takes the vehicle along: with the mass that it displaces and its added mass (Froude-Krylov).
     """
+    displaced = world.vehicle.volume_m3 * world.vehicle.water.density_kgpm3
+    masses = [displaced + mass for mass in world.hydrodynamics.added_mass[:3]]
+    time_s, was = 0.0, (0.0, 0.0, 0.0)
 
-    def __init__(
-        self,
-        world: Realization,
-        amplitude_mps: Vec3,
-        frequency_radps: float = 0.0,
-        phase: float = 0.0,
-        wave_number_radpm: float = 0.0,
-    ) -> None:
-        vehicle = world.vehicle
-        displaced = vehicle.volume_m3 * vehicle.water.density_kgpm3
-        self._masses = [displaced + mass for mass in world.hydrodynamics.added_mass[:3]]
-        self._amplitude, self._frequency, self._phase = amplitude_mps, frequency_radps, phase
-        self._wave_number = wave_number_radpm
-        self._time_s, self._was = 0.0, (0.0, 0.0, 0.0)
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Move the water; force of its acceleration."""
-        self._time_s += dt
-        factor = math.cos(self._frequency * self._time_s + self._phase) * math.cos(self._wave_number * plant.x)
-        now = (factor * self._amplitude[0], factor * self._amplitude[1], 0.0)
-        was, self._was = self._was, now
-        change = (now[0] - was[0], now[1] - was[1], 0.0)
+    def move(plant: Plant, dt: float) -> Vec6:
+        nonlocal time_s, was
+        time_s += dt
+        factor = math.cos(frequency_radps * time_s + phase) * math.cos(wave_number_radpm * plant.x)
+        now = (factor * north_mps, factor * east_mps, 0.0)
+        change, was = minus(now, was), now
         if not any(change):
             return ZERO6
-        cx, cy, cz = plant.current_mps
-        plant.current_mps = (cx + change[0], cy + change[1], cz)
-        if self._time_s == dt:  # it moved already before the world began
+        plant.current_mps = plus(plant.current_mps, change)
+        if time_s == dt:  # it moved already before the world began
             return ZERO6
-        w, x, y, z = plant.quaternion
-        into_body = rotate((w, -x, -y, -z), change)
-        X, Y, Z = (mass * part / dt for mass, part in zip(self._masses, into_body, strict=True))
+        X, Y, Z = (mass * part / dt for mass, part in zip(masses, rotate_back(plant.quaternion, change), strict=True))
         return (X, Y, Z, 0.0, 0.0, 0.0)
+
+    world.influences.append(move)

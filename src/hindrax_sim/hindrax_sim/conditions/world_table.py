@@ -87,12 +87,10 @@ _ROWS = (
     Condition("dvl_yaw", "deg", 2.0, sensing.dvl_yaw, SIGNED, 1.0, least=-180.0, most=180.0),
     Condition("imu_misalignment", "deg", 2.0, sensing.imu_misalignment, ONE_SIDED, 1.0, most=30.0),
     Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, most=20.0),
-    Condition("weight", "N", 18.0, known_loads.weight, ONE_SIDED, 0.0, least=-100.0, most=100.0),
-    Condition("weight_starboard", "N", 9.0, known_loads.weight_starboard, ONE_SIDED, 0.0, least=-100.0, most=100.0),
-    Condition("weight_bow", "N", 9.0, known_loads.weight_bow, ONE_SIDED, 0.0, least=-100.0, most=100.0),
-    Condition("line", "N", 15.0, known_loads.line, ONE_SIDED, 0.0, least=-100.0, most=100.0),
-    Condition("line_aside", "N", 15.0, known_loads.line_aside, ONE_SIDED, 0.0, least=-100.0, most=100.0),
-    Condition("line_bow", "N", 15.0, known_loads.line_bow, ONE_SIDED, 0.0, least=-100.0, most=100.0),
+    *(
+        Condition(name, "N", usual, hang, ONE_SIDED, 0.0, least=-100.0, most=100.0)
+        for name, (usual, hang) in known_loads.LOADS.items()
+    ),
 )
 
 CONDITIONS: Mapping[str, Condition] = {row.name: row for row in _ROWS}

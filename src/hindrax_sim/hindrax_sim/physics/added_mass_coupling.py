@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import Hydrodynamics
+from hindrax_sim.physics.geometry import six
 
-Rows6: TypeAlias = tuple[Vec6, Vec6, Vec6, Vec6, Vec6, Vec6]
 Matrix: TypeAlias = NDArray[np.float64]
+Rows: TypeAlias = list[list[float]]
 
 
 class AddedMassCoupling:
@@ -22,8 +22,8 @@ class AddedMassCoupling:
     __slots__ = ("_inverse", "_momentum")
 
     def __init__(self, cross: Matrix, inverse: Matrix) -> None:
-        self._momentum = _rows(0.5 * (cross + cross.T))
-        self._inverse = _rows(inverse)
+        self._momentum: Rows = (0.5 * (cross + cross.T)).tolist()
+        self._inverse: Rows = inverse.tolist()
 
     def accelerations(self, forces: Vec6, velocities: Vec6) -> Vec6:
         """Solve M a = forces - C v; the forces hold all but what the off-diagonal momenta add to C v."""
@@ -55,16 +55,6 @@ def coupling(inertia: Vec6, hydrodynamics: Hydrodynamics) -> AddedMassCoupling |
     return AddedMassCoupling(cross, np.linalg.inv(whole))
 
 
-def _rows(matrix: Matrix) -> Rows6:
-    a, b, c, d, e, f = (_six(row) for row in matrix.tolist())
-    return (a, b, c, d, e, f)
-
-
-def _six(row: Sequence[float]) -> Vec6:
-    a, b, c, d, e, f = row
-    return (a, b, c, d, e, f)
-
-
-def _times(matrix: Rows6, vector: Vec6) -> Vec6:
+def _times(matrix: Rows, vector: Vec6) -> Vec6:
     a, b, c, d, e, f = vector
-    return _six([row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix])
+    return six(row[0] * a + row[1] * b + row[2] * c + row[3] * d + row[4] * e + row[5] * f for row in matrix)

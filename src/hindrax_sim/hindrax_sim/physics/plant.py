@@ -8,28 +8,23 @@ appears only in lever arms. Frames: SNAME body axes; the reference frame is nort
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Quaternion, Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
 from hindrax_sim.physics.added_mass_coupling import coupling
-from hindrax_sim.physics.quaternion import quaternion, rotate
-from hindrax_sim.physics.steady_thrust import thruster_force, wrench_per_newton
-from hindrax_sim.physics.thruster_lag import ThrusterLag, combined
+from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back
+from hindrax_sim.physics.thruster import ThrusterLag, thruster_force, wrench_per_newton
 
 LONGEST_STEP_S = 0.005
 MOST_FORCES = 20_000
 
 ThrustLoss: TypeAlias = Callable[[list[float]], list[float]]
 """Steady forces of all thrusters, each as if it ran alone, to those that they have together [N]."""
-
-
-class Influence(Protocol):
-    """What acts on the plant beside its own law. Asked once at the beginning of every step."""
-
-    def wrench(self, plant: Plant, dt: float) -> Vec6:
-        """Wrench about the center of mass in body axes during this step [N, Nm]; it may change water and supply."""
+Influence: TypeAlias = "Callable[[Plant, float], Vec6]"
+"""What acts on the plant beside its own law, asked at the beginning of every step of so many seconds: its wrench about
+the center of mass in body axes during this step [N, Nm]. It may change water and supply."""
 
 
 class Plant:
@@ -39,14 +34,15 @@ class Plant:
 
     State: `x y z` [m] center of mass, `qw qx qy qz` body to north-east-down, `u v w p q r` [m/s, rad/s] through the
     water. `du .. dr` are the accelerations of the last step. `sx sy sz` [m] and `ax ay az` [rad] are the ground covered
-    and the angle turned in body axes since the start: what a DVL reports are their differences.
+    and the angle turned in body axes since the start: what a DVL reports are their differences. `pulses_us` and
+    `targets_N` are what each thruster is told and its steady force; electric currents follow that without lag.
     """
 
     __slots__ = (
         "_coupling", "_current", "_differences", "_drag", "_forces_N", "_gains", "_inertia", "_influences", "_lags",
-        "_losses", "_pulses_us", "_statics", "_supply_V", "_targets_N", "_vehicle", "_wrenches", "ax", "ay", "az", "dp",
-        "dq", "dr", "du", "dv", "dw", "p", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "u", "v", "w", "x", "y",
-        "z",
+        "_losses", "_statics", "_supply_V", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
+        "dw", "p", "pulses_us", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "targets_N", "u", "v", "w", "x",
+        "y", "z",
     )  # fmt: skip
 
     def __init__(
@@ -61,7 +57,7 @@ class Plant:
         self._coupling = coupling(self._inertia, hydrodynamics)
         self._drag = tuple(k for axis in AXES for k in _both_ways(hydrodynamics.drag(axis)))
         buoyancy_N = vehicle.buoyancy_N
-        bx, by, bz = (buoyancy_N * arm for arm in _minus(vehicle.center_of_buoyancy_m, vehicle.center_of_mass_m))
+        bx, by, bz = (buoyancy_N * arm for arm in minus(vehicle.center_of_buoyancy_m, vehicle.center_of_mass_m))
         awash_z = 0.5 * vehicle.envelope_m[2] + vehicle.center_of_mass_m[2]
         self._statics = (awash_z, vehicle.weight_N - buoyancy_N, bx, by, bz)
         self._wrenches = tuple(wrench_per_newton(vehicle, thruster) for thruster in vehicle.thrusters)
@@ -91,17 +87,17 @@ class Plant:
 
     def drive(self, pulses_us: Sequence[float]) -> None:
         """Apply one pulse per thruster, in the order of the vehicle file, until the next call; 0 is no signal."""
-        self._pulses_us = tuple(pulses_us)
+        self.pulses_us = tuple(pulses_us)
         known = self._forces_N
         forces = []
-        for index, pulse in enumerate(self._pulses_us):
+        for index, pulse in enumerate(self.pulses_us):
             force = known.get((index, pulse))
             if force is None:
                 force = self._steady_force(index, pulse)
             forces.append(force * self._gains[index])
         for loss in self._losses:
             forces = loss(forces)
-        self._targets_N = tuple(forces)
+        self.targets_N = tuple(forces)
         for lag in self._lags:
             lag.set_target(combined([(forces[index], self._wrenches[index]) for index in lag.thrusters]))
 
@@ -116,7 +112,7 @@ class Plant:
     def scale_thrusters(self, gains: Sequence[float]) -> None:
         """Scale the curve of each thruster from now on: 1 is as in the vehicle file, 0 is failed."""
         self._gains = tuple(gains)
-        self.drive(self._pulses_us)
+        self.drive(self.pulses_us)
 
     @property
     def supply_V(self) -> float:
@@ -127,7 +123,7 @@ class Plant:
     def supply_V(self, volts: float) -> None:
         self._supply_V = volts
         self._forces_N.clear()
-        self.drive(self._pulses_us)
+        self.drive(self.pulses_us)
 
     @property
     def current_mps(self) -> Vec3:
@@ -137,21 +133,11 @@ class Plant:
     @current_mps.setter
     def current_mps(self, current: Vec3) -> None:
         # The velocity over ground does not jump when the water does, so the velocity through the water must.
-        change = self._into_body(_minus(current, self.current_mps))
+        change = self._into_body(minus(current, self.current_mps))
         self.u, self.v, self.w = self.u - change[0], self.v - change[1], self.w - change[2]
         self._current = current if any(current) else None
 
     # ---- outputs
-
-    @property
-    def pulses_us(self) -> tuple[float, ...]:
-        """Active pulses, one per thruster."""
-        return self._pulses_us
-
-    @property
-    def targets_N(self) -> tuple[float, ...]:
-        """Steady force of each thruster [N]; electric currents follow it without lag."""
-        return self._targets_N
 
     @property
     def thrust(self) -> Vec6:
@@ -179,7 +165,7 @@ class Plant:
         return net + (1.0 - share) * vehicle.buoyancy_N, share * bx, share * by, share * bz
 
     def _into_body(self, vector: Vec3) -> Vec3:
-        return rotate((self.qw, -self.qx, -self.qy, -self.qz), vector)
+        return rotate_back((self.qw, self.qx, self.qy, self.qz), vector)
 
     def mid_step(self, dt: float) -> Vec6:
         """Velocities through the water in the middle of a step of `dt`, by the acceleration before."""
@@ -198,7 +184,7 @@ class Plant:
     def step(self, dt: float) -> None:  # noqa: PLR0915  # one law, unrolled: a call costs as much as four products
         """Advance by `dt` seconds (LONGEST_STEP_S at most keeps the attitude stable)."""
         # First, because an influence may move the water, and with it the velocities through the water.
-        extra = combined([(1.0, one.wrench(self, dt)) for one in self._influences]) if self._influences else None
+        extra = combined([(1.0, one(self, dt)) for one in self._influences]) if self._influences else None
         u_was, v_was, w_was, p_was, q_was, r_was = self.u, self.v, self.w, self.p, self.q, self.r
         qw, qx, qy, qz = self.qw, self.qx, self.qy, self.qz
         mx, my, mz, Ix, Iy, Iz = self._inertia
@@ -322,7 +308,3 @@ def _both_ways(drag: Drag) -> tuple[float, float, float, float]:
     """Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x."""
     k_q, k_l = drag.of(backward=True)
     return (-drag.k_q, -drag.k_l, k_q, -k_l)
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])

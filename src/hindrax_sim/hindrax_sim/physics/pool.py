@@ -9,8 +9,8 @@ import math
 
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Pool, Vehicle
+from hindrax_sim.physics.geometry import minus, rotate, rotate_back
 from hindrax_sim.physics.plant import Plant
-from hindrax_sim.physics.quaternion import rotate
 
 
 class PoolWalls:
@@ -47,15 +47,10 @@ class PoolWalls:
     def _beyond(self, plant: Plant) -> Vec3:
         """Signed distance of the hull beyond the box, along x, y, z [m]."""
         (x, y, _), (along, across, below) = self._center(plant), self.clearance_m(plant)
-        return (
-            math.copysign(max(0.0, -along), x),
-            math.copysign(max(0.0, -across), y),
-            max(0.0, -below),
-        )
+        return (math.copysign(max(0.0, -along), x), math.copysign(max(0.0, -across), y), max(0.0, -below))
 
     def _center(self, plant: Plant) -> Vec3:
-        ox, oy, oz = rotate(plant.quaternion, self._offset_m)
-        return (plant.x - ox, plant.y - oy, plant.z - oz)
+        return minus((plant.x, plant.y, plant.z), rotate(plant.quaternion, self._offset_m))
 
     def _extent(self, plant: Plant) -> Vec3:
         corners = [rotate(plant.quaternion, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
@@ -72,9 +67,8 @@ class PoolWalls:
 
 def _push_back(plant: Plant, outside: Vec3) -> None:
     """Remove the displacement into the wall, and the velocity towards it."""
-    plant.x, plant.y, plant.z = (at - beyond for at, beyond in zip((plant.x, plant.y, plant.z), outside, strict=True))
+    plant.x, plant.y, plant.z = minus((plant.x, plant.y, plant.z), outside)
     over_ground = rotate(plant.quaternion, plant.velocity_over_ground)
     into = [speed if speed * beyond > 0.0 else 0.0 for speed, beyond in zip(over_ground, outside, strict=True)]
-    w, x, y, z = plant.quaternion
-    lost = rotate((w, -x, -y, -z), (into[0], into[1], into[2]))
-    plant.u, plant.v, plant.w = plant.u - lost[0], plant.v - lost[1], plant.w - lost[2]
+    lost = rotate_back(plant.quaternion, (into[0], into[1], into[2]))
+    plant.u, plant.v, plant.w = minus((plant.u, plant.v, plant.w), lost)

@@ -1,4 +1,4 @@
-"""Steady thrust of the mock's thrusters: pulse in, force out, from the vehicle file alone.
+"""The mock's thrusters: pulse in, steady force out, from the vehicle file alone; and the lag with which it is reached.
 
 Independent of the allocator's curve on purpose: the mock shares only the vehicle file with the code under test.
 """
@@ -6,10 +6,13 @@ Independent of the allocator's curve on purpose: the mock shares only the vehicl
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from hindrax_core.curves.curve_branches import Curve
 from hindrax_core.readings import Vec6
+from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import Thruster, Vehicle
+from hindrax_sim.physics.geometry import combined, lever_wrench, minus
 
 AMPERE = 0.13
 """Current [A] of a thruster per newton to the power 1.5: power goes with thrust to that power (momentum theory)."""
@@ -51,6 +54,32 @@ def thruster_force(vehicle: Vehicle, thruster: Thruster, pulse_us: float, supply
 
 def wrench_per_newton(vehicle: Vehicle, thruster: Thruster) -> Vec6:
     """Wrench about the center of mass of one newton of this thruster: [d; r x d]. COB-2023-1394 eq. 9."""
-    dx, dy, dz = thruster.direction
-    rx, ry, rz = (p - c for p, c in zip(thruster.position_m, vehicle.center_of_mass_m, strict=True))
-    return (dx, dy, dz, ry * dz - rz * dy, rz * dx - rx * dz, rx * dy - ry * dx)
+    return lever_wrench(thruster.direction, minus(thruster.position_m, vehicle.center_of_mass_m))
+
+
+class ThrusterLag:
+    """First-order lag of all thrusters with one time constant; linear, so it may act on their joint wrench."""
+
+    __slots__ = ("dt", "lag_s", "left", "shares", "target", "thrusters")
+
+    def __init__(self, lag_s: float, thrusters: Sequence[int]) -> None:
+        self.lag_s, self.thrusters = lag_s, thrusters
+        self.target = self.left = ZERO6
+        self.dt, self.shares = 0.0, (1.0, 1.0)
+
+    def decay(self, dt: float) -> tuple[float, float]:
+        """Remaining share of the way to the target after `dt`, and its mean over `dt`; cached for equal steps."""
+        self.dt = dt
+        keep = math.exp(-dt / self.lag_s) if self.lag_s > 0.0 else 0.0
+        self.shares = (keep, (1.0 - keep) * self.lag_s / dt)
+        return self.shares
+
+    @property
+    def wrench(self) -> Vec6:
+        """Current wrench."""
+        return combined([(1.0, self.target), (1.0, self.left)])
+
+    def set_target(self, target: Vec6) -> None:
+        """Set the target; the thrust does not jump."""
+        self.left = combined([(1.0, self.wrench), (-1.0, target)])
+        self.target = target
