@@ -10,7 +10,7 @@ from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_drivers.buses.bus_schedule import BusOutput, BusSchedule
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.register_emulator import RegisterEmulator
+from hindrax_sim.devices.emulator import RegisterEmulator
 
 STEP_S = 0.005
 START = stamp_from_s(100.0)

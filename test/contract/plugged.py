@@ -97,7 +97,7 @@ class Plugged:
         def tell(elapsed_s: float, now_s: float) -> None:
             part.set_truth(self.truth(elapsed_s), now_s)
 
-        wired = {at: port if at >= EDGES else afflicted.at(port) for at, port in ports.items()}
+        wired = {at: port if at >= EDGES else afflicted(port) for at, port in ports.items()}
         return RegisterBus(driver, wired, tell)
 
     def run(self, seconds: float) -> None:

@@ -15,9 +15,9 @@ from hindrax_core.readings import Inertial, Magnetic, Vec3
 from hindrax_core.vehicle import GRAVITY_mps2
 from hindrax_drivers.devices.icm20948 import SILENT_LINE, Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import SelfTest, self_test
+from hindrax_sim.devices.emulator import RegisterEmulator
 from hindrax_sim.devices.icm20948 import Icm20948 as Emulator
 from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors
-from hindrax_sim.devices.register_emulator import RegisterEmulator
 
 NOISE = 0.2
 FAITHFUL = SensorErrors(noise=NOISE)

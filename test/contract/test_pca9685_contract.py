@@ -9,6 +9,7 @@ from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.events import Stamp, after
 from hindrax_drivers.devices.pca9685 import Pca9685
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.pca9685 import Pca9685 as Emulator
 
 CHANNELS = (*range(8), 8, 9)
@@ -73,9 +74,10 @@ def test_a_restarted_process_leaves_no_gap_in_the_pulses() -> None:
 
 def test_a_stranger_cannot_write_by_all_call_after_configuration() -> None:
     bench = Bench()
-    assert bench.chip.answers_all_call()
+    bench.chip.all_call.write(b"\x00", 1.0)
     bench.run(bench.driver.configure())
-    assert not bench.chip.answers_all_call()
+    with pytest.raises(NackError):
+        bench.chip.all_call.write(b"\x00", 2.0)
 
 
 def test_a_lost_supply_is_found_out_and_mended() -> None:

@@ -10,8 +10,8 @@ from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_drivers.devices.stm32 import Stm32
+from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
-from hindrax_sim.devices.stm32 import SupplyTruth
 
 CHANNELS = (*range(8), 8, 9)
 REST = (1500.0,) * 8 + (1100.0,) * 2

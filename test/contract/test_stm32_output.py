@@ -22,8 +22,8 @@ from hindrax_drivers.output.output_guard import (
 )
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
+from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
-from hindrax_sim.devices.stm32 import SupplyTruth
 from hindrax_sim.ptys import Pty
 
 CHANNELS = (*range(8), 8, 9)

@@ -77,7 +77,7 @@ class Flight:
         self.chip, self.line = Emulator(), Line()
         afflicted = with_bus_faults("thrusters", self.chip, list(specs), seed=5, start_s=100.0)
         wires = VirtualI2c()
-        wires.attach(0x40, afflicted.at(self.chip))
+        wires.attach(0x40, afflicted(self.chip))
         self.bus = GarblingBus(wires, START)
         self.driver = Pca9685((*range(8), 8, 9), REST)
         self.told: list[AppliedOutput] = []

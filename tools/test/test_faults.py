@@ -148,10 +148,10 @@ LIES = {
 def test_a_lie_begins_and_ends_and_is_what_it_says(fault: str) -> None:
     truth, as_said = LIES[fault]
     lies = liar(FAULTS[fault].devices[0], [FaultSpec(fault, FAULTS[fault].devices, 1.0, 1.0)])
-    assert lies.told(truth, 0.9) is truth
-    assert as_said(lies.told(truth, 1.0))
-    assert lies.told(truth, 2.0) is truth
-    assert liar("thrusters", [FaultSpec(fault, FAULTS[fault].devices)]).told(truth, 12.0) is truth
+    assert lies(truth, 0.9) is truth
+    assert as_said(lies(truth, 1.0))
+    assert lies(truth, 2.0) is truth
+    assert liar("thrusters", [FaultSpec(fault, FAULTS[fault].devices)])(truth, 12.0) is truth
 
 
 def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -> None:
@@ -159,6 +159,6 @@ def test_a_stuck_sensor_keeps_what_it_had_and_a_false_velocity_covers_ground() -
         liar(device, [FaultSpec(fault, (device,), 0.0)])
         for device, fault in (("ms5837", "depth_stuck"), ("dvl75", "velocity_bias"))
     )
-    assert stuck.told(WaterTruth(1.1e5), 1.0) == stuck.told(WaterTruth(1.2e5), 2.0) == WaterTruth(1.1e5)
-    biased.told(DVL, 1.0)
-    assert biased.told(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))
+    assert stuck(WaterTruth(1.1e5), 1.0) == stuck(WaterTruth(1.2e5), 2.0) == WaterTruth(1.1e5)
+    biased(DVL, 1.0)
+    assert biased(replace(DVL, velocity_mps=(0.0, 0.0, 0.1)), 3.0).travel_m == pytest.approx((1.5, 0.0, 0.2))

@@ -9,10 +9,11 @@ from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
+from hindrax_sim.devices.emulator import SerialEmulator
 from hindrax_sim.devices.emulator_registry import EMULATORS, SERIAL
+from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
-from hindrax_sim.devices.serial_emulator import SerialEmulator
-from hindrax_sim.devices.stm32 import Stm32, SupplyTruth
+from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
 from hindrax_sim.faults.true_state import TrueState
 from hindrax_sim.world import Conditions, World
@@ -44,7 +45,7 @@ class Hardware:
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
         self._tellers: list[Callable[[float], None]] = []
-        self._faults, self._injector = faults, fault_injector(self.world, faults, to_s(START))
+        self._faults, self._inject = faults, fault_injector(self.world, faults, to_s(START))
         self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
             self._attach(name, mount, seed * 101 + number)
@@ -59,7 +60,7 @@ class Hardware:
     def advance(self, stamp: Stamp) -> dict[str, bytes]:
         """Advance time; return the bytes of each serial device."""
         pulses = self.output.pulses_us()
-        self._injector.step(to_s(stamp))
+        self._inject(to_s(stamp))
         self.world.drive([pulses[channel] or 0.0 for channel in self._channels])
         self.world.advance(stamp)
         now_s = self._set_truths()
@@ -94,7 +95,7 @@ class Hardware:
             return
         chip = self.output = Pca9685()
         afflicted = with_bus_faults(THRUSTERS, chip, self._faults, seed, to_s(START))
-        self.i2c.attach(output.address, afflicted.at(chip))
+        self.i2c.attach(output.address, afflicted(chip))
         self.i2c.attach(ALL_CALL, chip.all_call)
         self.i2c.attach(GENERAL_CALL, chip.general_call)
         taken = {one.data_ready.rpartition(":")[2] for one in self.vehicle.sensors.values()}
@@ -105,13 +106,13 @@ class Hardware:
         row = EMULATORS[mount.device]
         device = row.make(seed)
         at = self.world.mounting(mount)
-        lies = liar(name, self._faults, to_s(START))
-        self._tellers.append(lambda now_s: device.set_truth(lies.told(row.truth(self.world, at), now_s), now_s))
+        told = liar(name, self._faults, to_s(START))
+        self._tellers.append(lambda now_s: device.set_truth(told(row.truth(self.world, at), now_s), now_s))
         if mount.device in SERIAL:
             self.serial[name] = with_faults(name, device, self._faults, seed, to_s(START))
             return
         self.registers[name] = device
         afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
-        self.i2c.attach(mount.address or row.address, afflicted.at(device))
+        self.i2c.attach(mount.address or row.address, afflicted(device))
         for address, part in row.also_at(device, mount).items():
-            self.i2c.attach(address, part if address >= EDGES else afflicted.at(part))
+            self.i2c.attach(address, part if address >= EDGES else afflicted(part))

@@ -20,8 +20,8 @@ from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_core.wire_frames import frames_in, unpack_transaction
+from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.emulator_registry import SERIAL
-from hindrax_sim.devices.register_emulator import NackError
 
 SENT = 1
 IN_STEP_NS = 3 * NS_PER_S // 100

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from itertools import groupby
 
 import pytest
@@ -66,13 +65,13 @@ class Clockwork:
         self.message = message
         self.done: list[str] = []
         self.heard = b""
-        self.next_due_s = 0.1
+        self._due_s = 0.1
 
     def step(self, now_s: float) -> bytes:
         said = b""
-        while self.next_due_s <= now_s + 1e-9:
+        while self._due_s <= now_s + 1e-9:
             said += self.message
-            self.next_due_s += 0.1
+            self._due_s += 0.1
         return said
 
     def receive(self, data: bytes, now_s: float) -> bytes:
@@ -209,13 +208,6 @@ def test_repeated_says_its_first_words_again() -> None:
 def test_faults_compose_in_order() -> None:
     found = during(chunks(line("merged", "bytewise"), 3.0))
     assert {len(chunk) for chunk in found} == {1}
-
-
-def test_next_due_is_never_later_than_the_next_fault() -> None:
-    faulty = line("garbage", start_s=0.03)
-    assert faulty.next_due_s == 0.03
-    faulty.step(0.05)
-    assert faulty.next_due_s == -math.inf
 
 
 def test_only_the_faults_of_a_device_fall_on_it() -> None:

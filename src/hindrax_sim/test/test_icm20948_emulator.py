@@ -4,9 +4,9 @@ import struct
 
 import pytest
 
+from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.icm20948 import Icm20948
 from hindrax_sim.devices.imu.imu_signal import ImuTruth, SensorErrors, typical
-from hindrax_sim.devices.register_emulator import NackError
 
 TRUTH = ImuTruth((1.0, -2.0, 9.5), (0.1, -0.2, 0.3), (20e-6, -10e-6, 30e-6), 30.0)
 

@@ -11,7 +11,7 @@ from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.buses import i2cdev_abi as abi
 from hindrax_sim.buses.ioctl_seam import seam
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.register_emulator import BusStuckError
+from hindrax_sim.devices.emulator import BusStuckError
 
 
 class Memory:

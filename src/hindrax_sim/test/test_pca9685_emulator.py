@@ -2,8 +2,8 @@
 
 import pytest
 
+from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.pca9685 import Pca9685
-from hindrax_sim.devices.register_emulator import NackError
 
 FAR = 10.0
 

@@ -17,7 +17,7 @@ from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.bus_schedule import BusSchedule
 from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_sim.devices.register_emulator import NackError
+from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, recorded_frames
 
 MS = 1_000_000

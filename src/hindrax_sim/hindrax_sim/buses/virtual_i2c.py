@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.events import Stamp, to_s
-from hindrax_sim.devices.register_emulator import NackError, RegisterEmulator
+from hindrax_sim.devices.emulator import NackError, RegisterEmulator
 
 LOG_LENGTH = 4096
 

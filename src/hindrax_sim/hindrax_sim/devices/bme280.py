@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 import struct
-from collections.abc import Callable
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,12 +101,12 @@ class Bme280(Part[HullTruth]):
 
     def _measured(self) -> bytes:
         noise, truth = self._draw.gauss, self._truth
-        t = _lowest(lambda raw: _fine(raw) * 5 / 25600, truth.temperature_C + noise(0.0, NOISE_C), 20)
-        fine = _fine(t)
-        p = (1 << 20) - _lowest(
-            lambda raw: _pressure_Pa((1 << 20) - raw, fine), truth.pressure_Pa + noise(0.0, NOISE_Pa), 20
-        )
-        h = _lowest(lambda raw: _percent(raw, fine), 100.0 * truth.humidity + noise(0.0, NOISE_PERCENT), 16)
+        top, celsius = 1 << 20, truth.temperature_C + noise(0.0, NOISE_C)
+        t = bisect_left(range(top - 1), celsius, key=lambda raw: _fine(raw) * 5 / 25600)
+        fine, pascals = _fine(t), truth.pressure_Pa + noise(0.0, NOISE_Pa)
+        p = top - bisect_left(range(top - 1), pascals, key=lambda raw: _pressure_Pa(top - raw, fine))
+        percent = 100.0 * truth.humidity + noise(0.0, NOISE_PERCENT)
+        h = bisect_left(range(0xFFFF), percent, key=lambda raw: _percent(raw, fine))
         if self._saturated:
             p = 0
         t = t if self._ctrl_meas >> 5 else SKIPPED_20
@@ -128,15 +128,6 @@ def _high() -> bytes:
 
 def _times(bits: int) -> int:
     return (0, 1, 2, 4, 8, 16, 16, 16)[bits & 7]
-
-
-def _lowest(rising: Callable[[int], float], wanted: float, bits: int) -> int:
-    """Bisect for the lowest count that gives at least what is wanted."""
-    low, high = 0, (1 << bits) - 1
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (middle + 1, high) if rising(middle) < wanted else (low, middle)
-    return low
 
 
 def _fine(raw: int) -> int:
@@ -163,10 +154,6 @@ def _percent(raw: int, fine: int) -> float:
     return min(100.0, max(0.0, (v >> 12) / 1024.0))
 
 
-def _example(seconds: float) -> HullTruth:
-    return HullTruth(101_325.0 - 50.0 * math.sin(0.1 * seconds), 30.0 + 0.02 * seconds, 0.4)
-
-
 def _agrees(truth: HullTruth, reading: Any) -> bool:
     """Noise is some pascals; the rest is corruption too small to be distinguished from weather."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 400.0 and abs(reading.humidity - truth.humidity) < 0.08
@@ -174,5 +161,8 @@ def _agrees(truth: HullTruth, reading: Any) -> bool:
 
 
 EMULATOR = Emulator(
-    Bme280, lambda world, _at: HullTruth(humidity=0.9 if world.water_in_hull else 0.4), _example, _agrees
+    Bme280,
+    truth=lambda world, _at: HullTruth(humidity=0.9 if world.water_in_hull else 0.4),
+    example=lambda seconds: HullTruth(101_325.0 - 50.0 * math.sin(0.1 * seconds), 30.0 + 0.02 * seconds),
+    agrees=_agrees,
 )

@@ -29,8 +29,8 @@ from hindrax_sim.devices.dvl75_sentences import (
     minimum,
     over_ground,
 )
-from hindrax_sim.devices.emulator import Emulator, Part
-from hindrax_sim.devices.serial_emulator import BaudRateLine
+from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
+from hindrax_sim.physics.geometry import minus, plus
 from hindrax_sim.world import Mounting, World
 
 __all__ = ["Dvl75", "DvlSettings", "DvlTruth"]
@@ -149,11 +149,6 @@ class Dvl75(Part[DvlTruth]):
         self._sequence = 0
         self._gps_s = now_s
 
-    @property
-    def next_due_s(self) -> float:
-        """End of the running interval, or of the sentence on the wire."""
-        return min(self._next_s, self._wire.next_s)
-
     # ---- time
 
     def step(self, now_s: float) -> bytes:
@@ -165,7 +160,7 @@ class Dvl75(Part[DvlTruth]):
             self._integrate_travel(now_s)
             while self._next_s <= now_s:
                 past = (self._next_s - before_s) / (now_s - before_s) if now_s > before_s else 1.0
-                self._measure(_between(before_m, self._travel_m, past))
+                self._measure(plus(before_m, minus(self._travel_m, before_m), past))
         return self._wire.receive_complete(now_s) if self._wire.next_s <= now_s else b""
 
     def _start_at(self, now_s: float) -> None:
@@ -182,9 +177,7 @@ class Dvl75(Part[DvlTruth]):
         if truth.travel_m is not None:
             self._travel_m = truth.travel_m
         else:
-            x, y, z = self._travel_m
-            (u, v, w), (a, b, c) = self._velocity_mps, truth.velocity_mps
-            self._travel_m = (x + half_s * (u + a), y + half_s * (v + b), z + half_s * (w + c))
+            self._travel_m = plus(self._travel_m, plus(self._velocity_mps, truth.velocity_mps), half_s)
         self._velocity_mps = truth.velocity_mps
         self._seen_s = now_s
 
@@ -194,9 +187,9 @@ class Dvl75(Part[DvlTruth]):
         if locked:
             self._reckon()
         turned_rad = self._truth.turned_rad
-        moved_m, confidence = self._measured_delta(_minus(travel_m, self._reported_m), locked)
+        moved_m, confidence = self._measured_delta(minus(travel_m, self._reported_m), locked)
         end_us = self._end_us + self._jumped_us
-        turn = _minus(turned_rad, self._reported_rad)
+        turn = minus(turned_rad, self._reported_rad)
         self._emit(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
         self._reported_m, self._reported_rad = travel_m, turned_rad
         self._span_us = self._next_span_us(locked)
@@ -231,7 +224,8 @@ class Dvl75(Part[DvlTruth]):
             return self._measured_m, 100
         scale = self.settings.speed_of_sound_mps / self._truth.speed_of_sound_mps * self.settings.velocity_adjustment
         noise = self._random.normal(0.0, self._noise_mps * self._span_us * 1e-6, 3).tolist()
-        turned_m = rotate(matrix(_radians(self.settings.orientation_deg)), way_m)
+        roll, pitch, yaw = self.settings.orientation_deg
+        turned_m = rotate(matrix((math.radians(roll), math.radians(pitch), math.radians(yaw))), way_m)
         x, y, z = (scale * way + error for way, error in zip(turned_m, noise, strict=True))
         self._measured_m = x, y, z
         return self._measured_m, 100
@@ -318,15 +312,6 @@ class Dvl75(Part[DvlTruth]):
         self._jumped_us += round(seconds * 1e6)
 
 
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-def _between(a: Vec3, b: Vec3, share: float) -> Vec3:
-    x, y, z = (one + share * (other - one) for one, other in zip(a, b, strict=True))
-    return (x, y, z)
-
-
 def _numbers(text: str, count: int) -> tuple[float, ...]:
     """As many finite numbers between commas; nothing when they are others."""
     try:
@@ -334,11 +319,6 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
     except ValueError:
         return ()
     return values if len(values) == count and all(map(math.isfinite, values)) else ()
-
-
-def _radians(angles_deg: Vec3) -> Vec3:
-    roll, pitch, yaw = map(math.radians, angles_deg)
-    return (roll, pitch, yaw)
 
 
 def _truth(world: World, at: Mounting) -> DvlTruth:
@@ -354,11 +334,6 @@ def _truth(world: World, at: Mounting) -> DvlTruth:
     )
 
 
-def _example(seconds: float) -> DvlTruth:
-    velocity = (0.4 * math.sin(0.5 * seconds), -0.3, 0.1)
-    return DvlTruth(velocity, (0.05, -0.1, 2.0), 2.0 + 0.1 * math.sin(seconds))
-
-
 def _agrees(truth: DvlTruth, reading: Any) -> bool:
     """Five sigma of velocity and half a millimeter per interval; angles to 0.1 degrees, altitude to centimeters."""
     if isinstance(reading, BottomVelocity):
@@ -372,4 +347,9 @@ def _agrees(truth: DvlTruth, reading: Any) -> bool:
     return isinstance(reading, DeviceText | Position)
 
 
-EMULATOR = Emulator(lambda seed: Dvl75(seed=seed), _truth, _example, _agrees)
+EMULATOR = Emulator(
+    lambda seed: Dvl75(seed=seed),
+    _truth,
+    lambda s: DvlTruth((0.4 * math.sin(0.5 * s), -0.3, 0.1), (0.05, -0.1, 2.0), 2.0 + 0.1 * math.sin(s)),
+    _agrees,
+)

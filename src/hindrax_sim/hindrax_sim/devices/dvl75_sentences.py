@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import xor
 
 from hindrax_core.readings import Vec3
+from hindrax_core.rotation import matrix, rotate
+from hindrax_sim.physics.geometry import quaternion
 
 BEAM_rad = math.radians(30.0)
 BEAM_AZIMUTHS_rad = (-0.5 * math.pi, 0.5 * math.pi, 0.0, math.pi)
@@ -91,9 +95,11 @@ def extended(truth: DvlTruth, settings: DvlSettings, span_us: int, track: Track)
     head = f"{'T' if locked else 'F'},X,{calibration},{roll:.1f},{pitch:.1f},{heading % 360.0:.1f},{track.skips}"
     reckoned = ",".join(f"{degrees:.9f}" for degrees in track.place_deg)
     place = f"{up:.3f},{altitude:.2f},{north:.3f},{east:.3f},{reckoned},{span_us * 1e-6:.3f}"
-    quaternion = ",".join(f"{part:.6f}" for part in _head_quaternion(truth.attitude_rad))
+    # Of the sensor head in axes east, north, up, with roll and pitch as given and zero heading towards east.
+    turn = (truth.attitude_rad[0], -truth.attitude_rad[1], 0.5 * math.pi - truth.attitude_rad[2])
+    head_turn = ",".join(f"{part:.6f}" for part in quaternion(turn))
     beams = _beams(truth.velocity_mps, altitude, track.noise_mps) if locked else NO_BEAMS
-    return sentence(f"DVEXT,{head},{place},{quaternion},{beams},")
+    return sentence(f"DVEXT,{head},{place},{head_turn},{beams},")
 
 
 def kalman(sequence: int, span_us: int) -> bytes:
@@ -141,20 +147,14 @@ def configuration(settings: DvlSettings) -> bytes:
 
 def sentence(body: str) -> bytes:
     """Add `$`, checksum and line end to a body."""
-    total = 0
-    for byte in body.encode("ascii"):
-        total ^= byte
+    total = reduce(xor, body.encode("ascii"))
     return f"${body}*{total:02X}\r\n".encode("ascii")
 
 
 def over_ground(truth: DvlTruth) -> Vec3:
     """Velocity north, east, up."""
-    u, v, w = truth.velocity_mps
-    roll, pitch, yaw = truth.attitude_rad
-    sr, cr, sp, cp, sy, cy = *_sin_cos(roll), *_sin_cos(pitch), *_sin_cos(yaw)
-    north = cy * cp * u + (cy * sp * sr - sy * cr) * v + (cy * sp * cr + sy * sr) * w
-    east = sy * cp * u + (sy * sp * sr + cy * cr) * v + (sy * sp * cr - cy * sr) * w
-    return (north, east, sp * u - cp * sr * v - cp * cr * w)
+    north, east, down = rotate(matrix(truth.attitude_rad), truth.velocity_mps)
+    return (north, east, 0.0 - down)
 
 
 def _beams(velocity_mps: Vec3, altitude_m: float, noise_mps: Sequence[float]) -> str:
@@ -165,23 +165,6 @@ def _beams(velocity_mps: Vec3, altitude_m: float, noise_mps: Sequence[float]) ->
     along = [math.sin(BEAM_rad) * one + math.cos(BEAM_rad) * w for one in aside]
     speeds = ",".join(f"{speed + noise:.4f}" for speed, noise in zip(along, noise_mps, strict=True))
     return f"{','.join([str(gain)] * 4)},T,T,T,T,{speeds},{','.join([f'{reach:.3f}'] * 4)}"
-
-
-def _head_quaternion(attitude_rad: Vec3) -> tuple[float, float, float, float]:
-    """Sensor head in axes east, north, up, with roll and pitch as given and zero heading towards east."""
-    roll, pitch, heading = attitude_rad
-    sr, cr, sp, cp = *_sin_cos(0.5 * roll), *_sin_cos(-0.5 * pitch)
-    sy, cy = _sin_cos(0.5 * (0.5 * math.pi - heading))
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def _sin_cos(angle: float) -> tuple[float, float]:
-    return math.sin(angle), math.cos(angle)
 
 
 def _on(switch: bool) -> str:

@@ -1,10 +1,14 @@
-"""What an emulator file offers under the name EMULATOR, and the base class of the parts that measure."""
+"""What an emulator file offers under the name EMULATOR, the base of parts that measure, and their buses and lines."""
 
 from __future__ import annotations
 
+import errno
+import math
+import os
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from hindrax_core.vehicle import Mount
 from hindrax_sim.world import Mounting, World
@@ -59,3 +63,79 @@ class Part(Generic[TruthT]):
     def hang(self, on: bool) -> None:
         """Fault: the converters repeat the last values."""
         self._hung = on
+
+
+class RegisterEmulator(Protocol):
+    """A device at an address. Time is an argument; NackError refuses a transfer as a silent device would."""
+
+    def write(self, data: bytes, now_s: float) -> None:
+        """Bytes of one write, after the address."""
+
+    def read(self, count: int, now_s: float) -> bytes:
+        """Return `count` bytes for a read."""
+
+
+class NackError(OSError):
+    """No acknowledge, which a kernel reports as EREMOTEIO."""
+
+    def __init__(self) -> None:
+        super().__init__(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
+
+
+class BusStuckError(OSError):
+    """A line is held low, which a kernel reports as ETIMEDOUT."""
+
+    def __init__(self) -> None:
+        super().__init__(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+
+
+class WriteOnly:
+    """A further address of a part that is only written to."""
+
+    def __init__(self, write: Callable[[bytes, float], None]) -> None:
+        self.write = write
+
+    def read(self, _count: int, _now_s: float) -> bytes:
+        """Refuse the read: no device answers."""
+        raise NackError
+
+
+class SerialEmulator(Protocol):
+    """A device on the far end of a serial line. Time is an argument: seconds of the simulated world, never less."""
+
+    def step(self, now_s: float) -> bytes:
+        """Return the output of the device since the last call; cheap when there is none."""
+
+    def receive(self, data: bytes, now_s: float) -> bytes:
+        """Handle bytes of the host; return the answers."""
+
+
+class BaudRateLine:
+    """A line with a baud rate: a message arrives with its last bit, and messages queue."""
+
+    def __init__(self, baud: int) -> None:
+        self._s_per_byte = 10.0 / baud
+        self._queue: deque[tuple[float, bytes]] = deque()
+        self._free_s = -math.inf
+
+    @property
+    def next_s(self) -> float:
+        """Time at which the next message is complete; infinity when there is none."""
+        return self._queue[0][0] if self._queue else math.inf
+
+    def send(self, message: bytes, now_s: float) -> None:
+        """Send a message at this time, or when the line is free."""
+        self._free_s = max(now_s, self._free_s) + len(message) * self._s_per_byte
+        self._queue.append((self._free_s, message))
+
+    def receive_complete(self, now_s: float) -> bytes:
+        """Return the messages that are complete by now."""
+        taken = []
+        while self._queue and self._queue[0][0] <= now_s:
+            taken.append(self._queue.popleft()[1])
+        return b"".join(taken)
+
+    def clear(self) -> None:
+        """Discard unsent messages after a power loss."""
+        self._queue.clear()
+        self._free_s = -math.inf

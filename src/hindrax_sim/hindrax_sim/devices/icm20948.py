@@ -12,13 +12,11 @@ from typing import Any
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
 from hindrax_core.vehicle import Mount, chip_and_line
-from hindrax_sim.devices.emulator import Emulator, Part
+from hindrax_sim.devices.emulator import Emulator, NackError, Part
 from hindrax_sim.devices.imu.ak09916 import Ak09916, Bypass
 from hindrax_sim.devices.imu.icm20948_converters import SELF_TEST_CODES, Converters
-from hindrax_sim.devices.imu.icm20948_fifo import Fifo
-from hindrax_sim.devices.imu.icm20948_master import InnerMaster
+from hindrax_sim.devices.imu.icm20948_fifo_master import MAG_ADDRESS, Fifo, InnerMaster
 from hindrax_sim.devices.imu.imu_signal import ImuSignal, ImuTruth, SensorErrors, typical
-from hindrax_sim.devices.register_emulator import NackError
 from hindrax_sim.world import Mounting, World
 
 WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x07, 0x0F
@@ -51,7 +49,7 @@ class Icm20948(Part[ImuTruth]):
         super().__init__(ImuTruth())
         self.signal = ImuSignal(typical(seed) if imperfections is None else imperfections, seed)
         self.compass = Ak09916(self.signal)
-        self.magnetometer = Bypass(self.compass, self._bypassed, NackError)
+        self.magnetometer = Bypass(self._bypassed)
         self._converters = Converters(self.signal)
         self._master = InnerMaster(self.compass)
         self.data_ready = DataReadyLine(self)
@@ -145,8 +143,11 @@ class Icm20948(Part[ImuTruth]):
     def _mastering(self) -> bool:
         return bool(self._banks[0][USER_CTRL] & I2C_MST_EN)
 
-    def _bypassed(self) -> bool:
-        return bool(self._banks[0][INT_PIN_CFG] & BYPASS_EN) and not self._mastering()
+    def _bypassed(self) -> Ak09916:
+        """The magnetometer on the host's bus, while the bypass connects it."""
+        if self._mastering() or not self._banks[0][INT_PIN_CFG] & BYPASS_EN:
+            raise NackError
+        return self.compass
 
     # ---- registers
 
@@ -245,20 +246,13 @@ class DataReadyLine:
 
 def _also_at(part: Icm20948, mount: Mount) -> dict[int, Any]:
     line = {EDGES + chip_and_line(mount.data_ready, "data_ready")[1]: part.data_ready} if mount.data_ready else {}
-    return {COMPASS: part.magnetometer, **line}
-
-
-COMPASS = 0x0C
+    return {MAG_ADDRESS: part.magnetometer, **line}
 
 
 def _truth(world: World, at: Mounting) -> ImuTruth:
     """Specific force, rate and magnetic field at an inertial sensor."""
     force, rate = world.inertial(at)
     return ImuTruth(force, rate, world.magnetic_T(at), 24.0)
-
-
-def _example(seconds: float) -> ImuTruth:
-    return ImuTruth((0.5, -0.5, 9.7), (0.1, 0.0, -0.1 + 0.05 * math.sin(0.5 * seconds)))
 
 
 def _agrees(truth: ImuTruth, reading: Any) -> bool:
@@ -277,7 +271,7 @@ def _agrees(truth: ImuTruth, reading: Any) -> bool:
 EMULATOR = Emulator(
     lambda seed: Icm20948(seed=seed),
     _truth,
-    _example,
+    lambda seconds: ImuTruth((0.5, -0.5, 9.7), (0.1, 0.0, -0.1 + 0.05 * math.sin(0.5 * seconds))),
     _agrees,
     address=0x68,  # DS-000189, section 6.2, with AD0 low
     also_at=_also_at,

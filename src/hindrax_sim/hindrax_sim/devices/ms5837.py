@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import random
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from hindrax_sim.devices.emulator import Emulator, Part
 
 RESET, PROM_FIRST, PROM_LAST, ADC_READ = 0x1E, 0xA0, 0xAE, 0x00
-D1_FIRST, D1_LAST, D2_FIRST, D2_LAST = 0x40, 0x4A, 0x50, 0x5A
+D1_FIRST, D2_LAST = 0x40, 0x5A
 RELOAD_S = 0.0028
 CONVERSION_S_PER_SAMPLE = 2.2e-6
 FULL_SCALE = 0xFFFFFF
@@ -130,15 +131,8 @@ class Ms5837(Part[WaterTruth]):
         return self._solved[1]
 
     def _lowest_d2(self, temperature: int) -> int:
-        """Bisect for the lowest D2 that gives at least this temperature [0.01 C]."""
-        low, high = 0, FULL_SCALE
-        while low < high:
-            middle = (low + high) // 2
-            if _forward(self._model, self.prom, middle)[0] < temperature:
-                low = middle + 1
-            else:
-                high = middle
-        return low
+        """Lowest D2 that gives at least this temperature [0.01 C]."""
+        return bisect_left(range(FULL_SCALE), temperature, key=lambda d2: _forward(self._model, self.prom, d2)[0])
 
 
 def _forward(model: str, prom: tuple[int, ...], d2: int) -> tuple[int, int, int]:
@@ -167,10 +161,6 @@ def _clip(value: float) -> int:
     return max(1, min(FULL_SCALE, round(value)))
 
 
-def _example(seconds: float) -> WaterTruth:
-    return WaterTruth(110_000.0 + 1_500.0 * math.sin(0.3 * seconds), 24.0)
-
-
 def _agrees(truth: WaterTruth, reading: Any) -> bool:
     """Noise is some tens of pascals; the rest is damage that looks like a wave, and that no check can tell."""
     near = abs(reading.pressure_Pa - truth.pressure_Pa) < 1_000.0
@@ -180,7 +170,7 @@ def _agrees(truth: WaterTruth, reading: Any) -> bool:
 EMULATOR = Emulator(
     lambda seed: Ms5837(seed=seed),
     lambda world, at: WaterTruth(world.pressure_Pa(at), 24.0),
-    _example,
+    lambda seconds: WaterTruth(110_000.0 + 1_500.0 * math.sin(0.3 * seconds), 24.0),
     _agrees,
     address=0x76,  # data sheet, I2C interface: 111011x with CSB
 )

@@ -10,16 +10,16 @@ import struct
 from collections import deque
 from dataclasses import dataclass
 
-from hindrax_sim.devices.register_emulator import NackError
+from hindrax_sim.devices.emulator import NackError, WriteOnly
 
 CHANNELS = 16
 STEPS = 4096
-MODE1, MODE2, SUBADR1, ALLCALLADR, LED0, LED15_LAST = 0x00, 0x01, 0x02, 0x05, 0x06, 0x45
+MODE1, MODE2, SUBADR1, LED0, LED15_LAST = 0x00, 0x01, 0x02, 0x06, 0x45
 ALL_LED, ALL_LED_LAST, PRE_SCALE = 0xFA, 0xFD, 0xFE
 RESTART, EXTCLK, AUTO_INCREMENT, SLEEP, ALLCALL = 0x80, 0x40, 0x20, 0x10, 0x01
 WAKE_S = 0.0005
 SOFTWARE_RESET = b"\x06"
-_COUNTS = struct.Struct("<32H")
+_COUNTS = struct.Struct("<2H")
 CHANGES_KEPT, VIOLATIONS_KEPT = 20_000, 100
 
 
@@ -41,6 +41,7 @@ class Pca9685:
         self._external_Hz = external_Hz
         self._pulses_us: tuple[float | None, ...] = (None,) * CHANNELS
         self._noted: tuple[bytes, int, bool] | None = None
+        self.all_call, self.general_call = WriteOnly(self._on_all_call), WriteOnly(self._on_general_call)
         self.power_cycle(0.0)
 
     def power_cycle(self, now_s: float) -> None:
@@ -60,20 +61,6 @@ class Pca9685:
         """Pulses per second, with the actual frequency of the oscillator."""
         return self._clock_Hz / (STEPS * (self._registers[PRE_SCALE] + 1))
 
-    @property
-    def all_call(self) -> AllCall:
-        """Device at 0x70, where a write goes to every chip of the bus."""
-        return AllCall(self)
-
-    @property
-    def general_call(self) -> GeneralCall:
-        """Device at 0x00, for the software reset."""
-        return GeneralCall(self)
-
-    def answers_all_call(self) -> bool:
-        """Whether a write to the all-call address reaches this chip."""
-        return bool(self._registers[MODE1] & ALLCALL)
-
     def pulse_us(self, channel: int) -> float | None:
         """Length of the pulses on a channel; None while it is steady, low or high."""
         return self._pulses_us[channel]
@@ -87,13 +74,22 @@ class Pca9685:
         if not data:
             return
         self._pointer = data[0]
-        if self._is_burst(data):
-            self._burst(data, now_s)
-        else:
-            for value in data[1:]:
-                self._set(self._pointer, value, now_s)
-                self._advance()
+        for value in data[1:]:
+            self._set(self._pointer, value, now_s)
+            self._advance()
         self._note(now_s)
+
+    def _on_all_call(self, data: bytes, now_s: float) -> None:
+        """Address 0x70, where a write goes to every chip of the bus while its MODE1 says so."""
+        if not self._registers[MODE1] & ALLCALL:
+            raise NackError
+        self.write(data, now_s)
+
+    def _on_general_call(self, data: bytes, now_s: float) -> None:
+        """Address 0x00: one byte is the software reset."""
+        if data != SOFTWARE_RESET:
+            raise NackError
+        self.power_cycle(now_s)
 
     def read(self, count: int, _now_s: float) -> bytes:
         """Bytes from the register last written or read on."""
@@ -158,20 +154,6 @@ class Pca9685:
         self._start_outputs(now_s)
         self._registers[register] = value & (0x1F if register % 2 else 0xFF)
 
-    def _is_burst(self, data: bytes) -> bool:
-        """Whether the write covers whole consecutive channels, the usual case."""
-        whole = (data[0] - LED0) % 4 == 0 and (len(data) - 1) % 4 == 0
-        inside = data[0] >= LED0 and data[0] + len(data) - 2 <= LED15_LAST
-        return bool(whole and inside and self._registers[MODE1] & AUTO_INCREMENT)
-
-    def _burst(self, data: bytes, now_s: float) -> None:
-        self._start_outputs(now_s)
-        end = data[0] + len(data) - 1
-        self._registers[data[0] : end] = data[1:]
-        for register in range(data[0] + 1, end, 2):
-            self._registers[register] &= 0x1F
-        self._pointer = 0 if end > LED15_LAST else end
-
     def _start_outputs(self, now_s: float) -> None:
         mode1 = self._registers[MODE1]
         if not mode1 & SLEEP:
@@ -187,11 +169,10 @@ class Pca9685:
         if state == self._noted:
             return
         self._noted = state
-        counts = _COUNTS.unpack_from(self._registers, LED0)
-        pulses = tuple(self._made_us(on, off) for on, off in zip(counts[::2], counts[1::2], strict=True))
-        for channel, (on, off) in enumerate(zip(counts[::2], counts[1::2], strict=True)):
-            if on == off:
-                self.violations.append(f"channel {channel}: ON and OFF are both {on}")
+        counts = list(_COUNTS.iter_unpack(self._registers[LED0 : LED15_LAST + 1]))
+        pulses = tuple(self._made_us(on, off) for on, off in counts)
+        alike = ((channel, on) for channel, (on, off) in enumerate(counts) if on == off)
+        self.violations.extend(f"channel {channel}: ON and OFF are both {on}" for channel, on in alike)
         if not self.changes or pulses != self._pulses_us:
             self.changes.append(Change(now_s, pulses))
         self._pulses_us = pulses
@@ -214,37 +195,3 @@ class LoopBack:
             return bytes(count)
         edges = int((now_s - self._since_s) * self._chip.rate_Hz)
         return struct.pack(">Iq", edges, round(1e9 * (self._since_s + edges / self._chip.rate_Hz)))[:count]
-
-
-@dataclass(frozen=True, slots=True)
-class AllCall:
-    """The all-call address of a chip: writable while MODE1 says so, never readable."""
-
-    chip: Pca9685
-
-    def write(self, data: bytes, now_s: float) -> None:
-        """As a write to the chip itself."""
-        if not self.chip.answers_all_call():
-            raise NackError
-        self.chip.write(data, now_s)
-
-    def read(self, _count: int, _now_s: float) -> bytes:
-        """Refuse the read: no device answers."""
-        raise NackError
-
-
-@dataclass(frozen=True, slots=True)
-class GeneralCall:
-    """The general-call address: one byte, 0x06, resets the chip."""
-
-    chip: Pca9685
-
-    def write(self, data: bytes, now_s: float) -> None:
-        """Reset, or no acknowledge."""
-        if data != SOFTWARE_RESET:
-            raise NackError
-        self.chip.power_cycle(now_s)
-
-    def read(self, _count: int, _now_s: float) -> bytes:
-        """Refuse the read: no device answers."""
-        raise NackError

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_core.readings import DeviceText, Echo, SonarHealth
-from hindrax_sim.devices.emulator import Emulator, Part
-from hindrax_sim.devices.serial_emulator import BaudRateLine
+from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
 
 PROCESSING_S = 0.002
 SAMPLES = 200
@@ -100,11 +99,6 @@ class Ping1d(Part[PingTruth]):
         self._begun_s = now_s
         scan_s = 2.0 * (settings.start_mm + settings.length_mm) / settings.speed_mmps
         self._done_s = now_s + scan_s + PROCESSING_S if settings.enabled else math.inf
-
-    @property
-    def next_due_s(self) -> float:
-        """End of the running ping, or of the frame on the wire."""
-        return min(self._done_s, self._wire.next_s)
 
     def step(self, now_s: float) -> bytes:
         """Frames of the stream, if there is one, that are complete on the wire by now."""
@@ -221,10 +215,10 @@ class Ping1d(Part[PingTruth]):
 
     def _handle_message(self, message: int, payload: bytes, now_s: float) -> bytes:
         reason = "not a Ping1D" if self._disguised else self._set(message, payload)
-        if not reason and message == 1006:
-            self._begin(now_s)
         if reason:
             return _frame(NACK, struct.pack("<H", message) + reason.encode("ascii"))
+        if message == 1006:
+            self._begin(now_s)
         return _frame(ACK, struct.pack("<H", message))
 
     def _set(self, message: int, payload: bytes) -> str:
@@ -274,10 +268,6 @@ def _frame(message: int, payload: bytes) -> bytes:
 HALF_BEAM_rad = math.radians(12.5)
 
 
-def _example(seconds: float) -> PingTruth:
-    return PingTruth(2.5 + 0.3 * math.sin(0.5 * seconds))
-
-
 def _agrees(truth: PingTruth, reading: Any) -> bool:
     """Five sigma of half a percent, and the way of the bottom within a ping interval."""
     if not isinstance(reading, Echo):
@@ -288,6 +278,6 @@ def _agrees(truth: PingTruth, reading: Any) -> bool:
 EMULATOR = Emulator(
     lambda seed: Ping1d(seed=seed),
     lambda world, at: PingTruth(world.range_m(at, HALF_BEAM_rad)),
-    _example,
+    lambda seconds: PingTruth(2.5 + 0.3 * math.sin(0.5 * seconds)),
     _agrees,
 )

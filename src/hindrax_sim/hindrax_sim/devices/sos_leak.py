@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from hindrax_sim.devices.emulator import Emulator, Part
 
@@ -39,13 +38,9 @@ class SosLeak(Part[ProbeTruth]):
         self._powered_s = now_s + UNPOWERED_S
 
 
-def _agrees(truth: ProbeTruth, reading: Any) -> bool:
-    return bool(truth.wet == reading.wet)
-
-
 EMULATOR = Emulator(
     make=SosLeak,
     truth=lambda world, _at: ProbeTruth(world.water_in_hull),
     example=lambda seconds: ProbeTruth(wet=seconds >= 30.0),
-    agrees=_agrees,
+    agrees=lambda truth, reading: bool(truth.wet == reading.wet),
 )

@@ -7,38 +7,24 @@ simulated. `pulses_us` is the input of the speed controllers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from hindrax_sim.devices.emulator import Part
-from hindrax_sim.devices.serial_emulator import BaudRateLine
+from hindrax_sim.devices.emulator import BaudRateLine, Part
+from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.firmware.controller import Controller
 
 BAUD = 115200
 PINS = 16
-TELLS_EVERY_s = 0.05  # servo outputs at 20 Hz are its most frequent message
-
-
-@dataclass(frozen=True, slots=True)
-class SupplyTruth:
-    """Voltage at the battery input; zero when nothing is wired to it."""
-
-    voltage_V: float = 0.0
 
 
 class Stm32(Part[SupplyTruth]):
-    """One board with eight thrusters and two lights, powered up at `now_s`. Disguised, it is a GPS receiver."""
+    """One board, powered up at `now_s`; no supply is wired to it. Disguised, it is a GPS receiver."""
 
     def __init__(self, thrusters: int = 8, lights: int = 2, now_s: float = 0.0) -> None:
-        super().__init__(SupplyTruth())
+        super().__init__(SupplyTruth(0.0))
         self._outputs = (thrusters, lights)
         self._wire = BaudRateLine(BAUD)
         self._controller = Controller(thrusters, lights, 0)
         self.power_cycle(now_s)
-
-    @property
-    def next_due_s(self) -> float:
-        """Time of the next message, or of the next look at the clock."""
-        return min(self._wire.next_s, self._next_tell_s)
 
     @property
     def armed(self) -> bool:
@@ -59,7 +45,6 @@ class Stm32(Part[SupplyTruth]):
         full_scale_mV = 65534
         self._controller.millivolts = full_scale_mV if self._saturated else round(self._truth.voltage_V * 1e3)
         told = self._controller.step(self._ms(now_s))
-        self._next_tell_s = now_s + TELLS_EVERY_s
         if told:
             self._wire.send(self._garble(told), now_s)
         return self._wire.receive_complete(now_s)
@@ -74,7 +59,6 @@ class Stm32(Part[SupplyTruth]):
     def power_cycle(self, now_s: float) -> None:
         """Boot: disarmed, neutral, with nothing on the wire."""
         self._boot_s = now_s
-        self._next_tell_s = -math.inf
         self._wire.clear()
         self._controller = Controller(*self._outputs, 0)
 

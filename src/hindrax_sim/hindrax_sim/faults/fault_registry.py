@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
-from hindrax_sim.devices.serial_emulator import SerialEmulator
-from hindrax_sim.faults import bus_faults, device_lies, stream_faults, world_faults
-from hindrax_sim.faults.bus_faults import BusFault, FaultyBus
-from hindrax_sim.faults.device_lies import SensorFault, SensorFaultInjector
-from hindrax_sim.faults.fault_schedule import Scheduled
+from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
+from hindrax_sim.faults import bus_faults, stream_faults, truth_faults
+from hindrax_sim.faults.bus_faults import BusFault, FaultyPort
+from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
 from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
-from hindrax_sim.faults.world_faults import FaultInjector, WorldFault
+from hindrax_sim.faults.truth_faults import SensorFault, WorldFault
 from hindrax_sim.world import World
 
 FaultT = TypeVar("FaultT")
@@ -34,18 +34,15 @@ FORM = "NAME[:DEVICE][@START[+SECONDS]], such as garbage:dvl75@30+5"
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """A row of the registry; `make` and `on_bus` take a seed.
-
-    Stream faults apply to a FaultyLine, bus faults to a FaultyBus, lies to what a device measures.
-    """
+    """A row of the registry: what it does on a serial line and on a bus (made of a seed), to the world, to a truth."""
 
     name: str
     devices: tuple[str, ...]
-    make: Callable[[int], StreamFault] | None
     meaning: str
+    make: Callable[[int], StreamFault] | None = None
     on_bus: Callable[[int], BusFault] | None = None
     on_world: WorldFault | None = None
-    on_truth: Callable[[], SensorFault] | None = None
+    on_truth: SensorFault | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,72 +55,45 @@ class FaultSpec:
     duration_s: float = DEFAULT_DURATION_S
 
 
+_LINE, _BUS, _TRUTH = stream_faults, bus_faults, truth_faults
 _KINDS = (
-    FaultKind("absent", SERIAL + I2C + GPIO, stream_faults.Absent, "nothing is plugged in", bus_faults.Absent),
+    FaultKind("absent", SERIAL + I2C + GPIO, "nothing is plugged in", _LINE.Absent, _BUS.Absent),
     FaultKind(
-        "wrong_identity",
-        SERIAL + SENSORS_I2C + GPIO,
-        stream_faults.WrongIdentity,
-        "another device answers",
-        bus_faults.WrongIdentity,
+        "wrong_identity", SERIAL + SENSORS_I2C + GPIO, "another device answers", _LINE.WrongIdentity, _BUS.WrongIdentity
     ),
-    FaultKind("nack", I2C + GPIO, None, "one transaction in ten is not acknowledged", bus_faults.Nack),
-    FaultKind("bus_stuck", I2C, None, "a line of the bus is held low", bus_faults.BusStuck),
-    FaultKind("short_read", I2C, None, "one read in ten ends early", bus_faults.ShortRead),
-    FaultKind("cut_frames", SERIAL, stream_faults.CutFrames, "a piece is missing from every second message"),
-    FaultKind("bytewise", SERIAL, stream_faults.Bytewise, "every byte arrives by itself"),
-    FaultKind("merged", SERIAL, stream_faults.Merged, "messages arrive a quarter of a second at a time"),
-    FaultKind("garbage", SERIAL, stream_faults.Garbage, "bursts of random bytes among the messages"),
+    FaultKind("nack", I2C + GPIO, "one transaction in ten is not acknowledged", on_bus=_BUS.Nack),
+    FaultKind("bus_stuck", I2C, "a line of the bus is held low", on_bus=_BUS.BusStuck),
+    FaultKind("short_read", I2C, "one read in ten ends early", on_bus=_BUS.ShortRead),
+    FaultKind("cut_frames", SERIAL, "a piece is missing from every second message", _LINE.CutFrames),
+    FaultKind("bytewise", SERIAL, "every byte arrives by itself", _LINE.Bytewise),
+    FaultKind("merged", SERIAL, "messages arrive a quarter of a second at a time", _LINE.Merged),
+    FaultKind("garbage", SERIAL, "bursts of random bytes among the messages", _LINE.Garbage),
+    FaultKind("bit_flips", SERIAL + I2C, "one bit in a thousand is wrong", _LINE.BitFlips, _BUS.BitFlips),
+    FaultKind("baud_mismatch", SERIAL, "both ends speak at different speeds", _LINE.BaudMismatch),
+    FaultKind("unplug_replug", SERIAL, "the port vanishes and comes back", _LINE.UnplugReplug),
+    FaultKind("reset", SERIAL + I2C + GPIO, "the device restarts in mid-stream", _LINE.Reset, _BUS.Reset),
+    FaultKind("clock_jump", ("dvl75",), "the device's clock leaps ahead, and back at the end", _LINE.ClockJump),
     FaultKind(
-        "bit_flips",
-        SERIAL + I2C,
-        stream_faults.BitFlips,
-        "one bit in a thousand is wrong",
-        bus_faults.BitFlips,
-    ),
-    FaultKind("baud_mismatch", SERIAL, stream_faults.BaudMismatch, "both ends speak at different speeds"),
-    FaultKind("unplug_replug", SERIAL, stream_faults.UnplugReplug, "the port vanishes and comes back"),
-    FaultKind("reset", SERIAL + I2C + GPIO, stream_faults.Reset, "the device restarts in mid-stream", bus_faults.Reset),
-    FaultKind("clock_jump", ("dvl75",), stream_faults.ClockJump, "the device's clock leaps ahead, and back at the end"),
-    FaultKind(
-        "saturated",
-        SERIAL + SENSORS_I2C,
-        stream_faults.Saturated,
-        "measurements at the end of their scale",
-        bus_faults.Saturated,
+        "saturated", SERIAL + SENSORS_I2C, "measurements at the end of their scale", _LINE.Saturated, _BUS.Saturated
     ),
     FaultKind(
         "repeated",
         SERIAL + SENSORS_I2C,
-        stream_faults.Repeated,
         "the device says its last words again and again",
-        bus_faults.Repeated,
+        _LINE.Repeated,
+        _BUS.Repeated,
     ),
-    FaultKind("velocity_bias", ("dvl75",), None, "0.25 m/s forward too much", on_truth=device_lies.VelocityBias),
-    FaultKind(
-        "velocity_frozen", ("dvl75",), None, "the velocity stays as it is", on_truth=lambda: device_lies.velocity_frozen
-    ),
-    FaultKind(
-        "false_lock", ("dvl75",), None, "locked on what moves along with the vehicle", on_truth=device_lies.FalseLock
-    ),
-    FaultKind(
-        "gyro_offset", ("icm20948",), None, "40 deg/s of roll too much", on_truth=lambda: device_lies.gyro_offset
-    ),
-    FaultKind(
-        "force_offset", ("icm20948",), None, "3 m/s^2 to starboard too much", on_truth=lambda: device_lies.force_offset
-    ),
-    FaultKind("depth_stuck", ("ms5837",), None, "the pressure stays as it is", on_truth=device_lies.DepthStuck),
-    FaultKind(
-        "range_short",
-        ("ping1d",),
-        None,
-        "an echo half a meter too near, as of a fish",
-        on_truth=lambda: device_lies.range_short,
-    ),
-    FaultKind("thruster_fails", THRUSTERS, None, "a thruster gives no thrust", on_world=world_faults.thruster_fails),
-    FaultKind("lock_lost", ("dvl75",), None, "the DVL finds no bottom", on_world=world_faults.lock_lost),
-    FaultKind("leak", ("hull",), None, "water comes into the dry hull", on_world=world_faults.leak),
-    FaultKind("current", ("water",), None, "0.15 m/s across the pool", on_world=world_faults.current),
+    FaultKind("velocity_bias", ("dvl75",), "0.25 m/s forward too much", on_truth=_TRUTH.velocity_bias),
+    FaultKind("velocity_frozen", ("dvl75",), "the velocity stays as it is", on_truth=_TRUTH.velocity_frozen),
+    FaultKind("false_lock", ("dvl75",), "locked on what moves along with the vehicle", on_truth=_TRUTH.false_lock),
+    FaultKind("gyro_offset", ("icm20948",), "40 deg/s of roll too much", on_truth=_TRUTH.gyro_offset),
+    FaultKind("force_offset", ("icm20948",), "3 m/s^2 to starboard too much", on_truth=_TRUTH.force_offset),
+    FaultKind("depth_stuck", ("ms5837",), "the pressure stays as it is", on_truth=_TRUTH.depth_stuck),
+    FaultKind("range_short", ("ping1d",), "an echo half a meter too near, as of a fish", on_truth=_TRUTH.range_short),
+    FaultKind("thruster_fails", THRUSTERS, "a thruster gives no thrust", on_world=_TRUTH.thruster_fails),
+    FaultKind("lock_lost", ("dvl75",), "the DVL finds no bottom", on_world=_TRUTH.lock_lost),
+    FaultKind("leak", ("hull",), "water comes into the dry hull", on_world=_TRUTH.leak),
+    FaultKind("current", ("water",), "0.15 m/s across the pool", on_world=_TRUTH.current),
 )
 
 FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
@@ -165,37 +135,47 @@ def with_faults(
 
     Times of the specifications count from `start_s` of the world's time.
     """
-    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.make(seed * 1009 + at) if kind.make else None)
+    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.make and kind.make(seed * 1009 + at))
     return FaultyLine(device, schedule) if schedule else device
 
 
 def with_bus_faults(
     name: str, device: Any, specs: Sequence[FaultSpec], seed: int = 0, start_s: float = 0.0
-) -> FaultyBus:
-    """Wrap an I2C part with the faults that apply to the device `name`.
-
-    Attach `made.at(port)` for every address of the part. Times count from `start_s`.
-    """
-    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus(seed * 1009 + at) if kind.on_bus else None)
-    return FaultyBus(device, schedule)
+) -> Callable[[RegisterEmulator], RegisterEmulator]:
+    """Return what wraps every address of the I2C part `name` with its faults. Times count from `start_s`."""
+    schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus and kind.on_bus(seed * 1009 + at))
+    return partial(FaultyPort, device, FaultSchedule(schedule))
 
 
-def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> FaultInjector:
-    """Injector of the faults of vehicle and water. Times count from `start_s`."""
-    schedule = [
-        _scheduled((fault, target), spec, start_s)
-        for spec in specs
-        if (fault := FAULTS[spec.name].on_world) is not None
-        for target in spec.devices
-    ]
-    return FaultInjector(world, schedule)
-
-
-def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> SensorFaultInjector:
-    """What the device `name` takes for the truth. Times of the specifications count from `start_s`."""
-    return SensorFaultInjector(
-        _schedule(name, specs, start_s, lambda kind, _at: kind.on_truth() if kind.on_truth else None)
+def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[float], None]:
+    """Return what starts and ends the faults of vehicle and water, by time. Times count from `start_s`."""
+    acting = [(spec, FAULTS[spec.name].on_world) for spec in specs]
+    schedule = FaultSchedule(
+        [_scheduled((fault, one), spec, start_s) for spec, fault in acting if fault for one in spec.devices]
     )
+
+    def inject(now_s: float) -> None:
+        for (fault, target), on in schedule.advance(now_s):
+            fault(world, target, on)
+
+    return inject
+
+
+def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
+    """Return what the device `name` takes for the truth, from what is true and when. Times count from `start_s`."""
+    schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
+    before: dict[SensorFault, tuple[Any, float]] = {}
+
+    def told(truth: Any, now_s: float) -> Any:
+        for lie, _ in schedule.advance(now_s):
+            before.pop(lie, None)
+        for lie in schedule.active:
+            was, was_s = before.get(lie, (truth, now_s))
+            truth = lie(truth, was, now_s - was_s)
+            before[lie] = truth, now_s
+        return truth
+
+    return told
 
 
 def _schedule(

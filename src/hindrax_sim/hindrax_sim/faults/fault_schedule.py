@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
@@ -32,11 +31,6 @@ class FaultSchedule(Generic[FaultT]):
     def active(self) -> list[FaultT]:
         """Faults that are active now."""
         return [one.fault for one in self._lasting]
-
-    @property
-    def next_start_s(self) -> float:
-        """Start time of the next fault; infinite when none is left."""
-        return self._waiting[0].start_s if self._waiting else math.inf
 
     def advance(self, now_s: float) -> list[tuple[FaultT, bool]]:
         """Advance to now; return the faults that start (true), then those that end (false)."""

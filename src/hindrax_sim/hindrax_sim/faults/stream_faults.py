@@ -7,47 +7,68 @@ Whatever is random in one comes from its seed. Faults compose: a line may have s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from hindrax_sim.devices.serial_emulator import SerialEmulator
+from hindrax_sim.devices.emulator import SerialEmulator
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled, Switch
 
 LEAP_S = 1000.0
+HOLD_S = 0.25
+Random: TypeAlias = np.random.Generator
 
 
 class StreamFault:
-    """One fault of a serial device; this one passes everything unchanged."""
+    """One fault of a serial device: what it makes of a message for the host, and of bytes for the device.
 
-    connected = True
-    """Whether the port is there at all while the fault lasts."""
+    `connected`: whether the port is there at all while the fault lasts.
+    """
 
-    def __init__(self, seed: int = 0, switch: Switch = lambda _device, _on, _now_s: None) -> None:
-        self._random, self._switch = np.random.default_rng(seed), switch
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Act on the device as the fault starts, and as it ends."""
-        self._switch(device, on, now_s)
+    def __init__(
+        self,
+        seed: int = 0,
+        *,
+        switch: Switch = lambda _device, _on, _now_s: None,
+        says: Callable[[Random, bytes], list[bytes]] = lambda _random, data: [data],
+        hears: Callable[[Random, bytes], bytes] = lambda _random, data: data,
+        connected: bool = True,
+    ) -> None:
+        self._random, self.switch, self.connected = np.random.default_rng(seed), switch, connected
+        self._says, self._hears = says, hears
 
     def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Return the chunks of the device's bytes that reach the host.
 
         Called without data as time passes, and once with infinite time at the end, to return held bytes.
         """
-        return [data] if data else []
+        return self._says(self._random, data) if data else []
 
-    def incoming(self, data: bytes, _now_s: float) -> bytes:
+    def incoming(self, data: bytes) -> bytes:
         """Return the bytes of the host that reach the device."""
-        return data
+        return self._hears(self._random, data)
 
-    def _chance(self, probability: float) -> bool:
-        return bool(self._random.random() < probability)
 
-    def _noise(self, count: int) -> bytes:
-        return self._random.integers(0, 256, count, dtype=np.uint8).tobytes()
+def _noise(random: Random, count: int) -> bytes:
+    return random.integers(0, 256, count, dtype=np.uint8).tobytes()
+
+
+def _garbled(random: Random, data: bytes) -> bytes:
+    return _noise(random, 1 + len(data) * 2 // 3) if data else b""
+
+
+def _cut(random: Random, data: bytes) -> list[bytes]:
+    if len(data) < 2 or random.random() < 0.5:
+        return [data]
+    start, stop = sorted(random.choice(len(data) + 1, 2, replace=False).tolist())
+    return [part for part in (data[:start], data[stop:]) if part]
+
+
+def _flipped(random: Random, data: bytes) -> list[bytes]:
+    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8))
+    return [np.packbits(bits ^ (random.random(bits.size) < 0.001)).tobytes()]
 
 
 WrongIdentity = partial(StreamFault, switch=lambda device, on, _now_s: device.disguise(on))
@@ -58,66 +79,31 @@ Reset = partial(StreamFault, switch=lambda device, on, now_s: on and device.powe
 """The device restarts in mid-stream; its current message is cut."""
 ClockJump = partial(StreamFault, switch=lambda device, on, _now_s: device.jump_clock(LEAP_S if on else -LEAP_S))
 """The device's clock jumps ahead, and back at the end."""
-
-
-class Absent(StreamFault):
-    """No device at the port: no byte passes in either direction."""
-
-    def outgoing(self, _data: bytes, _now_s: float) -> list[bytes]:
-        """Nothing."""
-        return []
-
-    def incoming(self, _data: bytes, _now_s: float) -> bytes:
-        """Nothing."""
-        return b""
-
-
-class UnplugReplug(Absent):
-    """The port disappears and returns; the device loses its power meanwhile."""
-
-    connected = False
-
-    def switch(self, device: Any, on: bool, now_s: float) -> None:
-        """Restore the power at the end."""
-        if not on:
-            device.power_cycle(now_s)
-
-
-class CutFrames(StreamFault):
-    """A piece is missing from every second message."""
-
-    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
-        """Cut a piece of random place and length out."""
-        if len(data) < 2 or self._chance(0.5):
-            return [data] if data else []
-        start, stop = sorted(self._random.choice(len(data) + 1, 2, replace=False).tolist())
-        return [part for part in (data[:start], data[stop:]) if part]
-
-
-class Bytewise(StreamFault):
-    """Every byte arrives by itself."""
-
-    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
-        """Split into bytes."""
-        return [data[at : at + 1] for at in range(len(data))]
+Absent = partial(StreamFault, says=lambda _random, _data: [], hears=lambda _random, _data: b"")
+"""No device at the port: no byte passes in either direction."""
+UnplugReplug = partial(Absent, connected=False, switch=lambda device, on, now_s: on or device.power_cycle(now_s))
+"""The port disappears and returns; the device loses its power meanwhile."""
+CutFrames = partial(StreamFault, says=_cut)
+"""A piece of random place and length is missing from every second message."""
+Bytewise = partial(StreamFault, says=lambda _random, data: [data[at : at + 1] for at in range(len(data))])
+"""Every byte arrives by itself."""
+BitFlips = partial(StreamFault, says=_flipped)
+"""One bit in a thousand is wrong."""
+BaudMismatch = partial(StreamFault, says=lambda random, data: [_garbled(random, data)], hears=_garbled)
+"""The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
 
 
 class Merged(StreamFault):
     """Bytes are delayed and arrive in blocks of a quarter of a second."""
 
-    HOLD_S = 0.25
-
-    def __init__(self, seed: int = 0) -> None:
-        super().__init__(seed)
-        self._held = b""
-        self._until_s = -math.inf
+    _held, _until_s = b"", -math.inf
 
     def outgoing(self, data: bytes, now_s: float) -> list[bytes]:
         """Hold bytes until the block is complete."""
         self._held += data
         if now_s < self._until_s or not self._held:
             return []
-        held, self._held, self._until_s = self._held, b"", now_s + self.HOLD_S
+        held, self._held, self._until_s = self._held, b"", now_s + HOLD_S
         return [held]
 
 
@@ -126,44 +112,19 @@ class Garbage(StreamFault):
 
     def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Insert a burst at a random place."""
+        random = self._random
         if not data:
-            return [self._noise(int(self._random.integers(1, 300)))] if self._chance(0.02) else []
-        if self._chance(0.4):
+            return [_noise(random, int(random.integers(1, 300)))] if random.random() < 0.02 else []
+        if random.random() < 0.4:
             return [data]
-        place = int(self._random.integers(0, len(data) + 1))
-        return [data[:place] + self._noise(int(self._random.integers(1, 300))) + data[place:]]
-
-
-class BitFlips(StreamFault):
-    """One bit in a thousand is wrong."""
-
-    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
-        """Flip."""
-        if not data:
-            return []
-        bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8))
-        wrong = self._random.random(bits.size) < 0.001
-        return [np.packbits(bits ^ wrong).tobytes()]
-
-
-class BaudMismatch(StreamFault):
-    """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
-
-    def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
-        """Garble the bytes."""
-        return [self._noise(1 + len(data) * 2 // 3)] if data else []
-
-    def incoming(self, data: bytes, _now_s: float) -> bytes:
-        """Garble the bytes."""
-        return self._noise(1 + len(data) * 2 // 3) if data else b""
+        place = int(random.integers(0, len(data) + 1))
+        return [data[:place] + _noise(random, int(random.integers(1, 300))) + data[place:]]
 
 
 class Repeated(StreamFault):
     """The device is stuck: it repeats its last message."""
 
-    def __init__(self, seed: int = 0) -> None:
-        super().__init__(seed)
-        self._last = b""
+    _last = b""
 
     def outgoing(self, data: bytes, _now_s: float) -> list[bytes]:
         """Repeat the first message."""
@@ -184,13 +145,6 @@ class FaultyLine:
         """Whether the port is plugged in."""
         return all(fault.connected for fault in self._schedule.active)
 
-    @property
-    def next_due_s(self) -> float:
-        """As for the device; at once during a fault, and no later than the start of the next fault."""
-        if self._schedule.active:
-            return -math.inf
-        return min(self.device.next_due_s, self._schedule.next_start_s)
-
     def step(self, now_s: float) -> bytes:
         """Return all bytes that arrive at the host now."""
         return b"".join(self.chunks(now_s))
@@ -199,8 +153,7 @@ class FaultyLine:
         """Return all bytes that arrive at the host now, in chunks."""
         self._change(now_s)
         late, self._late = self._late, []
-        data = self.device.step(now_s)
-        return late + (self._out(data, now_s) if self._schedule.active else [data] if data else [])
+        return late + self._out(self.device.step(now_s), now_s)
 
     def _out(self, data: bytes, now_s: float) -> list[bytes]:
         chunks = [data]
@@ -212,7 +165,7 @@ class FaultyLine:
         """Pass the host's bytes through the faults to the device, and its answer back."""
         self._change(now_s)
         for fault in reversed(self._schedule.active):
-            data = fault.incoming(data, now_s)
+            data = fault.incoming(data)
         answer = self.device.receive(data, now_s)
         return b"".join(self._out(answer, now_s)) if answer else b""
 

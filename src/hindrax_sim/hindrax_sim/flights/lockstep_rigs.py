@@ -64,7 +64,7 @@ class ReadingsRig:
                 raise UsageError(f"fault {fault.name}: is one of wires, which readings do not have; use fidelity bytes")
         self.world = World(vehicle, seed, conditions)
         self.world.settle(START)
-        self._faults = fault_injector(self.world, faults, to_s(START))
+        self._inject = fault_injector(self.world, faults, to_s(START))
         self._queue: list[tuple[int, int, SensorModel, Sequence[Stamped[Reading]]]] = []
         self._count = 0
         for sensor in sensors(self.world, noise or Noise(), seed):
@@ -81,7 +81,7 @@ class ReadingsRig:
             when, _, sensor, said = heapq.heappop(queue)
             world.advance(Stamp(when))
             if said:
-                self._faults.step(to_s(world.stamp))
+                self._inject(to_s(world.stamp))
                 source = sensor.source
                 return [(source, one) for one in said]
             said = sensor.sample(world)

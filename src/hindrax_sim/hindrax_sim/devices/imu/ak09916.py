@@ -118,19 +118,15 @@ class Ak09916:
 
 
 class Bypass:
-    """The magnetometer on the host's bus: only while the bypass connects it."""
+    """The magnetometer on the host's bus; `connected` refuses where it is not."""
 
-    def __init__(self, magnetometer: Ak09916, connected: Callable[[], bool], refuse: Callable[[], Exception]) -> None:
-        self._magnetometer, self._connected, self._refuse = magnetometer, connected, refuse
+    def __init__(self, connected: Callable[[], Ak09916]) -> None:
+        self._connected = connected
 
     def write(self, data: bytes, now_s: float) -> None:
-        """Forward a write, or refuse it."""
-        if not self._connected():
-            raise self._refuse()
-        self._magnetometer.write(data, now_s)
+        """Forward a write."""
+        self._connected().write(data, now_s)
 
     def read(self, count: int, now_s: float) -> bytes:
-        """Forward a read, or refuse it."""
-        if not self._connected():
-            raise self._refuse()
-        return self._magnetometer.read(count, now_s)
+        """Forward a read."""
+        return self._connected().read(count, now_s)

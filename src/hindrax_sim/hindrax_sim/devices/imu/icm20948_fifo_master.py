@@ -1,6 +1,6 @@
-"""The I2C master inside the ICM-20948, which reads the magnetometer for hosts that do not use the bypass.
+"""FIFO of the ICM-20948, and the I2C master inside it, which reads the magnetometer for hosts without the bypass.
 
-Slaves 0 to 3 are served once per sample, slave 4 once per request. Source: TDK DS-000189 r1.3, sections 7.2 and 10.
+Source: TDK DS-000189 r1.3, registers 0x66 to 0x72, sections 7.2 and 10.
 """
 
 from __future__ import annotations
@@ -14,9 +14,51 @@ ENABLE, READ, LENGTH = 0x80, 0x80, 0x0F
 STATUS_DONE, STATUS_NACK_4 = 0x40, 0x10
 EXTERNAL_BYTES = 24
 
+FIFO_BYTES = 512
+ACCEL, TEMPERATURE, SNAPSHOT, NOTHING = 0x10, 0x01, 0x01, 0xFF
+
+
+class Fifo:
+    """First in, first out; when full, stream mode loses its oldest bytes."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray()
+        self.overflowed = False
+
+    def __len__(self) -> int:
+        return len(self._bytes)
+
+    def empty(self) -> None:
+        """Clear content and overflow."""
+        self._bytes.clear()
+        self.overflowed = False
+
+    def push(self, sample: bytes, temperature: bytes, chosen: int, mode: int) -> None:
+        """Append the chosen parts (FIFO_EN_2) of a sample: accel x, y, z, gyro x, y, z, temperature."""
+        parts = sample[0:6] if chosen & ACCEL else b""
+        for axis in range(3):
+            parts += sample[6 + 2 * axis : 8 + 2 * axis] if chosen & 0x02 << axis else b""
+        parts += temperature if chosen & TEMPERATURE else b""
+        over = len(self._bytes) + len(parts) - FIFO_BYTES
+        if over > 0:
+            self.overflowed = True
+            if mode & SNAPSHOT:
+                return
+            del self._bytes[:over]
+        self._bytes += parts
+
+    def pop(self, count: int) -> bytes:
+        """Remove and return bytes; an empty FIFO gives ones."""
+        found = bytes(self._bytes[:count])
+        del self._bytes[:count]
+        return found + bytes([NOTHING]) * (count - len(found))
+
 
 class InnerMaster:
-    """Works on the registers of bank 3; `external` is what appears at EXT_SLV_SENS_DATA, `status` at I2C_MST_STATUS."""
+    """Works on the registers of bank 3; `external` is what appears at EXT_SLV_SENS_DATA, `status` at I2C_MST_STATUS.
+
+    Slaves 0 to 3 are served once per sample, slave 4 once per request.
+    """
 
     def __init__(self, magnetometer: Ak09916) -> None:
         self._magnetometer = magnetometer

@@ -1,0 +1,84 @@
+"""Faults of vehicle and water, and devices that lie: their data is plausible, and what they measure is not true."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from hindrax_core.readings import Vec3
+from hindrax_sim.devices.dvl75_sentences import DvlTruth
+from hindrax_sim.devices.imu.imu_signal import ImuTruth
+from hindrax_sim.devices.ms5837 import WaterTruth
+from hindrax_sim.devices.ping1d import PingTruth
+from hindrax_sim.physics.geometry import plus
+from hindrax_sim.world import World
+
+CURRENT_mps = 0.15
+"""Across the pool: what a vehicle that flies along it feels most."""
+NEAR_m, SHORT_m = 0.3, 0.5
+GYRO_OFFSET_radps: Vec3 = (math.radians(40.0), 0.0, 0.0)
+FORCE_OFFSET_mps2: Vec3 = (0.0, 3.0, 0.0)
+BIAS_mps, NOWHERE = (0.25, 0.0, 0.0), (0.0, 0.0, 0.0)
+SensorFault: TypeAlias = Callable[[Any, Any, float], Any]
+"""What a device takes for the truth, from what is true, what it took for it before, and the time since [s]."""
+WorldFault: TypeAlias = Callable[[World, str, bool], None]
+"""Starts a fault of the world, or ends it; the name is that of its target."""
+
+
+def thruster_fails(world: World, target: str, on: bool) -> None:
+    """Stop the thruster `target`, or restore it."""
+    world.fail_thruster(target, 0.0 if on else 1.0)
+
+
+def lock_lost(world: World, _target: str, on: bool) -> None:
+    """Take the DVL its bottom lock."""
+    world.dvl_silenced = on
+
+
+def leak(world: World, _target: str, on: bool) -> None:
+    """Let water into the dry hull; at the end it dries."""
+    world.water_in_hull = on
+
+
+def current(world: World, _target: str, on: bool) -> None:
+    """Move the water across the pool; at the end it moves as it does without the fault."""
+    world.plant.current_mps = plus(world.plant.current_mps, (0.0, CURRENT_mps if on else -CURRENT_mps, 0.0))
+
+
+def velocity_bias(truth: DvlTruth, was: DvlTruth, dt_s: float) -> DvlTruth:
+    """A velocity with an offset forward, and the way that belongs to it."""
+    velocity = plus(BIAS_mps, truth.velocity_mps)
+    return replace(truth, velocity_mps=velocity, travel_m=plus(was.travel_m or NOWHERE, velocity, dt_s))
+
+
+def velocity_frozen(truth: DvlTruth, _was: DvlTruth, _dt_s: float) -> DvlTruth:
+    """The instrument measures no more: it repeats its last velocity, with new times."""
+    return replace(truth, frozen=True)
+
+
+def false_lock(truth: DvlTruth, was: DvlTruth, _dt_s: float) -> DvlTruth:
+    """The DVL is locked on something near that moves along: a cable, a plume of bubbles."""
+    return replace(truth, velocity_mps=(0.0, 0.0, 0.0), travel_m=was.travel_m or NOWHERE, altitude_m=NEAR_m)
+
+
+def depth_stuck(_truth: WaterTruth, was: WaterTruth, _dt_s: float) -> WaterTruth:
+    """The pressure sensor is clogged: it keeps the pressure that it had."""
+    return was
+
+
+def gyro_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
+    """The offset of the gyroscope jumps, as when a solder joint gives."""
+    return replace(truth, rate_radps=plus(truth.rate_radps, GYRO_OFFSET_radps))
+
+
+def force_offset(truth: ImuTruth, _was: ImuTruth, _dt_s: float) -> ImuTruth:
+    """The offset of the accelerometer jumps: gravity seems to come from the side."""
+    return replace(truth, specific_force_mps2=plus(truth.specific_force_mps2, FORCE_OFFSET_mps2))
+
+
+def range_short(truth: PingTruth, _was: PingTruth, _dt_s: float) -> PingTruth:
+    """The echo sounder hears something above the floor."""
+    found_m = truth.distance_m
+    return replace(truth, distance_m=None if found_m is None else max(NEAR_m, found_m - SHORT_m))
