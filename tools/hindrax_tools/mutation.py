@@ -12,24 +12,20 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
-import gc
 import importlib.abc
 import importlib.machinery
 import importlib.util
-import inspect
 import math
 import os
 import random
 import signal
 import sys
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CodeType
 
 import hypothesis
 import pytest
@@ -160,16 +156,6 @@ class _Finder(importlib.abc.MetaPathFinder):
         return importlib.util.spec_from_loader(fullname, self._loader) if fullname == self._module else None
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """What became of those mutants of a module that were tried."""
-
-    module: str
-    chosen: int
-    tried: int
-    left: tuple[Mutant, ...]
-
-
 class Trial:
     """The tests of one module, run in a process of its own each time."""
 
@@ -179,119 +165,45 @@ class Trial:
             raise LookupError(f"{module}: no such module")
         self.module, self.path, self._tests = module, place.origin, tests
         self.source = Path(self.path).read_text(encoding="utf-8")
-        self._patience_s = 0.0  # for ever
 
-    def survives(self, number: int) -> bool:
-        """Whether all tests pass with the mutant of this number in the place of the module."""
-        return in_a_child(lambda: self._pytest(number), self._patience_s)
+    def survives(self, number: int, patience_s: float) -> bool:
+        """Whether all tests pass in time (0: whenever) with the mutant of this number in the place of the module."""
+        child = os.fork()
+        if child == 0:
+            good = False
+            with contextlib.suppress(BaseException):
+                signal.setitimer(signal.ITIMER_REAL, patience_s)
+                good = self._pytest(number)
+            os._exit(int(not good))
+        return os.waitpid(child, 0)[1] == 0
 
-    def sift(self, numbers: Sequence[int], seconds: float) -> dict[int, bool]:
-        """Whether the tests fail with the changed functions of a mutant, tests and all loaded once for all mutants.
-
-        Quick, and sure only for those that are killed: what is made while a module is loaded is not changed.
-        AssertionError when the tests fail without a mutant.
-        """
-        with tempfile.TemporaryFile("w+", encoding="utf-8") as told:
-
-            def tell(*words: float) -> None:
-                print(*words, file=told, flush=True)
-
-            in_a_child(lambda: self._pytest(-1, _Sieve(self, numbers, seconds, tell)), 0.0)
-            told.seek(0)
-            lines = [line.split() for line in told]
-        if not lines:
-            raise AssertionError(f"{self.module}: the tests fail already without a mutant")
-        self._patience_s = float(lines[0][0])
-        return {int(number): killed == "1" for number, killed in lines[1:]}
-
-    def _pytest(self, number: int, *plugins: object) -> bool:
+    def _pytest(self, number: int) -> bool:
         silence = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silence, 1)
         os.dup2(silence, 2)
         sys.meta_path.insert(0, _Finder(self.module, self.path, number))
         words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *self._tests]
-        return pytest.main(words, plugins) == pytest.ExitCode.OK
+        return pytest.main(words) == pytest.ExitCode.OK
 
 
-def in_a_child(work: Callable[[], bool], patience_s: float) -> bool:
-    """Do it in a process of its own; False when it fails or takes too long (0: for ever)."""
-    child = os.fork()
-    if child == 0:
-        good = False
-        with contextlib.suppress(BaseException):
-            signal.setitimer(signal.ITIMER_REAL, patience_s)
-            good = work()
-        os._exit(int(not good))
-    return os.waitpid(child, 0)[1] == 0
+def try_mutants(trial: Trial, chosen: Sequence[int], seconds: float = math.inf) -> tuple[int, list[Mutant]]:
+    """Try mutants in this order for so long, and print those that survive; returns how many were tried, and these.
 
-
-class _Sieve:
-    """A plugin of pytest: instead of its loop, what was collected runs against each mutant, in a child each time."""
-
-    def __init__(self, trial: Trial, numbers: Sequence[int], seconds: float, tell: Callable[..., None]) -> None:
-        self._trial, self._numbers, self._seconds, self._tell = trial, numbers, seconds, tell
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """Run the tests without a mutant, and tell how patient to be; then with one mutant after the other."""
-        start_s = time.monotonic()
-        if not in_a_child(partial(self._passes, session, -1), 0.0):
-            return True
-        patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
-        self._tell(patience_s)
-        end_s = time.monotonic() + self._seconds
-        for number in self._numbers:
-            if time.monotonic() > end_s:
-                break
-            self._tell(number, int(not in_a_child(partial(self._passes, session, number), patience_s)))
-        return True
-
-    def _passes(self, session: pytest.Session, number: int) -> bool:
-        if number >= 0 and not patched(self._trial.path, self._trial.source, number):
-            return True
-        for item, following in zip(session.items, [*session.items[1:], None], strict=True):
-            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
-            if session.testsfailed:
-                return False
-        return True
-
-
-def patched(path: str, source: str, number: int) -> bool:
-    """Give the functions that are loaded the code of a mutant; False when it changes more than their bodies."""
-    with contextlib.suppress(ValueError):  # another structure, or another closure
-        pairs = _changed(*(compile(mutated(source, one), path, "exec") for one in (-1, number)))
-        live = [one for one in gc.get_objects() if isinstance(one, FunctionType) and one.__code__.co_filename == path]
-        done = [(function, new) for old, new in pairs for function in live if function.__code__ == old]
-        for function, new in done:
-            function.__code__ = new
-        return bool(done)
-    return False
-
-
-def _changed(old: CodeType, new: CodeType) -> list[tuple[CodeType, CodeType]]:
-    """Functions that differ; ValueError when what runs only once, a module or a class, differs itself."""
-    inside = [[one for one in code.co_consts if isinstance(one, CodeType)] for code in (old, new)]
-    found = [pair for both in zip(*inside, strict=True) for pair in _changed(*both)]
-    if old.co_flags & inspect.CO_OPTIMIZED:
-        return [*found, (old, new)] if old != new else []
-    if old.replace(co_consts=_plain(old)) != new.replace(co_consts=_plain(new)):
-        raise ValueError
-    return found
-
-
-def _plain(code: CodeType) -> tuple[object, ...]:
-    return tuple(None if isinstance(one, CodeType) else one for one in code.co_consts)
-
-
-def try_mutants(trial: Trial, chosen: Sequence[int], seconds: float = math.inf) -> Sample:
-    """Try mutants in this order for so long, and print those that survive."""
-    known, left, killed = mutants(trial.source), list[Mutant](), trial.sift(chosen, seconds)
-    for number in killed:
-        if not killed[number] and trial.survives(number):
+    AssertionError when the tests fail without a mutant.
+    """
+    known, left, tried, start_s = mutants(trial.source), list[Mutant](), 0, time.monotonic()
+    if not trial.survives(-1, 0.0):
+        raise AssertionError(f"{trial.module}: the tests fail already without a mutant")
+    patience_s = max(LEAST_PATIENCE_S, PATIENCE * (time.monotonic() - start_s))
+    for number in chosen:
+        if time.monotonic() - start_s > seconds:
+            break
+        tried += 1
+        if trial.survives(number, patience_s):
             one = known[number]
             left.append(one)
             print(f"{Path(trial.path).name}:{one.line}: {one.before}  ->  {one.after}: {one.reads}", flush=True)
-    return Sample(trial.module, len(chosen), len(killed), tuple(left))
+    return tried, left
 
 
 def sampled(source: str, count: int | None, seed: int, grep: str = "") -> list[int]:
@@ -303,7 +215,7 @@ def sampled(source: str, count: int | None, seed: int, grep: str = "") -> list[i
 
 
 def prepare() -> None:
-    """Load what is large once for all, and tell hypothesis that a property fails, not for which smallest example."""
+    """Load what is large before all forks; tell hypothesis that a property fails, not for which smallest example."""
     for name in ("numpy", "scipy.linalg", "rclpy"):
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
@@ -325,12 +237,11 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         trial = Trial(options.module, options.tests)
         chosen = sampled(trial.source, options.sample, options.seed, options.grep)
-        result = try_mutants(trial, chosen, options.seconds)
+        tried, left = try_mutants(trial, chosen, options.seconds)
     except (LookupError, AssertionError) as error:
         parser.error(str(error))
-    killed, untried = result.tried - len(result.left), result.chosen - result.tried
-    print(f"{options.module}: {killed} of {result.tried} mutants killed; {untried} not tried")
-    return int(bool(result.left))
+    print(f"{options.module}: {tried - len(left)} of {tried} mutants killed; {len(chosen) - tried} not tried")
+    return int(bool(left))
 
 
 if __name__ == "__main__":

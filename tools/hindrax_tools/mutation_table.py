@@ -12,14 +12,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from hindrax_tools.mutation import Mutant, Trial, mutants, prepare, sampled, try_mutants
+from hindrax_tools.mutation import Trial, mutants, prepare, sampled, try_mutants
 
 LIST = Path(__file__).with_name("mutation_tests.yaml")
 WANTED = 0.95
@@ -51,8 +51,7 @@ class Row:
         return self.killed / self.changing if self.changing else 1.0
 
     def __str__(self) -> str:
-        counts = (self.name, self.known, self.tried, self.changing, self.killed, f"{100 * self.share:.0f} %")
-        return f"| {' | '.join(map(str, counts))} |"
+        return f"| {' | '.join(map(str, astuple(self)))} | {100 * self.share:.0f} % |"
 
 
 def listed() -> list[Entry]:
@@ -65,29 +64,21 @@ def listed() -> list[Entry]:
     ]
 
 
-def unknown(entry: Entry, known: Iterable[Mutant]) -> list[str]:
-    """Lines of the list that no mutant has: the code has changed since they were read."""
-    return sorted(set(entry.same) - {one.reads for one in known})
-
-
 def measure(entry: Entry, count: int | None, seed: int, seconds: float) -> Row:
     """Try a sample of the mutants of a module, as far as the time goes."""
     trial = Trial(entry.module, entry.tests)
     known = mutants(trial.source)
-    for line in unknown(entry, known):
+    # The code has changed since these were read.
+    for line in sorted(set(entry.same) - {one.reads for one in known}):
         print(f"{entry.module}: no mutant reads: {line}; take it out of {LIST.name}", file=sys.stderr)
-    result = try_mutants(trial, sampled(trial.source, count, seed), seconds)
-    same = [one for one in result.left if one.reads in entry.same]
-    return Row(entry.module, len(known), result.tried, result.tried - len(same), result.tried - len(result.left))
+    tried, left = try_mutants(trial, sampled(trial.source, count, seed), seconds)
+    same = [one for one in left if one.reads in entry.same]
+    return Row(entry.module, len(known), tried, tried - len(same), tried - len(left))
 
 
 def total(name: str, rows: Sequence[Row]) -> Row:
     """The sum of rows."""
-    known, tried, changing, killed = (sum(getattr(row, field) for row in rows) for field in COUNTS)
-    return Row(name, known, tried, changing, killed)
-
-
-COUNTS = ("known", "tried", "changing", "killed")
+    return Row(name, *(sum(column) for column in zip(*(astuple(row)[1:] for row in rows), strict=True)))
 
 
 def main(words: Sequence[str] | None = None) -> int:

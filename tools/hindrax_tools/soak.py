@@ -16,58 +16,34 @@ from itertools import pairwise
 from pathlib import Path
 
 from hindrax_bag.read.bag_reader import messages, stamp_of
-from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.process_state import descendants
-from hindrax_bringup.processes import MOCK, modules
-from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.processes import MOCK
+from hindrax_bringup.stack import MockOptions
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import THRUSTER_COMMAND, resolved
+from hindrax_tools.benchmarks import family
+from hindrax_tools.mock_stack import holding_depth, mock_stack
 
 WARM_UP_min = 10.0
 GROWTH, PAUSE_S = 0.05, 0.1
 """More than this after the warm-up is a leak, and a pause of the control cycle; then the exit code is 1."""
-LOOK_EVERY_S, UP_S, DEPTH_m = 60.0, 60.0, 0.8
-
-
-def resident_MB(pids: Mapping[str, int]) -> dict[str, float]:
-    """Memory of each process and its children."""
-    return {name: sum(map(_resident_MB, (pid, *descendants(pid)))) for name, pid in pids.items()}
-
-
-def _resident_MB(pid: int) -> float:
-    status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8", errors="replace")
-    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS:")) / 1e3
+LOOK_EVERY_S = 60.0
 
 
 def soak(folder: Path, minutes: float) -> Iterator[dict[str, float]]:
-    """Memory of each process by name, once a minute; HindraxError when the vehicle no longer holds."""
-    run = make_run_folder(str(folder), default_vehicle())
-    with own_domain(mock=True) as domain:
-        made = environment(mock=True, domain=domain)
-        with Supervisor(run.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
-            from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
-            from hindrax_operator.nodes.orders import hold  # noqa: PLC0415  # the same
-
-            Stack(run, supervisor).start(MockOptions(rate=1.0), record=True)
-            with Operator(mock=True, tick=lambda: _look_after(supervisor)) as operator:
-                operator.wait(lambda: operator.navigation is not None, UP_S, lambda: "navigation")
-                operator.arm(seconds=UP_S)
-                hold(operator, ["depth"], DEPTH_m, engaged=True)
-                for _ in range(round(minutes * 60.0 / LOOK_EVERY_S)):
-                    operator.pause(LOOK_EVERY_S)
-                    if not operator.thrusters.armed:
-                        raise HindraxError(f"disarmed: {operator.thrusters.reason}; {run.path}")
-                    children = supervisor.children.items()
-                    yield resident_MB({name: child.handle.pid for name, child in children if name != MOCK.name})
-                if again := {name: child.restarts for name, child in children if child.restarts}:
-                    raise HindraxError(f"restarted: {again}; {run.path}")
-
-
-def _look_after(supervisor: Supervisor) -> None:
-    supervisor.check()
+    """Resident memory [MB] of each process with its children, once a minute; HindraxError when it no longer holds."""
+    with mock_stack(folder, MockOptions(rate=1.0)) as stack, holding_depth(stack) as operator:
+        children = {name: child for name, child in stack.supervisor.children.items() if name != MOCK.name}
+        for _ in range(round(minutes * 60.0 / LOOK_EVERY_S)):
+            operator.pause(LOOK_EVERY_S)
+            if not operator.thrusters.armed:
+                raise HindraxError(f"disarmed: {operator.thrusters.reason}; {stack.folder.path}")
+            yield {
+                name: sum(one.memory_info().rss for one in family(child.handle.pid)) / 1e6
+                for name, child in children.items()
+            }
+        if again := {name: child.restarts for name, child in children.items() if child.restarts}:
+            raise HindraxError(f"restarted: {again}; {stack.folder.path}")
 
 
 def pauses_s(run: Path) -> list[float]:
@@ -94,12 +70,11 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=120.0, help="default 120")
     minutes, seen, bad = parser.parse_args(words).minutes, list[dict[str, float]](), 0
     with tempfile.TemporaryDirectory() as place:
-        run = Path(place) / "run"
-        for sizes in soak(run, minutes):
+        for sizes in soak(Path(place), minutes):
             seen.append(sizes)
             print(f"\r{len(seen):4.0f} of {minutes:.0f} min, {sum(sizes.values()):.0f} MB", end="", file=sys.stderr)
         print(file=sys.stderr)
-        for line, good in findings(seen, pauses_s(run)):
+        for line, good in findings(seen, pauses_s(Path(place) / "run")):
             bad += not good
             print(f"{'good' if good else 'BAD '}  {line}")
     return int(bool(bad))

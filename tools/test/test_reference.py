@@ -24,8 +24,7 @@ from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_tools import reference
 from hindrax_tools.reference.commands import words_of
 from hindrax_tools.reference.devices import identities
-from hindrax_tools.reference.knob_table import rows
-from hindrax_tools.reference.parameters import NODES
+from hindrax_tools.reference.parameters import NODES, rows
 
 PAGES = clone_root() / "docs" / "reference"
 

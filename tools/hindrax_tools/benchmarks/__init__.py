@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import statistics
+import time
 import timeit
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
+
+import psutil
 
 
 def row(name: str, ours_us: float, peer: str, peer_us: float) -> dict[str, Any]:
@@ -20,7 +21,26 @@ def median_us(call: Callable[[], object], number: int, repeats: int) -> float:
     return statistics.median(timeit.repeat(call, number=number, repeat=repeats)) / number * 1e6
 
 
+def interleaved_us(
+    calls: tuple[Callable[[], object], ...], passes: int, clock: Callable[[], float] = time.perf_counter
+) -> list[float]:
+    """Median times of calls that take turns [us], so that all share the machine's good and bad moments."""
+
+    def timed_us(call: Callable[[], object]) -> float:
+        begin = clock()
+        call()
+        return (clock() - begin) * 1e6
+
+    passed = [[timed_us(call) for call in calls] for _ in range(passes)]
+    return [statistics.median(one) for one in zip(*passed, strict=True)]
+
+
+def family(pid: int) -> list[psutil.Process]:
+    """A process and those below it."""
+    process = psutil.Process(pid)
+    return [process, *process.children(recursive=True)]
+
+
 def cpu_s(pid: int) -> float:
-    """CPU time that a process has used, in user and system mode [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """CPU time of a process and those below it, in user and system mode [s]."""
+    return float(sum(sum(one.cpu_times()[:2]) for one in family(pid)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Callable
 from functools import reduce
 from itertools import cycle
@@ -16,7 +14,7 @@ from hindrax_core.events import Stamp
 from hindrax_drivers.devices.dvl75 import Dvl75
 from hindrax_drivers.protocols.dvl75_protocol import position_delta
 from hindrax_drivers.protocols.nmea import split_verified
-from hindrax_tools.benchmarks import row
+from hindrax_tools.benchmarks import interleaved_us, row
 
 LINES = 1000
 SPAN = 20
@@ -28,8 +26,6 @@ EXTENDED_BODY = (
     "DVEXT,T,X,0310,89.9,69.3,290.9,{},-0.067,0.35,-0.144,0.295,-0.000427010,0.001465353,0.050,0.500257,-0.290460,"
     "0.644365,0.500170,19,19,48,25,T,T,F,T,-0.0086,-0.0169,0.0000,-0.0608,0.371,0.391,-1.000,0.371,"
 )
-
-
 EXTENDED_WORDS = (1, 2, 3, 23, 24, 25, 26, 35)
 EXTENDED_NAMES = tuple(f"f{index}" for index in range(1, 35))
 
@@ -99,18 +95,9 @@ def _peer_track(line: bytes) -> object:
 def _figure(
     name: str, ours: Callable[[bytes], object], lines: list[bytes], peer: str, theirs: Callable[[bytes], object]
 ) -> dict[str, Any]:
-    pairs = [
-        (_span_us(ours, lines[at : at + SPAN]), _span_us(theirs, lines[at : at + SPAN]))
-        for _ in range(PASSES)
-        for at in range(0, LINES, SPAN)
-    ]
-    ours_us, peer_us = (statistics.median(one) for one in zip(*pairs, strict=True))
-    return row(name, ours_us, peer, peer_us)
+    def over(call: Callable[[bytes], object]) -> Callable[[], object]:
+        spans = cycle([lines[at : at + SPAN] for at in range(0, LINES, SPAN)])
+        return lambda: [call(line) for line in next(spans)]
 
-
-def _span_us(call: Callable[[bytes], object], lines: list[bytes]) -> float:
-    """Time per line; the spans are short so that both sides share the machine's good and bad moments."""
-    start = time.perf_counter()
-    for line in lines:
-        call(line)
-    return (time.perf_counter() - start) / len(lines) * 1e6
+    ours_us, peer_us = interleaved_us((over(ours), over(theirs)), PASSES * LINES // SPAN)
+    return row(name, ours_us / SPAN, peer, peer_us / SPAN)

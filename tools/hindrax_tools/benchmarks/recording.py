@@ -6,7 +6,6 @@ Beside it the plain MCAP writer and that of rosbags write the same messages in t
 from __future__ import annotations
 
 import importlib.metadata
-import statistics
 import tempfile
 import time
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from hindrax_bringup.processes import RECORDER, Process
 from hindrax_bringup.stack import environment, first_line, own_domain
 from hindrax_bringup.supervisor import Supervisor
 from hindrax_core.topics import IMU, resolved
-from hindrax_tools.benchmarks import cpu_s, row
+from hindrax_tools.benchmarks import cpu_s, interleaved_us, row
 
 RATE_Hz, SECONDS, BYTES = 2000, 60.0, 300
 """The load that the recorder must bear."""
@@ -37,8 +36,8 @@ SPAN = RATE_Hz // 2
 """Messages between two flushes: the recorder's own half second."""
 SPANS = 30
 CHUNK_BYTES = 262_144
-Write = Callable[[bytes, int], None]
-Flush = Callable[[], object]
+Span = Callable[[], None]
+"""Writes so many messages, and flushes."""
 
 
 def rows() -> list[dict[str, Any]]:
@@ -48,80 +47,66 @@ def rows() -> list[dict[str, Any]]:
         ours = _ours(folder / "ours")
         plain = _mcap(folder / "plain.mcap")
         alone = f"mcap {importlib.metadata.version('mcap')}, plain writer"
-        return [
-            _figure(ours, alone, plain),
-            _figure(
-                ours, f"rosbags {importlib.metadata.version('rosbags')}, no flush to disk", _rosbags(folder / "rosbags")
-            ),
-            _recorder(folder, alone, plain),
-        ]
+        rosbags = f"rosbags {importlib.metadata.version('rosbags')}, no flush to disk"
+        beside_rosbags = _figure(ours, rosbags, _rosbags(folder / "rosbags"))
+        return [_figure(ours, alone, plain), beside_rosbags, _recorder(folder, alone, plain)]
 
 
-def _ours(folder: Path) -> tuple[Write, Flush]:
+def _ours(folder: Path) -> Span:
     bag = BagWriter(folder, limits=BagLimits(keep_free_MB=0.0))
     bag.open()
     channel = Channel(resolved(IMU), IMU.type, (IMU.quality,))
-    return lambda data, stamp: bag.write(channel, data, stamp, stamp), bag.flush
+    return _span(lambda data, stamp: bag.write(channel, data, stamp, stamp), bag.flush)
 
 
-def _mcap(path: Path) -> tuple[Write, Flush]:
+def _mcap(path: Path) -> Span:
     writer = Writer(path.open("wb"), chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(profile="ros2", library="benchmark")
     schema = writer.register_schema(IMU.type, "ros2msg", definition(IMU.type).encode())
     number = writer.register_channel(resolved(IMU), "cdr", schema)
-
-    def flush() -> None:
-        writer.flush()  # type: ignore[no-untyped-call]  # mcap leaves out its annotation
-
-    return lambda data, stamp: writer.add_message(number, stamp, data, stamp), flush
+    return _span(lambda data, stamp: writer.add_message(number, stamp, data, stamp), writer.flush)
 
 
-def _rosbags(folder: Path) -> tuple[Write, Flush]:
+def _rosbags(folder: Path) -> Span:
     """Its MCAP storage keeps chunks of its own size and offers no flush."""
     writer = RosbagsWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP)
     writer.open()
     connection = writer.add_connection(resolved(IMU), IMU.type, typestore=get_typestore(Stores.ROS2_JAZZY))
-    return lambda data, stamp: writer.write(connection, stamp, data), lambda: None
+    return _span(lambda data, stamp: writer.write(connection, stamp, data), lambda: None)
 
 
-def _datas() -> list[bytes]:
-    return [bytes((index * 31 + byte * 7) % 251 for byte in range(BYTES)) for index in range(SPAN)]
+def _span(write: Callable[[bytes, int], object], flush: Callable[[], object]) -> Span:
+    datas = [bytes((index * 31 + byte * 7) % 251 for byte in range(BYTES)) for index in range(SPAN)]
+
+    def write_all() -> None:
+        for data in datas:
+            write(data, time.time_ns())
+        flush()
+
+    return write_all
 
 
-def _figure(ours: tuple[Write, Flush], peer: str, theirs: tuple[Write, Flush]) -> dict[str, Any]:
-    datas = _datas()
-    pairs = [(_span_us(ours, datas), _span_us(theirs, datas)) for _ in range(SPANS)]
-    ours_us, peer_us = (statistics.median(one) for one in zip(*pairs, strict=True))
-    return row(f"record a message of {BYTES} bytes, chunk and flush included", ours_us, peer, peer_us)
+def _figure(ours: Span, peer: str, theirs: Span) -> dict[str, Any]:
+    ours_us, peer_us = interleaved_us((ours, theirs), SPANS, time.process_time)
+    return row(f"record a message of {BYTES} bytes, chunk and flush included", ours_us / SPAN, peer, peer_us / SPAN)
 
 
-def _span_us(writer: tuple[Write, Flush], datas: list[bytes]) -> float:
-    """CPU time per message; the spans are short so that both sides share the machine's good and bad moments."""
-    write, flush = writer
-    start = time.process_time()
-    for data in datas:
-        write(data, time.time_ns())
-    flush()
-    return (time.process_time() - start) / len(datas) * 1e6
-
-
-def _recorder(folder: Path, peer: str, theirs: tuple[Write, Flush]) -> dict[str, Any]:
+def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
     """CPU time per message of the real recorder process, from the graph to the disk, and what it lost."""
-    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers.load", (), "load")
+    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers", (), "load")
     logs = folder / "logs"
     with own_domain(mock=True) as domain, Supervisor(logs, environment(mock=True, domain=domain)) as children:
         recorder = children.start(RECORDER, ["--ros-args", "-p", f"bag:={bag}", "-p", "keep_free_MB:=0.0"])
-        words = ["--rate", str(RATE_Hz), "--size", str(BYTES), "--seconds", str(SECONDS)]
-        publisher = children.start(load, words, pipe=True)
-        first_line(publisher, 2 * SECONDS, logs / "load.log")
+        publisher = children.start(load, ["load", str(RATE_Hz), str(BYTES), str(SECONDS)], pipe=True)
+        first_line(publisher, 2 * SECONDS, logs / "peers.log")
         before_s = cpu_s(recorder.handle.pid)
-        told = first_line(publisher, 2 * SECONDS, logs / "load.log")
+        told = first_line(publisher, 2 * SECONDS, logs / "peers.log")
         used_s = cpu_s(recorder.handle.pid) - before_s
         publisher.handle.wait()
         children.stop("recorder")
     sent, seconds = int(str(told["sent"])), float(str(told["seconds"]))
     lost = sent - sum(1 for message in messages(bag) if "/raw/" in message.topic)
-    peer_us = statistics.median(_span_us(theirs, _datas()) for _ in range(SPANS))
+    (peer_us,) = interleaved_us((theirs,), SPANS, time.process_time)
     share = f"{used_s / seconds:.0%} of a core, {SHARE_WANTED:.0%} allowed"
     name = f"recorder process, {sent / seconds:.0f} messages/s for {seconds:.0f} s: {share}; {lost} of {sent} lost"
-    return row(name, used_s / sent * 1e6, peer, peer_us)
+    return row(name, used_s / sent * 1e6, peer, peer_us / SPAN)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import statistics
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import UsageError
 from hindrax_replay.bag_replay import replay
-from hindrax_tools.benchmarks import row
+from hindrax_tools.benchmarks import interleaved_us, row
 
 PASSES = 5
 REAL_TIME_WANTED = 50.0
@@ -26,17 +24,11 @@ def rows() -> list[dict[str, Any]]:
     if not bag.is_dir():
         raise UsageError(f"{bag}: found no reference bag; this benchmark works in a clone of the repository")
     seconds = replay(bag).vehicle_s
-    passes = [(_timed(_read, bag), _timed(_peer, bag), replay(bag).wall_s) for _ in range(PASSES)]
-    read, peer, again = (statistics.median(one) / seconds * 1e6 for one in zip(*passes, strict=True))
+    calls = (lambda: _read(bag), lambda: _peer(bag), lambda: replay(bag))
+    read, peer, again = (one_us / seconds for one_us in interleaved_us(calls, PASSES))
     name = f"mcap {importlib.metadata.version('mcap')}, reading alone"
     speed = f"replay one second of a bag and compare ({1e6 / again:.0f} times real time, {REAL_TIME_WANTED:.0f} wanted)"
     return [row("read one second of a bag", read, name, peer), row(speed, again, name, peer)]
-
-
-def _timed(work: Any, bag: Path) -> float:
-    start = time.perf_counter()
-    work(bag)
-    return time.perf_counter() - start
 
 
 def _read(bag: Path) -> int:

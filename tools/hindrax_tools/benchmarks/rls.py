@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.metadata import version
 from itertools import cycle
 from typing import Any
@@ -16,7 +15,7 @@ from hindrax_ident.arrays import Array
 from hindrax_ident.online.rls import Rls
 from hindrax_tools.benchmarks import median_us, row
 
-SAMPLES = 400
+SAMPLES, REPEATS = 400, 9
 WINDOW = 100
 SEED = 1
 
@@ -43,7 +42,7 @@ def _compared(n: int) -> list[dict[str, Any]]:
 def _ours_us(X: Array, y: Array) -> float:
     rls = Rls([0.0] * X.shape[1], [1e4] * X.shape[1])
     samples = cycle([(tuple(row), value) for row, value in zip(X.tolist(), y.tolist(), strict=True)])
-    return _median_us(lambda: rls.update(*next(samples)))
+    return median_us(lambda: rls.update(*next(samples)), SAMPLES, REPEATS)
 
 
 def _filterpy_us(X: Array, y: Array) -> float:
@@ -56,7 +55,7 @@ def _filterpy_us(X: Array, y: Array) -> float:
         row, value = next(samples)
         kalman.update(value, R=1.0, H=row)
 
-    return _median_us(update)
+    return median_us(update, SAMPLES, REPEATS)
 
 
 def _padasip_us(X: Array, y: Array) -> float:
@@ -67,21 +66,15 @@ def _padasip_us(X: Array, y: Array) -> float:
         row, value = next(samples)
         rls.adapt(value, row)
 
-    return _median_us(update)
+    return median_us(update, SAMPLES, REPEATS)
 
 
 def _sysidentpy_us(X: Array, y: Array) -> float:
     """Whole batches only: its time is divided by the number of samples."""
     estimator = RecursiveLeastSquares(lam=0.999)
-    return _median_us(lambda: estimator.optimize(X, y[:, None]), number=1) / SAMPLES
+    return median_us(lambda: estimator.optimize(X, y[:, None]), 1, REPEATS) / SAMPLES
 
 
 def _lstsq_us(X: Array, y: Array) -> float:
     A, b = X[:WINDOW], y[:WINDOW]
-    return _median_us(lambda: np.linalg.lstsq(A, b, rcond=None))
-
-
-def _median_us(call: Callable[[], object], number: int = SAMPLES) -> float:
-    """Median of nine after a first call, which may have to prepare something."""
-    call()
-    return median_us(call, number, 9)
+    return median_us(lambda: np.linalg.lstsq(A, b, rcond=None), SAMPLES, REPEATS)

@@ -14,13 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hindrax_bag.run_folder import make_run_folder
-from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.process_state import descendants, is_stopped
-from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONITOR, SENSORS, THRUSTERS, modules
-from hindrax_bringup.share_files import default_vehicle
-from hindrax_bringup.stack import MockOptions, Stack, adopted, environment, own_domain
-from hindrax_bringup.supervisor import Supervisor
+from hindrax_bringup.processes import CONTROL, IDENTIFIER, RECORDER, SAFETY_MONITOR, SENSORS, THRUSTERS
+from hindrax_bringup.stack import MockOptions, Stack
 from hindrax_control.maneuver.goal import Goal
 from hindrax_core.bus_operations import Write
 from hindrax_core.errors import HindraxError
@@ -30,6 +26,7 @@ from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, T
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.faults.true_state import TrueState
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
+from hindrax_tools.mock_stack import mock_stack
 
 if TYPE_CHECKING:
     from hindrax_operator.nodes.operator_node import Operator
@@ -90,8 +87,8 @@ class _SeenError(Exception):
 class FaultyStack:
     """A stack in mock whose processes are harmed, with its operator; made by `faulty_stack`."""
 
-    def __init__(self, supervisor: Supervisor, stack: Stack) -> None:
-        self.supervisor, self.stack = supervisor, stack
+    def __init__(self, stack: Stack) -> None:
+        self.supervisor, self.stack = stack.supervisor, stack
         self.operator: Operator
         truth = stack.folder.path / TRUTH
         self._log, self._cut = truth.open(encoding="ascii"), ""
@@ -334,21 +331,17 @@ def faulty_stack(
     folder: Path, seed: int, *, record: bool = True, faults: tuple[str, ...] = ()
 ) -> Iterator[FaultyStack]:
     """A mock vehicle, its stack and its operator; all of it ends with the context."""
-    run = make_run_folder(str(folder / "run"), default_vehicle())
-    with own_domain(mock=True) as domain:
-        made = environment(mock=True, domain=domain)
-        with Supervisor(run.logs, made, preload=modules(mock=True)) as supervisor, adopted(made):
-            from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
-            from hindrax_ros.graph import subscription  # noqa: PLC0415
+    mock = MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(folder / "run" / TRUTH))
+    with mock_stack(folder, mock, record=record, settings=("thrusters.arming_s:=1.0",)) as stack:
+        from hindrax_operator.nodes.operator_node import Operator  # noqa: PLC0415  # rclpy reads the environment
+        from hindrax_ros.graph import subscription  # noqa: PLC0415
 
-            stack = Stack(run, supervisor, tuning=Tuning(settings=("thrusters.arming_s:=1.0",)))
-            stack.start(MockOptions(seed=seed, rate=1.0, faults=faults, truth=str(run.path / TRUTH)), record=record)
-            faulty = FaultyStack(supervisor, stack)
-            with Operator(mock=True, tick=faulty.tick) as operator:
-                faulty.operator = operator
-                subscription(operator.node, NAVIGATION, faulty.on_navigation, queue=STATES)
-                faulty.wait(lambda: operator.navigation is not None and operator.thrusters is not None, "the stack")
-                yield faulty
+        faulty = FaultyStack(stack)
+        with Operator(mock=True, tick=faulty.tick) as operator:
+            faulty.operator = operator
+            subscription(operator.node, NAVIGATION, faulty.on_navigation, queue=STATES)
+            faulty.wait(lambda: operator.navigation is not None and operator.thrusters is not None, "the stack")
+            yield faulty
 
 
 @dataclass(frozen=True, slots=True)

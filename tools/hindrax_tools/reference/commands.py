@@ -31,14 +31,11 @@ def _name(parser: argparse.ArgumentParser) -> str:
     return parser.prog.removeprefix("hindrax ")
 
 
-def _command(parser: argparse.ArgumentParser) -> str:
+def _command(parser: argparse.ArgumentParser, level: str = "##") -> str:
     about, _, more = (parser.description or "").partition("\n")
-    text = f"\n## {_name(parser)}\n\n{about}\n" + (f"\n```\n{more.strip()}\n```\n" if more.strip() else "")
-    return f"{text}\n{_examples(parser)}\n{_options(parser)}" + "".join(map(_word, words_of(parser)))
-
-
-def _word(parser: argparse.ArgumentParser) -> str:
-    return f"\n### {_name(parser)}\n\n{parser.description or ''}\n\n{_examples(parser)}\n{_options(parser)}"
+    text = f"\n{level} {_name(parser)}\n\n{about}\n" + (f"\n```\n{more.strip()}\n```\n" if more.strip() else "")
+    words = "".join(_command(one, "###") for one in words_of(parser))
+    return f"{text}\n{_examples(parser)}\n{_options(parser)}{words}"
 
 
 def words_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:

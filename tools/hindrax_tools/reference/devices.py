@@ -1,4 +1,4 @@
-"""Page of the devices: from the table of sensors, the drivers and emulators, and their faults."""
+"""Pages of the devices, by the table of sensors, drivers, emulators and their faults, and of the worlds of the mock."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.topics import TOPICS_OF
 from hindrax_core.vehicle import Output, Vehicle, load_vehicle
 from hindrax_drivers.driver_registry import DEVICES
+from hindrax_sim.conditions.world_table import CONDITIONS, FORM, Condition
 from hindrax_sim.faults.fault_registry import FAULTS, FaultKind
 from hindrax_sim.flights.lockstep_rigs import BytesRig
-from hindrax_tools.reference.knob_table import knob_table
 from hindrax_tools.reference.markdown import code, head, number, table
+from hindrax_tools.reference.parameters import knob_table
 
 ABOUT = """The devices the stack drives. Each is a driver and an emulator of the same name, golden cases from its
 data sheet, and a row in `hindrax_core/sensor_table.py`; [how to add one](../how-to/new-sensor.md). The identity is the
@@ -29,12 +30,16 @@ Every device reports once a second on `/diagnostics`, as `hindrax: NAME`, with t
 `age [s]` of the last reading, `rejects` and one `rejected: REASON` per reason, `troubles` and `last trouble`."""
 OUTPUT = """Output devices make the pulses of the thrusters, behind the output guard; one of them is named by
 `output` in the vehicle file. Both report under `thrusters`."""
+WORLDS = f"""What the mock's world can do that the model does not know: `--world` of `pool-test --mock`, `up --mock`,
+`mock` and `montecarlo`. In *ideal* all are off; in *pool* the seed draws all of them. The form is
+{FORM}. A name alone has the size given here. Shares are fractions.
+[Worlds that are not the model](../explanation/worlds.md) explains them."""
 LISTEN_S = 4.0
 WIRES = {"serial": "serial line", "i2c": "I2C", "gpio": "GPIO line"}
 
 
 def page() -> str:
-    """Return the page."""
+    """Page of the devices."""
     who = identities(load_vehicle(default_vehicle()))
     for name in optional_sensors():
         who |= identities(hindrax_with(name))
@@ -119,3 +124,14 @@ def _about(module: str) -> str:
     """First sentence of a module's text, and its file."""
     text = inspect.getdoc(import_module(module)) or ""
     return f"{' '.join(text.partition(chr(10) * 2)[0].split())} ({code(module.replace('.', '/') + '.py')})"
+
+
+def worlds_page() -> str:
+    """Page of the worlds."""
+    columns = ("name", "size", "in pool", "how it acts", "where the size comes from")
+    return f"{head('Worlds of the mock', WORLDS)}\n{table(columns, map(_condition, CONDITIONS.values()))}"
+
+
+def _condition(row: Condition) -> tuple[str, ...]:
+    unit = "" if row.unit == "-" else f" {row.unit}"
+    return (code(row.name), f"{number(row.size)}{unit}", f"{row.draw}{unit}", row.meaning, row.source)

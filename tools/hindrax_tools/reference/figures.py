@@ -1,9 +1,10 @@
-"""The figures of the explanation, drawn from flights that are kept beside them and from the vehicle file."""
+"""The figures of the explanation, drawn from the vehicle file and from pool tests in lock-step that lie beside them."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,19 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_core.vehicle import load_vehicle
+from hindrax_control.maneuver.goal import Goal
+from hindrax_core.events import Stamped
+from hindrax_core.signals import Estimate
+from hindrax_core.vehicle import Hydrodynamics, load_vehicle
+from hindrax_ident.online.session import Session
+from hindrax_sim.flights.goal_pilot import GoalPilot
+from hindrax_sim.flights.lockstep import Lockstep
+from hindrax_sim.world import Conditions
 
 FLIGHTS_FILE = "flights.json"
+LONGEST_S = 3600.0
+EVERY = 40
+"""Of the online estimates every so many are kept: a figure has no more points."""
 MEASURED, MODEL, SECOND, TRUTH = "#33658a", "#d1495b", "#6c9a3b", "#222222"
 TWO_SIDED_95 = 1.96
 HIGHEST_mps = 0.45
@@ -33,6 +44,43 @@ STYLE: dict[Any, Any] = {
     "axes.spines.right": False,
 }
 Flights = Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class FigureFlight:
+    """One pool test in surge: seed of everything random, and true thrust over the thrust that the curve promises."""
+
+    seed: int
+    thrust_gain: float
+
+
+FLIGHTS = tuple(FigureFlight(seed, gain) for gain in (1.0, 1.03) for seed in range(1, 9))
+
+
+def flown(flight: FigureFlight) -> dict[str, Any]:
+    """Fly one and keep its coefficients, and what was known of them on the way."""
+    vehicle = load_vehicle(default_vehicle())
+    session = Session(vehicle)
+    pilot = GoalPilot(vehicle, Goal(("surge",), "plateaus", flight.seed))
+    conditions = Conditions(sizes={"thrust_gain": flight.thrust_gain - 1.0})
+    steps = Lockstep(vehicle, pilot, flight.seed, conditions=conditions, session=session).run(LONGEST_S)
+    online = [event for event in steps if isinstance(event, Stamped) and isinstance(event.reading, Estimate)]
+    result = session.finalize().results.motions["surge"]
+    found = {
+        name: [round(one, 5) for one in (number.value, number.std, number.std_calibrated)]
+        for name, number in result.coefficients.items()
+    }
+    return {"seed": flight.seed, "thrust_gain": flight.thrust_gain, "found": found, "online": list(_course(online))}
+
+
+def _course(online: list[Stamped[Any]]) -> Iterator[dict[str, Any]]:
+    """Time since the first estimate, values and deviations, thinned."""
+    first = online[0].stamp
+    for one in online[::EVERY]:
+        estimate: Estimate = one.reading
+        deviations = [round(estimate.covariance[i][i] ** 0.5, 4) for i in range(len(estimate.names))]
+        values = [round(value, 4) for value in estimate.values]
+        yield {"time_s": round((one.stamp - first) * 1e-9, 2), "values": values, "stds": deviations}
 
 
 def draw(folder: Path) -> list[Path]:
@@ -53,11 +101,16 @@ def _figure(columns: int, height: float = 3.0) -> tuple[Figure, list[Axes]]:
     return figure, [figure.add_subplot(1, columns, column + 1) for column in range(columns)]
 
 
+def _truth() -> Hydrodynamics:
+    found = load_vehicle(default_vehicle()).hydrodynamics
+    assert found is not None
+    return found
+
+
 def learning(flights: Flights) -> Figure:
     """What the vehicle knew of its drag while it flew, in one run."""
     figure, axes = _figure(2)
-    drag = load_vehicle(default_vehicle()).hydrodynamics
-    assert drag is not None
+    drag = _truth()
     course = [one for one in flights[0]["online"] if max(one["stds"][:2]) < 1e2]
     time = np.array([one["time_s"] for one in course])
     rows = (("$k_q$ [N s²/m²]", drag.surge.k_q, 20.0), ("$k_l$ [N s/m]", drag.surge.k_l, 8.0))
@@ -98,8 +151,7 @@ def _shares(ratio: float) -> list[float]:
 def calibration(flights: Flights) -> Figure:
     """Many runs with a good thrust curve, and with one that promises too little: noise and calibration."""
     figure, axes = _figure(2, 3.2)
-    truth = load_vehicle(default_vehicle()).hydrodynamics
-    assert truth is not None
+    truth = _truth()
     gains = sorted({one["thrust_gain"] for one in flights})
     for axis, gain in zip(axes, gains, strict=True):
         own = [one for one in flights if one["thrust_gain"] == gain]

@@ -1,8 +1,12 @@
-"""Page of the parameters of every node, from the knobs they are declared with."""
+"""Pages of what is set: the parameters of every node and the vehicle file, from their dataclasses of knobs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import types
+import typing
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any
 
 from hindrax_bag.write.limits import BagLimits
@@ -14,12 +18,14 @@ from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import NavigatorKnobs
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.teleop import TeleopKnobs
+from hindrax_core.curves.curve_branches import Branch, Curve
+from hindrax_core.knobs import Knob, knob_of
+from hindrax_core.vehicle import Drag, Hydrodynamics, Mount, Output, Thruster, Vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.thruster_settings import OutputAlone
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_ident.tuning import Tuning
-from hindrax_tools.reference.knob_table import knob_table
-from hindrax_tools.reference.markdown import head
+from hindrax_tools.reference.markdown import code, head, number, table
 
 ABOUT = """How the nodes are tuned. Each parameter is declared once, with its range; a value outside of it stops the
 node with an error that names it. Set them in a ROS parameter file:
@@ -37,6 +43,9 @@ the vehicle (`guards`, `operator_wrench`, wrench limits of the allocator, thrust
 and what a node uses only as it starts (devices, navigator) is refused with the reason. Every node also has `vehicle`
 (the vehicle file); sensors and thrusters have `port` and `clock`, which override those of the vehicle file in mock. A
 node logs a warning for each given parameter that it does not declare."""
+VEHICLE_FILE = """What a vehicle *is*: one YAML file, `src/hindrax_bringup/vehicles/hindrax.yaml` for the Hindrax. SI
+units, SNAME axes (x forward, y starboard, z down), positions from the body origin, the center of the envelope. A
+file that is wrong is refused with the key path, what was found and what was wanted."""
 
 NODES: Mapping[str, tuple[type[Any], ...]] = {
     **{name: (row.knobs,) for name, row in DEVICES.items()},
@@ -51,13 +60,88 @@ NODES: Mapping[str, tuple[type[Any], ...]] = {
     "safety_monitor": (SafetyMonitorKnobs,),
 }
 """Dataclasses of knobs that each node declares as its parameters."""
+BLOCKS = (
+    ("The file", Vehicle),
+    ("thrusters: a list of", Thruster),
+    ("curves: by name", Curve),
+    ("negative and positive of a curve", Branch),
+    ("hydrodynamics", Hydrodynamics),
+    ("surge to yaw of hydrodynamics", Drag),
+    ("sensors: by name", Mount),
+    ("output", Output),
+)
 
 
 def page() -> str:
-    """Return the page."""
-    nodes = (f"\n## {name}\n\n{_first_lines(kinds)}\n\n{knob_table(*kinds)}" for name, kinds in NODES.items())
+    """Page of the parameters."""
+    nodes = (
+        f"\n## {name}\n\n{' '.join(map(_first_line, kinds))}\n\n{knob_table(*kinds)}" for name, kinds in NODES.items()
+    )
     return head("Parameters", ABOUT) + "".join(nodes)
 
 
-def _first_lines(kinds: tuple[type[Any], ...]) -> str:
-    return " ".join((kind.__doc__ or "").partition("\n")[0] for kind in kinds)
+def vehicle_page() -> str:
+    """Page of the vehicle file."""
+    blocks = (f"\n## {title}\n\n{_first_line(kind)}\n\n{knob_table(kind)}" for title, kind in BLOCKS)
+    return head("Vehicle file", VEHICLE_FILE) + "".join(blocks)
+
+
+def _first_line(kind: type[Any]) -> str:
+    return (kind.__doc__ or "").partition("\n")[0]
+
+
+def knob_table(*kinds: type[Any]) -> str:
+    """One table of all knobs of some dataclasses."""
+    return table(("name", "default", "range", "unit", "meaning"), [row for kind in kinds for row in rows(kind)])
+
+
+def rows(kind: type[Any], prefix: str = "") -> Iterator[tuple[str, ...]]:
+    """A row per knob; those of a nested dataclass as `field.knob`."""
+    hints = typing.get_type_hints(kind)
+    for declared in fields(kind):
+        inner = hints[declared.name]
+        if is_dataclass(inner):
+            yield from rows(typing.cast("type[Any]", inner), f"{prefix}{declared.name}.")
+        else:
+            yield _row(prefix + declared.name, declared, inner)
+
+
+def _row(name: str, declared: Field[Any], hint: Any) -> tuple[str, ...]:
+    knob = knob_of(declared)
+    meaning = knob.meaning.removesuffix(f"[{knob.unit}]").strip() if knob.unit else knob.meaning
+    return code(name), _default(declared), _range(knob, hint), "" if knob.unit == "-" else knob.unit, meaning
+
+
+def _default(declared: Field[Any]) -> str:
+    if declared.default is not MISSING:
+        return _plain(declared.default)
+    if declared.default_factory is not MISSING:
+        return _plain(declared.default_factory())
+    return "must be said"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_plain, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return double(value) if isinstance(value, float) else number(value)
+    return "none" if value is None or value in ("", {}) else str(value)
+
+
+def double(value: float) -> str:
+    """A number as ROS reads a double: never like an integer."""
+    text = number(value)
+    return text if set(text) & set(".en") else f"{text}.0"
+
+
+def _range(knob: Knob, hint: Any) -> str:
+    if knob.choices:
+        return ", ".join(map(code, knob.choices))
+    if bool in (hint, *typing.get_args(hint)):
+        return "true, false"
+    if typing.get_origin(hint) in (types.UnionType, typing.Union) and math.isinf(knob.low):
+        return ""
+    low, high = ("" if math.isinf(bound) else number(bound) for bound in (knob.low, knob.high))
+    return f"{low} to {high}".strip() if low or high else ""

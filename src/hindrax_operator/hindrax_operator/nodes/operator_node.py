@@ -64,7 +64,7 @@ class Operator:
     can look after its processes and show progress.
     """
 
-    def __init__(self, *, mock: bool, namespace: str = NAMESPACE, tick: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, *, mock: bool, namespace: str = NAMESPACE, tick: Callable[[], object] = lambda: None) -> None:
         words = ["--ros-args", *namespace_arguments(namespace, own_clock=mock)]
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
         overrides = [Parameter("use_sim_time", Parameter.Type.BOOL, mock)]

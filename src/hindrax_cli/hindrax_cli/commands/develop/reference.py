@@ -62,11 +62,10 @@ def _draw(folder: Path, *, again: bool) -> int:
     # Imported here: matplotlib takes long to load.
     figures = developer_module("reference.figures")
     if again:
-        flights = developer_module("reference.flights")
         flown = []
-        for flight in flights.FLIGHTS:
+        for flight in figures.FLIGHTS:
             print_fitted(f"flying {flight}", sys.stderr)
-            flown.append(flights.flown(flight))
+            flown.append(figures.flown(flight))
         kept = [flown[0], *({key: one[key] for key in one if key != "online"} for one in flown[1:])]
         (folder / figures.FLIGHTS_FILE).write_text(json.dumps(kept) + "\n", encoding="utf-8")
     for file in figures.draw(folder):

@@ -1,22 +1,25 @@
-"""Page of our own messages, services and actions, from their definitions."""
+"""Pages of the interfaces: topics from their table; our own messages, services and actions from their definitions."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
-from hindrax_tools.reference.markdown import code, head, table
+from hindrax_core.topics import TOPICS, Quality, Topic, resolved
+from hindrax_tools.reference.markdown import code, head, number, table
 
-ABOUT = """Interfaces of `hindrax_msgs`. Where a standard message serves, it is used instead (see
+TOPICS_ABOUT = """Every topic of the stack. Only the vehicle's own machine sees them unless a tether is named. Recorded
+ones are in every bag. A rate of 0 means: on change."""
+MESSAGES = """Interfaces of `hindrax_msgs`. Where a standard message serves, it is used instead (see
 [topics](topics.md)). Every field says its unit; `-` has none."""
 FOLDERS = {"msg": ("",), "srv": ("request", "response"), "action": ("goal", "result", "feedback")}
 
 
-def page() -> str:
-    """Return the page."""
+def messages_page() -> str:
+    """Page of the messages."""
     root = clone_root() / "src" / "hindrax_msgs"
     files = [file for folder in FOLDERS for file in sorted((root / folder).iterdir())]
-    return head("Messages, services, actions", ABOUT) + "".join(map(_interface, files))
+    return head("Messages, services, actions", MESSAGES) + "".join(map(_interface, files))
 
 
 def _interface(file: Path) -> str:
@@ -50,3 +53,22 @@ def _field(line: str) -> tuple[str, ...]:
     if meaning.endswith("]"):
         meaning, _, unit = meaning[:-1].rpartition("[")
     return code(kind), code(name.strip()), unit, meaning.strip()
+
+
+def topics_page() -> str:
+    """Page of the topics."""
+    columns = ("topic", "type", "rate [Hz]", "quality", "recorded", "meaning")
+    return f"{head('Topics', TOPICS_ABOUT)}\n{table(columns, map(_topic, TOPICS))}"
+
+
+def _topic(topic: Topic) -> tuple[str, ...]:
+    name, kind, quality = code(resolved(topic)), code(topic.type), _quality(topic.quality)
+    return name, kind, number(topic.rate_Hz), quality, "yes" if topic.recorded else "no", topic.meaning
+
+
+def _quality(quality: Quality) -> str:
+    words = ["reliable" if quality.reliable else "best effort", f"depth {quality.depth}"]
+    words += ["latched"] if quality.latched else []
+    words += [f"deadline {quality.deadline_s:g} s"] if quality.deadline_s else []
+    words += [f"lifespan {quality.lifespan_s:g} s"] if quality.lifespan_s else []
+    return ", ".join(words)
