@@ -20,7 +20,7 @@ import rclpy
 from lifecycle_client import LifecycleClient
 from rclpy.executors import SingleThreadedExecutor
 
-from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bag.run_folder import write_parameters
 from hindrax_bringup.node_options import wire_parameters
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -95,7 +95,7 @@ def sensors(tmp_path: Path) -> Iterator[Sensors]:
         MockVehicle(VEHICLE, tmp_path, seed=1, rate=0.0) as mock,
     ):
         values = wire_parameters({"ports": mock.ports, "clock": mock.clock})
-        words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}, **values})
+        words = write_parameters(tmp_path / "parameters.yaml", {"/**": {"vehicle": str(default_vehicle())}, **values})
         rclpy.init(args=[])
         arguments = [sys.executable, "-m", "hindrax_drivers.nodes.sensors", *words, "-r", f"__ns:={NAMESPACE}"]
         with subprocess.Popen(arguments, env=made) as process:

@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from hindrax_bag.run_folder import RunFolder, write_parameters
+from hindrax_bag.run_folder import write_parameters
 from hindrax_bringup.node_options import Blocks
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
@@ -81,7 +81,7 @@ def reports(tmp_path: Path) -> Iterator[Reports]:
         f"/**/{sensor.name}": {"port": f"{tmp_path}/{sensor.name}" if sensor.serial else clock, "clock": clock}
         for sensor in CARRIED
     }
-    words = write_parameters(RunFolder(tmp_path), {"/**": {"vehicle": str(default_vehicle())}, **values})
+    words = write_parameters(tmp_path / "parameters.yaml", {"/**": {"vehicle": str(default_vehicle())}, **values})
     arguments = [sys.executable, "-m", "hindrax_drivers.nodes.sensors", *words, "-r", f"__ns:={NAMESPACE}"]
     with own_domain(mock=True) as domain, adopted(made := environment(mock=True, domain=domain)):
         rclpy.init(args=[])

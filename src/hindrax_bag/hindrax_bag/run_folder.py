@@ -88,11 +88,11 @@ def remove_oldest(runs: Path, most_bytes: float, in_use: Collection[Path]) -> It
             yield f"{path}: removed, {size / 1e6:.1f} MB; the runs take {total / 1e6:.1f} MB now"
 
 
-def write_parameters(folder: RunFolder, parameters: dict[str, dict[str, object]]) -> list[str]:
+def write_parameters(file: Path, parameters: dict[str, dict[str, object]]) -> list[str]:
     """Write ROS parameters, per pattern of node names, and return the arguments for a process to read them.
 
     Of two patterns that name one node the later wins.
     """
     blocks = {node: {"ros__parameters": values} for node, values in parameters.items()}
-    folder.parameters.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")
-    return ["--ros-args", "--params-file", str(folder.parameters)]
+    file.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")
+    return ["--ros-args", "--params-file", str(file)]

@@ -12,11 +12,11 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import yaml
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable, Shutdown
 from launch_ros.actions import Node
 from launch_ros.substitutions import ExecutableInPackage
 
+from hindrax_bag.run_folder import write_parameters
 from hindrax_bringup.network.tether import tether_setting
 from hindrax_bringup.node_options import NodeOptions, Tuning
 from hindrax_bringup.processes import ONBOARD, Process
@@ -68,7 +68,9 @@ def stack(
             folder = runtime_folder() / f"{os.getpid()}.{hardware.name}"
             wires = ports(folder, vehicle)
             line = ["--vehicle", vehicle, "--folder", str(folder), "--namespace", tuning.namespace]
-            line += [word for name, option in (words or {}).items() for word in _option(option, argument(name))]
+            # An option is repeated for each word of its value.
+            given = [(option, one) for name, option in (words or {}).items() for one in argument(name).split()]
+            line += [word for pair in given for word in pair]
             # Not a Node: that adds words of ROS, and this process has its own.
             program = ExecutableInPackage(package=hardware.package, executable=hardware.name)
             ends = Shutdown(reason=f"the {hardware.name} has ended")
@@ -85,7 +87,9 @@ def stack(
         )
         for sentence in options.strange_blocks():
             print_fitted(sentence, sys.stderr)
-        file = _parameter_file(options)
+        file = runtime_folder() / f"{os.getpid()}.parameters.yaml"
+        write_parameters(file, options.parameters())
+        atexit.register(file.unlink, missing_ok=True)
         _announce(options, made)
         chosen = [one for one in options.processes if one in onboard or one not in ONBOARD]
         return [*started, *(_node(one, file, options) for one in chosen)]
@@ -128,20 +132,6 @@ def _node(process: Process, file: Path, options: NodeOptions) -> Node:
         on_exit=on_exit,
         output="screen",
     )
-
-
-def _option(option: str, value: str) -> list[str]:
-    """Words of an option; it is repeated for each word of its value."""
-    return [word for one in value.split() for word in (option, one)]
-
-
-def _parameter_file(options: NodeOptions) -> Path:
-    """Write the parameters into a file that goes with this process."""
-    blocks = {pattern: {"ros__parameters": block} for pattern, block in options.parameters().items()}
-    file = runtime_folder() / f"{os.getpid()}.parameters.yaml"
-    file.write_text(yaml.safe_dump(blocks, sort_keys=False), encoding="utf-8")
-    atexit.register(file.unlink, missing_ok=True)
-    return file
 
 
 def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:

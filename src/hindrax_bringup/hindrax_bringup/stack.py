@@ -17,10 +17,9 @@ from hindrax_bag.metadata import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.liveness import NOTIFY
 from hindrax_bringup.network import security
-from hindrax_bringup.network.graph_presence import occupied_domains, require_no_stack
-from hindrax_bringup.network.network_profile import profile_file
-from hindrax_bringup.network.tether import Tether
+from hindrax_bringup.network.tether import Tether, profile_file
 from hindrax_bringup.node_options import NodeOptions, Tuning
+from hindrax_bringup.nodes.graph_presence import occupied_domains, require_no_stack
 from hindrax_bringup.processes import MOCK, RECORDER, Process
 from hindrax_bringup.stack_lock import StackLock, graph_settings
 from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
@@ -86,7 +85,7 @@ class Stack:
         )
         for sentence in options.strange_blocks():
             print_fitted(sentence, sys.stderr)
-        words = write_parameters(self.folder, options.parameters())
+        words = write_parameters(self.folder.parameters, options.parameters())
         for process in options.processes if onboard is None else onboard:
             self.supervisor.start(process, [*words, *options.arguments(process)])
 
@@ -103,8 +102,7 @@ class Stack:
     def start_mock(self, options: MockOptions, *more: str) -> None:
         """Start the mock alone, with more words of its own; `mock_facts` then names its ports."""
         words = [*more, "--vehicle", str(self.folder.vehicle), "--seed", str(options.seed), "--rate", str(options.rate)]
-        for fault in options.faults:
-            words += ["--fault", fault]
+        words += [word for fault in options.faults for word in ("--fault", fault)]
         words += ["--world", options.world, *(["--truth", options.truth] if options.truth else [])]
         child = self.supervisor.start(MOCK, words, pipe=True)
         self.mock_facts = first_line(child, MOCK_READY_S, self.folder.logs / "mock.log")
@@ -114,8 +112,7 @@ def presence_of(stack: Stack) -> StackLock:
     """Lock-file entry of a stack that was started."""
     ports = stack.mock_facts.get("ports", {})
     assert isinstance(ports, dict)
-    folder = stack.folder
-    started = stack.supervisor.children
+    folder, started = stack.folder, stack.supervisor.children
     return StackLock(
         os.getpid(),
         MOCK.name in started,

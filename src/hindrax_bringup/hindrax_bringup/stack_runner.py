@@ -19,7 +19,7 @@ from hindrax_bringup.liveness import STARTING, LivenessFile, heard_armed, tool_l
 from hindrax_bringup.network.tether import FOREVER_S, Tether, address_of, wait_for_address
 from hindrax_bringup.node_options import Tuning
 from hindrax_bringup.processes import MOCK, ONBOARD, SAFETY_MONITOR, THRUSTERS, modules
-from hindrax_bringup.stack import MockOptions, Stack, own_domain, presence_of, stack_environment
+from hindrax_bringup.stack import PROFILE, MockOptions, Stack, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import StackLock, announced, runtime_folder, stacks
 from hindrax_bringup.supervisor import Supervisor, last_words, stop_signals
 from hindrax_core.errors import HindraxError
@@ -29,6 +29,8 @@ from hindrax_ros.stack_time import STEP_S, StackTime
 
 VITAL = (MOCK.name, THRUSTERS.name, SAFETY_MONITOR.name)
 """Without these nothing is left to operate; without another one the rest still serves."""
+SHOWN = ("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", PROFILE)
+"""Settings with which ROS 2 tools join the graph."""
 TURN_S = 0.1
 SETTLED_S = 3.0
 """Time after a step of the wall clock in which its event is recorded, and further ones may come."""
@@ -178,13 +180,8 @@ def startup_text(presence: StackLock, folder: RunFolder, *, record: bool) -> str
         f"up: {presence.title}",
         "  from any terminal: ./hindrax monitor | web | arm | hold | wrench | disarm | stop",
         "  with ROS 2 tools:",
-        *(f"    export {key}={value}" for key, value in sorted(presence.graph.items()) if _shown(key)),
+        *(f"    export {key}={value}" for key, value in sorted(presence.graph.items()) if key in SHOWN),
         f"  processes:         {', '.join(process.name for process in ONBOARD)}; logs in {folder.logs}",
     ]
     lines += [f"  bag:               {folder.bag}"] if record else []
     return "\n".join([*lines, "  Ctrl-C ends it"])
-
-
-def _shown(key: str) -> bool:
-    wanted = ("ROS_DOMAIN_ID", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
-    return key in wanted

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_bringup.network.graph_presence import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
+from hindrax_bringup.nodes.graph_presence import FIRST_PORT, PORTS_PER_DOMAIN, occupied_domains
 from hindrax_bringup.stack import environment, own_domain
 from hindrax_core.errors import HindraxError
 

@@ -12,14 +12,18 @@ import pytest
 from hindrax_bringup import stack_runner
 from hindrax_bringup.liveness import stacks_well, tool_liveness
 from hindrax_bringup.network import tether
-from hindrax_bringup.network.network_profile import GROUP, SPACE, loopback_profile, profile_file, tether_profile
 from hindrax_bringup.network.tether import (
+    GROUP,
     SETTING,
+    SPACE,
     Tether,
     add_tether,
     address_of,
     available_tether,
+    loopback_profile,
     parse_tether,
+    profile_file,
+    tether_profile,
     tether_setting,
     wait_for_address,
 )

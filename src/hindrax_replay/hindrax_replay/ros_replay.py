@@ -83,7 +83,7 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
         words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]
         wires = supervisor.start(REPLAY, words, pipe=True)
         facts = first_line(wires, READY_S, folder.logs / "replay.log")
-        arguments = write_parameters(folder, _parameters(folder, tuned, wire_parameters(facts)))
+        arguments = write_parameters(folder.parameters, _parameters(folder, tuned, wire_parameters(facts)))
         for process in (RECORDER, SENSORS, CONTROL, IDENTIFIER):
             supervisor.start(process, [*arguments, *(UNHEARD if process is CONTROL else ())])
         _wait(wires, supervisor, folder, READY_S + PATIENCE_S + SLOWEST * seconds)

@@ -12,48 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_bringup.share_files import share_folder
+from hindrax_core import topics as t
 from hindrax_core.errors import HindraxError
 from hindrax_core.sensor_table import SENSORS
-from hindrax_core.topics import (
-    ALLOCATION,
-    ALTITUDE,
-    BATTERY,
-    DIAGNOSTICS,
-    DVL_ATTITUDE,
-    DVL_DETAIL,
-    ESTIMATE,
-    HEARTBEAT,
-    HOLD_SETPOINT,
-    HOLD_STATUS,
-    IMU,
-    JOYSTICK,
-    LEAK,
-    LIGHTS,
-    MAGNETIC,
-    MANEUVER,
-    MEASURED,
-    NAMESPACE,
-    NAVIGATION,
-    ODOMETRY,
-    OPERATOR_WRENCH,
-    PLACE,
-    PLANS,
-    PRESSURE,
-    RAW_FRAMES,
-    ROBOT_DESCRIPTION,
-    TF,
-    TF_STATIC,
-    THRUSTER_COMMAND,
-    THRUSTER_HEALTH,
-    THRUSTER_HEALTH_ORDER,
-    THRUSTER_STATE,
-    TOPICS,
-    TOPICS_OF,
-    TWIST,
-    WRENCH,
-    Topic,
-    resolved,
-)
+from hindrax_core.topics import NAMESPACE, Topic, resolved
 
 KEYSTORE = "HINDRAX_KEYSTORE"
 """The one setting: the folder of a keystore, and every process enforces the policies."""
@@ -99,23 +61,17 @@ class Role:
 
 
 def _sensor(name: str) -> Role:
-    own = TOPICS_OF[name].values()
-    dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in MEASURED else ()
-    profile = (f"{name}/request_profile",) if f"{name}/profile" in MEASURED else ()
-    return Role(name, "sensors", publishes=(*own, RAW_FRAMES[name], DIAGNOSTICS, *dvl), serves=profile, lifecycle=True)
+    own = t.TOPICS_OF[name].values()
+    dvl = (f"{NAMESPACE}/{name}/dvl",) if f"{name}/detail" in t.MEASURED else ()
+    profile = (f"{name}/request_profile",) if f"{name}/profile" in t.MEASURED else ()
+    return Role(
+        name, "sensors", publishes=(*own, t.RAW_FRAMES[name], t.DIAGNOSTICS, *dvl), serves=profile, lifecycle=True
+    )
 
 
 _STATE = (
-    NAVIGATION,
-    THRUSTER_STATE,
-    MANEUVER,
-    PLACE,
-    PLANS,
-    ALLOCATION,
-    HOLD_STATUS,
-    THRUSTER_HEALTH,
-    ESTIMATE,
-    DIAGNOSTICS,
+    *(t.NAVIGATION, t.THRUSTER_STATE, t.MANEUVER, t.PLACE, t.PLANS),
+    *(t.ALLOCATION, t.HOLD_STATUS, t.THRUSTER_HEALTH, t.ESTIMATE, t.DIAGNOSTICS),
 )
 """What an operator watches: about a megabit a second over the tether; raw frames are not among it."""
 
@@ -125,8 +81,8 @@ ROLES: tuple[Role, ...] = (
     Role(
         "thrusters",
         "thrusters",
-        publishes=(THRUSTER_STATE, BATTERY, RAW_FRAMES["thrusters"], DIAGNOSTICS),
-        subscribes=(THRUSTER_COMMAND, LIGHTS),
+        publishes=(t.THRUSTER_STATE, t.BATTERY, t.RAW_FRAMES["thrusters"], t.DIAGNOSTICS),
+        subscribes=(t.THRUSTER_COMMAND, t.LIGHTS),
         serves=(ARM,),
         lifecycle=True,
     ),
@@ -134,17 +90,17 @@ ROLES: tuple[Role, ...] = (
     Role(
         "navigator",
         "control",
-        publishes=(NAVIGATION, ODOMETRY, DIAGNOSTICS, TF, TF_STATIC, ROBOT_DESCRIPTION),
-        subscribes=(IMU, MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, DVL_ATTITUDE, ALLOCATION),
+        publishes=(t.NAVIGATION, t.ODOMETRY, t.DIAGNOSTICS, t.TF, t.TF_STATIC, t.ROBOT_DESCRIPTION),
+        subscribes=(t.IMU, t.MAGNETIC, t.PRESSURE, t.ALTITUDE, t.DVL_DETAIL, t.DVL_ATTITUDE, t.ALLOCATION),
     ),
-    Role("estimator_health", "control", publishes=(DIAGNOSTICS,), requests=(ARM,)),
+    Role("estimator_health", "control", publishes=(t.DIAGNOSTICS,), requests=(ARM,)),
     Role(
         "pilot",
         "control",
-        publishes=(WRENCH, HOLD_STATUS, MANEUVER, PLACE, PLANS, THRUSTER_HEALTH, DIAGNOSTICS),
+        publishes=(t.WRENCH, t.HOLD_STATUS, t.MANEUVER, t.PLACE, t.PLANS, t.THRUSTER_HEALTH, t.DIAGNOSTICS),
         subscribes=(
-            *(THRUSTER_STATE, THRUSTER_HEALTH_ORDER, HOLD_SETPOINT, OPERATOR_WRENCH, ESTIMATE),
-            *(ODOMETRY, ALTITUDE, ALLOCATION, LEAK),
+            *(t.THRUSTER_STATE, t.THRUSTER_HEALTH_ORDER, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.ESTIMATE),
+            *(t.ODOMETRY, t.ALTITUDE, t.ALLOCATION, t.LEAK),
         ),
         executes=(FLY,),
         serves=(RECENTRE,),
@@ -152,37 +108,37 @@ ROLES: tuple[Role, ...] = (
     Role(
         "allocator",
         "control",
-        publishes=(THRUSTER_COMMAND, ALLOCATION, DIAGNOSTICS),
-        subscribes=(WRENCH, THRUSTER_STATE, THRUSTER_HEALTH, BATTERY),
+        publishes=(t.THRUSTER_COMMAND, t.ALLOCATION, t.DIAGNOSTICS),
+        subscribes=(t.WRENCH, t.THRUSTER_STATE, t.THRUSTER_HEALTH, t.BATTERY),
     ),
     Role(
         "identifier",
         "identifier",
-        publishes=(ESTIMATE, DIAGNOSTICS),
-        subscribes=(DVL_DETAIL, PRESSURE, NAVIGATION, ALLOCATION, MANEUVER, *FOREIGN),
+        publishes=(t.ESTIMATE, t.DIAGNOSTICS),
+        subscribes=(t.DVL_DETAIL, t.PRESSURE, t.NAVIGATION, t.ALLOCATION, t.MANEUVER, *FOREIGN),
         serves=(ASSESS,),
         executes=(RUN,),
         calls=(FLY,),
     ),
-    Role("recorder", "recorder", publishes=(DIAGNOSTICS,), subscribes=TOPICS),
+    Role("recorder", "recorder", publishes=(t.DIAGNOSTICS,), subscribes=t.TOPICS),
     Role(
         "safety_monitor",
         "safety_monitor",
-        publishes=(THRUSTER_HEALTH_ORDER, DIAGNOSTICS),
-        subscribes=(THRUSTER_HEALTH, DIAGNOSTICS, HEARTBEAT, THRUSTER_STATE),
+        publishes=(t.THRUSTER_HEALTH_ORDER, t.DIAGNOSTICS),
+        subscribes=(t.THRUSTER_HEALTH, t.DIAGNOSTICS, t.HEARTBEAT, t.THRUSTER_STATE),
         requests=(ARM, CANCEL),
     ),
     Role(
         "operator",
         "operator",
-        publishes=(HEARTBEAT, HOLD_SETPOINT, OPERATOR_WRENCH, THRUSTER_HEALTH_ORDER, LIGHTS),
+        publishes=(t.HEARTBEAT, t.HOLD_SETPOINT, t.OPERATOR_WRENCH, t.THRUSTER_HEALTH_ORDER, t.LIGHTS),
         subscribes=_STATE,
         requests=(ARM, CANCEL, RECENTRE),
         calls=(FLY, RUN),
     ),
-    Role("thrust", "thrust", publishes=(FOREIGN[1], DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),
-    Role("teleop", "operator", publishes=(OPERATOR_WRENCH,), subscribes=(JOYSTICK, TWIST)),
-    Role("operator", "bench", publishes=(HEARTBEAT, THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),
+    Role("thrust", "thrust", publishes=(FOREIGN[1], t.DIAGNOSTICS), subscribes=(f"{NAMESPACE}/pulses",)),
+    Role("teleop", "operator", publishes=(t.OPERATOR_WRENCH,), subscribes=(t.JOYSTICK, t.TWIST)),
+    Role("operator", "bench", publishes=(t.HEARTBEAT, t.THRUSTER_COMMAND), subscribes=_STATE, requests=(ARM,)),
 )
 
 

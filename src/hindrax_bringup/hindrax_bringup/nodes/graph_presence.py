@@ -1,20 +1,29 @@
-"""Who lives in a ROS domain of this machine: lock files tell only of stacks whose tool still runs."""
+"""Who lives in a ROS domain of this machine: lock files tell only of stacks whose tool still runs.
+
+As a program, `python -m hindrax_bringup.nodes.graph_presence NAMESPACE`, it prints the nodes of a stack in the domain
+of its environment.
+"""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.text.screen_text import print_whole
 
 FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 """UDP ports at which the participants of a domain receive (OMG DDSI-RTPS 2.3, section 9.6.1.1)."""
 SOCKET_TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 LOOK_AT_MOST_S = 20.0
 """Longest time for the process that looks, on a busy machine."""
+STACK_NODES = ("thrusters", "pilot")
+LOOK_S = 1.5
+"""Longest wait for these nodes; participants announce themselves every 0.1 s to a new one."""
 
 
 def occupied_domains(tables: tuple[Path, ...] = SOCKET_TABLES) -> set[int]:
@@ -33,7 +42,7 @@ def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]
     """HindraxError when nodes of a stack of this namespace are in this domain; other nodes may be there."""
     if domain not in occupied_domains():
         return
-    words = [sys.executable, "-m", "hindrax_bringup.nodes.stack_search", namespace]
+    words = [sys.executable, "-m", "hindrax_bringup.nodes.graph_presence", namespace]
     # A process of its own: the middleware keeps the profile of the first node for as long as its process lives.
     try:
         done = subprocess.run(  # noqa: S603  # our own module
@@ -47,3 +56,24 @@ def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]
             f"ROS domain {domain}: found the nodes {', '.join(found)} of a stack, wanted none; "
             "end that stack, or unset ROS_DOMAIN_ID for a free domain"
         )
+
+
+def stack_nodes(space: str) -> list[str]:
+    """Names of the nodes of a stack in a namespace, as soon as one is seen; empty after `LOOK_S`."""
+    import rclpy  # noqa: PLC0415  # only in the process that looks
+
+    wanted = {f"{space}/{name}" for name in STACK_NODES}
+    rclpy.init(args=[])
+    node = rclpy.create_node("search", namespace=space, use_global_arguments=False, enable_rosout=False)
+    deadline = time.monotonic() + LOOK_S
+    found: set[str] = set()
+    while not found and time.monotonic() < deadline:
+        time.sleep(0.05)
+        found = wanted & {f"{own.rstrip('/')}/{name}" for name, own in node.get_node_names_and_namespaces()}
+    node.destroy_node()
+    rclpy.shutdown()
+    return sorted(found)
+
+
+if __name__ == "__main__":
+    print_whole(json.dumps(stack_nodes(sys.argv[1])))
