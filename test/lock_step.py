@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from hindrax_core.bus_operations import Transaction
+from hindrax_core.bus_operations import Transaction, wire_error
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import EPOCH
-from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 

@@ -1,6 +1,6 @@
 """Single mutations of one module, each against named tests: what survives is a line that no test holds.
 
-    python -m hindrax_tools.mutation hindrax_core.input_checks.stamp_window src/hindrax_core/test/test_stamp_window.py
+    python -m hindrax_tools.mutation hindrax_core.input_checks src/hindrax_core/test/test_stamp_window.py
 
 No file is changed: a process of its own imports the mutant in the place of the module. So only tests that call the
 module in their own process can kill a mutant. One that survives may also change nothing: read it before you write a

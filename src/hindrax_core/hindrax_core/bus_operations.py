@@ -1,4 +1,4 @@
-"""A register bus as data: a driver yields bus operations, and the owner of the bus performs them.
+"""A register bus as data: a driver yields bus operations, and the owner of the bus performs and records them.
 
 A `Program` is a generator that yields operations and returns its result. Nothing in it knows a port, a clock or a
 thread, so the same program runs on a Raspberry Pi, against an emulator and in a test transcript.
@@ -6,9 +6,14 @@ thread, so the same program runs on a Raspberry Pi, against an emulator and in a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+import errno
+import os
+import struct
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
+
+from hindrax_core.events import Stamp
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +63,53 @@ ResultT = TypeVar("ResultT")
 Program: TypeAlias = Generator[Operation, bytes, ResultT]
 
 
+_HEAD = struct.Struct("<BH")
+_MEANING = {
+    errno.EREMOTEIO: "no acknowledge: not wired, not powered, or another address",
+    errno.ENXIO: "no acknowledge: not wired, not powered, or another address",
+    errno.ETIMEDOUT: "timeout: the bus is held low; power-cycle its devices and check the pull-ups",
+    errno.EAGAIN: "arbitration lost: another master or a short circuit on the bus",
+}
+
+
 class DeviceError(Exception):
     """A bus or device that violates its datasheet. The host retries; the operator reads the text."""
+
+
+def wire_error(port: str, address: int, code: int) -> DeviceError:
+    """Describe a failed transaction in one sentence: port, address, error name, likely cause."""
+    name = errno.errorcode.get(code, "error")
+    return DeviceError(f"{port} address {address:#04x}: {_MEANING.get(code, os.strerror(code))} ({name}, {code})")
+
+
+def pack_transaction(transaction: Transaction) -> bytes:
+    """Request of a transaction as a frame: `u8 address | u16 count, little endian | bytes written`.
+
+    Count 0 is a write, no bytes a read, both a write and a read in one transaction. The frame of the answer has the
+    bytes read, none for a write.
+    """
+    count = 0 if isinstance(transaction, Write) else transaction.count
+    data = b"" if isinstance(transaction, Read) else transaction.data
+    return _HEAD.pack(transaction.address, count) + data
+
+
+def unpack_transaction(frame: bytes) -> Transaction:
+    """Decode a transaction; ValueError when the frame is too short."""
+    if len(frame) < _HEAD.size:
+        raise ValueError(f"found a transaction of {len(frame)} bytes, wanted at least {_HEAD.size}")
+    address, count = _HEAD.unpack_from(frame)
+    data = frame[_HEAD.size :]
+    if count == 0:
+        return Write(address, data)
+    return WriteRead(address, data, count) if data else Read(address, count)
+
+
+def frames_in(batch: Any) -> Iterator[tuple[Stamp, int, bytes]]:
+    """Stamp, direction and bytes of every frame of a RawFrames message."""
+    start, data = 0, bytes(batch.data)
+    for stamp, direction, length in zip(batch.stamps, bytes(batch.directions), batch.lengths, strict=True):
+        yield Stamp(int(stamp)), direction, data[start : start + length]
+        start += length
 
 
 def no_tap(*_: object) -> None:

@@ -12,7 +12,12 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Inertial:
+class Reading:
+    """Any of the readings below."""
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial(Reading):
     """Specific force (at rest and level: +g on the axis that points up) and angular rate, in the sensor's own axes."""
 
     specific_force_mps2: Vec3
@@ -21,14 +26,14 @@ class Inertial:
 
 
 @dataclass(frozen=True, slots=True)
-class Magnetic:
+class Magnetic(Reading):
     """Magnetic flux density in the axes of the inertial sensor it is packaged with."""
 
     field_T: Vec3
 
 
 @dataclass(frozen=True, slots=True)
-class Pressure:
+class Pressure(Reading):
     """Absolute pressure and water temperature."""
 
     pressure_Pa: float
@@ -36,7 +41,7 @@ class Pressure:
 
 
 @dataclass(frozen=True, slots=True)
-class Air:
+class Air(Reading):
     """Air in a dry hull: absolute pressure, temperature and relative humidity (0 to 1; NaN where not measured)."""
 
     pressure_Pa: float
@@ -45,14 +50,14 @@ class Air:
 
 
 @dataclass(frozen=True, slots=True)
-class Leak:
+class Leak(Reading):
     """Whether the probe of a leak sensor is wet."""
 
     wet: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Echo:
+class Echo(Reading):
     """Distance to the strongest echo along the beam, and the instrument's own confidence in it (0 to 1)."""
 
     range_m: float
@@ -61,7 +66,7 @@ class Echo:
 
 
 @dataclass(frozen=True, slots=True)
-class EchoProfile:
+class EchoProfile(Reading):
     """Echo strength along the beam: `strength` holds equally spaced samples from `start_m` over `length_m`."""
 
     range_m: float
@@ -74,7 +79,7 @@ class EchoProfile:
 
 
 @dataclass(frozen=True, slots=True)
-class SonarHealth:
+class SonarHealth(Reading):
     """Number, supply and temperatures of an echo sounder; None or NaN where it does not tell one."""
 
     device_id: int | None
@@ -84,7 +89,7 @@ class SonarHealth:
 
 
 @dataclass(frozen=True, slots=True)
-class BottomVelocity:
+class BottomVelocity(Reading):
     """Velocity over ground of the DVL in its own frame (x forward, y starboard, z down), mean over the interval.
 
     While the instrument is unlocked the velocity is None, never zero.
@@ -108,7 +113,7 @@ class Beam:
 
 
 @dataclass(frozen=True, slots=True)
-class BottomTrack:
+class BottomTrack(Reading):
     """Lock, attitude, altitude along the sensor axis and the four beams, as the DVL reports them.
 
     Roll, pitch and heading are SNAME angles (z down, heading clockwise from north). Altitude is None when unlocked.
@@ -126,7 +131,7 @@ class BottomTrack:
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class Position(Reading):
     """Place that a DVL reckons from its start, its last GPS fix or a position told to it [deg].
 
     `fixed`: a GPS gives it at the moment. Without one and never told a position, the device starts at 0, 0.
@@ -138,7 +143,7 @@ class Position:
 
 
 @dataclass(frozen=True, slots=True)
-class KalmanSupport:
+class KalmanSupport(Reading):
     """Numbers that a DVL offers to a Kalman filter outside: `groups` in their order, NaN for what is no number.
 
     `version` is the device's bit vector of the groups that are there.
@@ -151,14 +156,14 @@ class KalmanSupport:
 
 
 @dataclass(frozen=True, slots=True)
-class DeviceText:
+class DeviceText(Reading):
     """A text line of a device, for the log."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Battery:
+class Battery(Reading):
     """Supply voltage; current is NaN where it is not measured."""
 
     voltage_V: float
@@ -166,26 +171,7 @@ class Battery:
 
 
 @dataclass(frozen=True, slots=True)
-class AppliedPulses:
+class AppliedPulses(Reading):
     """Pulses that an output reports, thrusters then lights in the order of the vehicle file [us]."""
 
     pulses_us: tuple[float, ...]
-
-
-Reading: TypeAlias = (
-    Inertial
-    | Magnetic
-    | Pressure
-    | Air
-    | Leak
-    | Echo
-    | EchoProfile
-    | SonarHealth
-    | BottomVelocity
-    | BottomTrack
-    | Position
-    | KalmanSupport
-    | DeviceText
-    | Battery
-    | AppliedPulses
-)

@@ -6,9 +6,19 @@ from typing import TypeAlias
 
 import pytest
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Read, Transaction, Write, WriteRead, run
+from hindrax_core.bus_operations import (
+    DeviceError,
+    Pause,
+    Program,
+    Read,
+    Transaction,
+    Write,
+    WriteRead,
+    pack_transaction,
+    run,
+    unpack_transaction,
+)
 from hindrax_core.testing import chunks, rehearse
-from hindrax_core.wire_frames import pack_transaction, unpack_transaction
 
 
 def double_register() -> Program[int]:

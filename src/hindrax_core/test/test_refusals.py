@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hindrax_core.input_checks.refusal_counts import LONGEST, Refusals
+from hindrax_core.input_checks import LONGEST, Refusals
 
 
 def test_refusals_are_counted_by_thing_and_are_news_once() -> None:

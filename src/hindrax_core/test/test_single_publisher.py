@@ -1,6 +1,6 @@
 """Of several publishers none is obeyed, and the one who is stays while the thrusters are armed."""
 
-from hindrax_core.input_checks.single_publisher import UNKNOWN, SinglePublisher
+from hindrax_core.input_checks import UNKNOWN, SinglePublisher
 
 ONE, OTHER = "/rov/controller", "/stranger"
 

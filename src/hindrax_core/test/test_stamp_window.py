@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_core.events import Stamp, after, seconds_between, stamp_from_s
-from hindrax_core.input_checks.stamp_window import (
+from hindrax_core.input_checks import (
     EXPIRED,
     FUTURE,
     LAST,

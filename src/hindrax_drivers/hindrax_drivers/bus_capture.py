@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import closing
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.clock import pause
+from hindrax_drivers.buses.clock import RegisterBus, pause
 from hindrax_drivers.buses.ports import open_bus
 
 ResultT = TypeVar("ResultT")
@@ -56,60 +56,41 @@ def capture(
 
     `answered` is called in between: what a person has to do is told once there is a device that sees it.
     """
-    heard = _Heard()
-    with closing(_open(port)) as bus:
+    heard: list[Output] = []
+    with _opened(port) as bus:
         schedule = BusSchedule()
         begin = bus.now()
         schedule.add("sensor", device, begin)
 
         def run(end: Stamp, over: Callable[[], object]) -> None:
             while (now := bus.now()) < end and not over():
-                heard.take(output for _, outputs in schedule.run_next(now, bus.transfer) for output in outputs)
+                heard.extend(output for _, outputs in schedule.run_next(now, bus.transfer) for output in outputs)
                 bus.sleep_until(min(schedule.next_due(bus.now()), end))
 
-        run(after(begin, ANSWER_S), lambda: heard.identity)
-        if not heard.identity:
-            raise HindraxError(f"{port}: {heard.trouble}")
+        run(after(begin, ANSWER_S), lambda: any(isinstance(one, Identity) for one in heard))
+        said = [one.text for one in heard if isinstance(one, Identity)]
+        if not said:
+            troubles = ["no answer", *(one.text for one in heard if isinstance(one, Trouble))]
+            raise HindraxError(f"{port}: {troubles[-1]}")
         answered()
         begin = bus.now()
         end = after(begin, seconds)
         run(end, lambda: progress((bus.now() - begin) / (end - begin)))
-    return CapturedReadings(heard.identity, tuple(heard.readings), tuple(heard.rejected))
-
-
-@dataclass(slots=True)
-class _Heard:
-    """What a device has said until now."""
-
-    identity: str = ""
-    trouble: str = "no answer"
-    readings: list[Stamped[Reading]] = field(default_factory=list)
-    rejected: dict[str, None] = field(default_factory=dict)
-
-    def take(self, outputs: Iterable[Output]) -> None:
-        """Keep outputs of the device."""
-        for output in outputs:
-            if isinstance(output, Identity):
-                self.identity = output.text
-            elif isinstance(output, Trouble):
-                self.trouble = output.text
-            elif isinstance(output, Stamped):
-                self.readings.append(output)
-            elif isinstance(output, Rejected):
-                self.rejected[output.reason] = None
+    rejected = dict.fromkeys(one.reason for one in heard if isinstance(one, Rejected))
+    return CapturedReadings(said[0], tuple(one for one in heard if isinstance(one, Stamped)), tuple(rejected))
 
 
 def run_once(port: str, program: Program[ResultT]) -> ResultT:
     """Run one program to its end."""
-    with closing(_open(port)) as bus:
-        try:
-            return run_program(program, bus.transfer, partial(pause, bus))
-        except DeviceError as error:
-            raise HindraxError(str(error)) from error
+    with _opened(port) as bus:
+        return run_program(program, bus.transfer, partial(pause, bus))
 
 
-def _open(port: str) -> Any:
+@contextmanager
+def _opened(port: str) -> Iterator[RegisterBus]:
+    """A bus for a while; HindraxError for what goes wrong on it."""
     try:
-        return open_bus(port, "tool")
+        with closing(open_bus(port, "tool")) as bus:
+            yield bus
     except DeviceError as error:
         raise HindraxError(str(error)) from error

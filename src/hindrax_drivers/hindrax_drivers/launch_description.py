@@ -5,7 +5,6 @@ Every setting is an argument: `ros2 launch hindrax_drivers dvl75.launch.py --sho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -52,31 +51,25 @@ def _knobs(defaults: Any) -> dict[str, Argument]:
     return {one.name: (getattr(defaults, one.name), knob_of(one).meaning) for one in fields(defaults)}
 
 
-def _described(executable: str, words: list[str], arguments: Mapping[str, Argument]) -> LaunchDescription:
+def _described(executable: str, words: list[str], arguments: dict[str, Argument]) -> LaunchDescription:
     """A process of this package with its arguments as parameters; respawned, as its port may come later."""
-    parameters = {
-        name: ParameterValue(LaunchConfiguration(name), value_type=_kind(default))
-        for name, (default, _) in arguments.items()
-    }
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument("namespace", default_value="/", description="namespace of its topics and services"),
-            *(
-                DeclareLaunchArgument(name, default_value=_text(default), description=meaning)
-                for name, (default, meaning) in arguments.items()
-            ),
-            Node(
-                package="hindrax_drivers",
-                executable=executable,
-                arguments=words,
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[parameters],
-                respawn=True,
-                respawn_delay=1.0,
-                output="screen",
-            ),
-        ]
+    parameters, declared = {}, {"namespace": ("/", "namespace of its topics and services")} | arguments
+    for name, (default, _) in arguments.items():
+        parameters[name] = ParameterValue(LaunchConfiguration(name), value_type=_kind(default))
+    node = Node(
+        package="hindrax_drivers",
+        executable=executable,
+        arguments=words,
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[parameters],
+        respawn=True,
+        respawn_delay=1.0,
+        output="screen",
     )
+    said = [
+        DeclareLaunchArgument(name, default_value=_text(one), description=why) for name, (one, why) in declared.items()
+    ]
+    return LaunchDescription([*said, node])
 
 
 def _kind(default: Any) -> Any:

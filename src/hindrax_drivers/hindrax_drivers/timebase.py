@@ -52,10 +52,6 @@ class Break:
     arrival: Stamp
 
 
-def _ignore(_: Break) -> None:
-    pass
-
-
 class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
@@ -68,7 +64,7 @@ class Timebase:
         tick_s: float,
         knobs: TimebaseKnobs = DEFAULT_KNOBS,
         *,
-        on_break: Callable[[Break], None] = _ignore,
+        on_break: Callable[[Break], None] = lambda _: None,
     ) -> None:
         self._tick_ns = tick_s * NS_PER_S
         self._on_break = on_break

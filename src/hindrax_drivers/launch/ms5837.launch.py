@@ -1,9 +1,7 @@
 """A TE MS5837 (Bar30, Bar02) alone: ros2 launch hindrax_drivers ms5837.launch.py port:=/dev/i2c-1."""
 
+from functools import partial
+
 from hindrax_drivers.launch_description import device
-from launch import LaunchDescription
 
-
-def generate_launch_description() -> LaunchDescription:
-    """Its node; `--show-args` lists its settings."""
-    return device("ms5837")
+generate_launch_description = partial(device, "ms5837")

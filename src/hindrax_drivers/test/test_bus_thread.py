@@ -12,8 +12,8 @@ from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import Battery, Reading
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.bus_thread import BusThread, Deliver
 from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.port_threads import BusThread, Deliver
 
 
 class SystemWire(SystemClock):

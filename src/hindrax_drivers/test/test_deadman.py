@@ -34,11 +34,10 @@ from hindrax_drivers.nodes.deadman import (
     NeutralWriter,
     WatchedProcess,
 )
-from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import TOLD_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
 from hindrax_drivers.output.output_guard import OutputGuardKnobs
 from hindrax_drivers.output.output_thread import BEAT_S
-from hindrax_drivers.output.parent_silence import TOLD_S
 from hindrax_ros.heartbeat import VARIABLE
 
 NOW = stamp_from_s(100.0)

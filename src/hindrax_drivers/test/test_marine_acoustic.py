@@ -14,8 +14,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity
 from hindrax_core.vehicle import load_vehicle
-from hindrax_drivers.nodes import marine_acoustic
-from hindrax_drivers.nodes.reading_messages import ReadingMessages
+from hindrax_drivers.nodes.reading_messages import MARINE_ACOUSTIC, ReadingMessages, fill
 from hindrax_ros.graph import message_class, optional_class
 from hindrax_ros.messages.convert import dvl_to_msg
 
@@ -47,7 +46,7 @@ def test_every_field_is_filled_from_ours() -> None:
     beams = tuple(Beam(locked=True, velocity_mps=0.1 * n, range_m=1.0 + n, gain_dB=20.0 + n) for n in range(4))
     track = BottomTrack(True, 0.0, 0.0, 0.0, 1.4, (0.0, 0.0), beams, "3333", 0)
     velocity = Stamped(Stamp(5), BottomVelocity((0.3, -0.4, 0.1), 0.02, 1.0, 0.05, 77))
-    theirs = marine_acoustic.fill(Dvl(), dvl_to_msg(velocity, track, "dvl75_link", 1490.0))
+    theirs = fill(Dvl(), dvl_to_msg(velocity, track, "dvl75_link", 1490.0))
     assert all(hasattr(theirs, name) for name in Dvl.__slots__)
     assert (theirs.header.frame_id, theirs.header.stamp.nanosec) == ("dvl75_link", 5)
     assert (theirs.velocity.x, theirs.velocity.y, theirs.velocity.z) == (0.3, -0.4, 0.1)
@@ -62,14 +61,14 @@ def test_every_field_is_filled_from_ours() -> None:
 
 def test_a_velocity_without_lock_is_unknown_there_too() -> None:
     lost = Stamped(Stamp(5), BottomVelocity(None, 0.0, 0.0, 0.05, 77))
-    theirs = marine_acoustic.fill(Dvl(), dvl_to_msg(lost, None, "dvl75_link", 1490.0))
+    theirs = fill(Dvl(), dvl_to_msg(lost, None, "dvl75_link", 1490.0))
     assert theirs.velocity.x != theirs.velocity.x
     assert theirs.velocity_covar[0] == -1.0
     assert not theirs.beam_velocities_valid
 
 
 def test_without_the_package_nothing_is_published_and_nothing_breaks() -> None:
-    assert optional_class(marine_acoustic.TYPE) is None
+    assert optional_class(MARINE_ACOUSTIC) is None
     assert "dvl75/dvl" not in {topic.name for topic in dvl_messages().topics}
 
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+pytest.importorskip("rclpy", reason="needs the ROS environment")
+pytest.importorskip("hindrax_msgs.msg", reason="needs the built workspace")
+
 from hindrax_core.events import after, stamp_from_s
-from hindrax_drivers.output.parent_silence import SILENT_S, SILENT_WALL_S, TOLD_S, ParentSilence
+from hindrax_drivers.nodes.thruster_settings import TOLD_S
+from hindrax_drivers.nodes.thrusters_node import SILENT_S, SILENT_WALL_S, ParentSilence
 
 START = stamp_from_s(100.0)
 

@@ -13,8 +13,8 @@ from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
 from hindrax_core.events import after
 from hindrax_drivers.buses.clock import SystemClock
+from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.buses.ports import open_clock
-from hindrax_drivers.buses.serial_port import SerialPort
 
 
 class Pty:

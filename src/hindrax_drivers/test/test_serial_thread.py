@@ -11,7 +11,7 @@ from hindrax_core.driver_interface import Output, Send, Trouble
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import DeviceText
 from hindrax_drivers.buses.clock import SystemClock
-from hindrax_drivers.buses.serial_thread import SerialThread
+from hindrax_drivers.buses.port_threads import SerialThread
 
 PATIENT_S = 20.0
 

@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from hindrax_core.bus_operations import frames_in
 from hindrax_core.events import Stamped
 from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Mount, Vehicle
-from hindrax_core.wire_frames import frames_in
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_replay.recorded_wires import RecordedWire, RegisterWire, SerialWire

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Protocol
 
-from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, Transaction
+from hindrax_core.bus_operations import DeviceError, Operation, Pause, Program, Transaction, unpack_transaction
 from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp, after
-from hindrax_core.wire_frames import unpack_transaction
 
 TICK_S = 0.05
 TRIES = 4

@@ -5,11 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any, TypeAlias
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction, Write, WriteRead, pack_transaction
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Pressure
-from hindrax_core.wire_frames import pack_transaction
 from hindrax_replay.recorded_wires import RegisterWire, SerialWire
 
 SETUP = Write(0x10, b"\x01")

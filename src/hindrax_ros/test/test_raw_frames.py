@@ -10,8 +10,8 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from rclpy.node import Node
 
+from hindrax_core.bus_operations import frames_in
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.wire_frames import frames_in
 from hindrax_ros import raw_frames
 from hindrax_ros.raw_frames import RECEIVED, UNHEARD_S, FrameTap
 

@@ -14,12 +14,11 @@ from itertools import pairwise
 from pathlib import Path
 
 from hindrax_bag.read.bag_reader import messages
-from hindrax_core.bus_operations import Transaction
+from hindrax_core.bus_operations import Transaction, frames_in, unpack_transaction
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_core.wire_frames import frames_in, unpack_transaction
 from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.devices.emulator_registry import SERIAL
 

@@ -8,14 +8,12 @@ import pytest
 import yaml
 
 from hindrax_bag.read.bag_reader import attachments, messages
-from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead
+from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead, pack_transaction, wire_error
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import Pressure
 from hindrax_core.vehicle import Vehicle, parse_vehicle
-from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_sim.devices.emulator import NackError
 from hindrax_sim.recorded_hardware import RecordedHardware, RecordedLine, RecordedPart, recorded_frames

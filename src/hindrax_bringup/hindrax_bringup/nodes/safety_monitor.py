@@ -21,8 +21,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from hindrax_bringup.liveness import LivenessFile, health_change, nodes_liveness
 from hindrax_bringup.network.link_monitor import NEUTRAL, STAY, LinkMonitor, SafetyMonitorKnobs
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks.refusal_counts import Refusals
-from hindrax_core.input_checks.stamp_window import TIMELESS, order_window
+from hindrax_core.input_checks import TIMELESS, Refusals, order_window
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.topics import DIAGNOSTICS, HEARTBEAT, THRUSTER_HEALTH, THRUSTER_HEALTH_ORDER, THRUSTER_STATE, Topic
 from hindrax_msgs.srv import Arm

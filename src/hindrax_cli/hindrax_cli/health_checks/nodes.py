@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hindrax_cli.health_checks.check import Check
-from hindrax_core.input_checks.stamp_window import OTHER_CLOCK_s
+from hindrax_core.input_checks import OTHER_CLOCK_s
 from hindrax_core.topics import THRUSTER_STATE
 from hindrax_core.vehicle import Vehicle
 

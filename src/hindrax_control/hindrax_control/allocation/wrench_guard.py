@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from hindrax_core.events import Stamp, seconds_between
-from hindrax_core.input_checks.stamp_window import StampWindow
+from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FLU, FSD

@@ -13,7 +13,7 @@ from hindrax_control.navigation.estimator_health import FASTEST
 from hindrax_control.navigation.sensor_mount import sensor_mount
 from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks.stamp_window import StampWindow
+from hindrax_core.input_checks import StampWindow
 from hindrax_core.rotation import matrix
 from hindrax_core.signals import NAN, NEVER, Navigation
 from hindrax_core.vehicle import Vehicle

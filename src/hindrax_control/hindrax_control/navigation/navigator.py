@@ -21,7 +21,7 @@ from hindrax_control.navigation.reading_limits import unfit
 from hindrax_control.navigation.sensor_mount import NOWHERE, SensorMount, sensor_mount
 from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
-from hindrax_core.input_checks.refusal_counts import Refusals
+from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading, Vec3
 from hindrax_core.rotation import cross

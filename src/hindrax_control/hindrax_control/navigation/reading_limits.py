@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from hindrax_core.events import Stamped
-from hindrax_core.input_checks.stamp_window import impossible
+from hindrax_core.input_checks import impossible
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 
 MOST_FORCE_mps2, MOST_RATE_radps = 1e3, 1e2

@@ -12,9 +12,7 @@ from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_control.nodes.allocation_messages import AllocationMessages
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks.refusal_counts import Refusals
-from hindrax_core.input_checks.single_publisher import SinglePublisher
-from hindrax_core.input_checks.stamp_window import impossible
+from hindrax_core.input_checks import Refusals, SinglePublisher, impossible
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.topics import (

@@ -30,9 +30,7 @@ from hindrax_control.nodes.pilot_messages import (
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks.refusal_counts import Refusals
-from hindrax_core.input_checks.single_publisher import SinglePublisher
-from hindrax_core.input_checks.stamp_window import EXPIRED, order_window
+from hindrax_core.input_checks import EXPIRED, Refusals, SinglePublisher, order_window
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation

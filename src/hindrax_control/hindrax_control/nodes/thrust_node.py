@@ -8,7 +8,7 @@ from typing import Any
 
 from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks.refusal_counts import Refusals
+from hindrax_core.input_checks import Refusals
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode

@@ -1,4 +1,4 @@
-"""Clocks a host can wait on: the system's, or that of mock hardware (see `mock_bus`); `ports` opens one.
+"""Clocks a host can wait on, and buses with one: the system's, or mock hardware (see `mock_bus`); `ports` opens one.
 
 Every sleep can be ended by `wake()` from another thread or by a readable file descriptor.
 """
@@ -11,13 +11,13 @@ import select
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
+from hindrax_core.bus_operations import Transaction
 from hindrax_core.events import NS_PER_S, Stamp, after
 from hindrax_ros.stack_time import StackTime
 
 MOCK_PREFIX = "mock:"
 EPOCH = Stamp(0)
 NEVER = Stamp(2**63 - 1)
-
 
 Meanwhile: TypeAlias = Callable[[], None]
 
@@ -43,6 +43,13 @@ class Clock(Protocol):
 
     def close(self) -> None:
         """Close the descriptors. Afterwards only `now` may be used."""
+
+
+class RegisterBus(Clock, Protocol):
+    """A register bus and its clock. Not for use by two threads at once, except `wake()` and `now()`."""
+
+    def transfer(self, transaction: Transaction) -> bytes:
+        """Run one transaction and return the bytes read (empty for a write); DeviceError names port, address, error."""
 
 
 def pause(clock: Clock, seconds: float) -> None:

@@ -6,10 +6,9 @@ import errno
 
 from smbus2 import SMBus, i2c_msg
 
-from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, WriteRead
+from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, WriteRead, wire_error
 from hindrax_drivers.buses.clock import SystemClock
 from hindrax_drivers.buses.gpio import EdgeLines
-from hindrax_drivers.buses.register_bus import wire_error
 
 _REMEDY = {
     errno.ENOENT: "no such bus; enable it with dtparam=i2c_arm=on in /boot/firmware/config.txt and reboot",

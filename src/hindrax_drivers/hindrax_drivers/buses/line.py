@@ -1,17 +1,35 @@
-"""Line to a device that sends by itself: a serial port, or network datagrams with the same bytes."""
+"""Line to a device that sends by itself: a serial port, 8N1, or network datagrams with the same bytes."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
-from typing import Protocol
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+
+import serial
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Send
 from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing
-from hindrax_drivers.buses.serial_port import SerialPort
+
+BREAK_S = 0.001
+WRITE_TIMEOUT_S = 1.0
+AUTO_BAUD = b"U"  # 0x55: alternating bits, from which a device measures the line speed
+
+_REMEDY = {
+    errno.ENOENT: "no such port; check cable and power, and the udev rule that makes this name",
+    errno.EACCES: "not allowed; add the user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
+    errno.EPERM: "not allowed; add the user to the group dialout (sudo usermod -aG dialout $USER) and log in again",
+    errno.EAGAIN: "busy; another program has it open (find it with `fuser`)",
+    errno.EBUSY: "busy; another program has it open (find it with `fuser`)",
+    errno.ENOTTY: "not a serial port; check the port in the vehicle file",
+    errno.EISDIR: "not a serial port but a directory; check the port in the vehicle file",
+}
 
 UDP_PREFIX = "udp://"
 LARGEST_DATAGRAM = 65536
@@ -19,20 +37,48 @@ MOST_AT_ONCE = 100
 MOST_KEPT = 8
 
 
-class Line(Protocol):
-    """An open line. DeviceError when it is lost."""
+class Line(ABC):
+    """An open line, waited on with a clock. DeviceError when it is lost: then open it anew."""
+
+    def __init__(self, path: str, clock: Clock, port: serial.Serial | socket.socket, check: str) -> None:
+        self._path, self._clock, self._descriptor, self._check = path, clock, port, check
+
+    @abstractmethod
+    def _receive(self) -> bytes:
+        """Return the bytes that have arrived, without waiting."""
+
+    @abstractmethod
+    def _transmit(self, order: Send) -> None:
+        """Send bytes."""
 
     def read(self) -> tuple[bytes, Stamp]:
         """Return the bytes that have arrived, without waiting, and the time of the read."""
+        stamp = self._clock.now()
+        with self._lost_on(OSError, TypeError):  # of pyserial, when it is closed
+            return self._receive(), stamp
 
     def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
         """Sleep on the clock until bytes arrive, the time has come, or `clock.wake()` is called."""
+        with self._lost_on(OSError, ValueError):
+            self._clock.sleep_until(until, self._descriptor.fileno(), meanwhile)
 
     def send(self, order: Send) -> None:
-        """Send bytes."""
+        """Send bytes; with `wake`, a serial port first sends a BREAK of 1 ms, waits 1 ms and sends 'U' (auto-baud)."""
+        with self._lost_on(OSError):
+            self._transmit(order)
 
     def close(self) -> None:
         """Close the line; closing twice is no error."""
+        with contextlib.suppress(OSError):
+            self._descriptor.close()
+
+    @contextlib.contextmanager
+    def _lost_on(self, *kinds: type[Exception]) -> Iterator[None]:
+        try:
+            yield
+        except kinds as error:
+            self.close()
+            raise DeviceError(f"{self._path}: lost ({error}); check {self._check}") from error
 
 
 def open_line(path: str, baud: int, clock: Clock) -> Line:
@@ -40,7 +86,27 @@ def open_line(path: str, baud: int, clock: Clock) -> Line:
     return UdpPort(path, clock) if path.startswith(UDP_PREFIX) else SerialPort(path, baud, clock)
 
 
-class UdpPort:
+class SerialPort(Line):
+    """An open port, exclusive where the system supports that."""
+
+    def __init__(self, path: str, baud: int, clock: Clock) -> None:
+        self._port = _opened(path, baud)
+        super().__init__(path, clock, self._port, "cable and power")
+
+    def _receive(self) -> bytes:
+        return bytes(self._port.read(65536))
+
+    def _transmit(self, order: Send) -> None:
+        if order.wake:
+            self._port.break_condition = True
+            time.sleep(BREAK_S)
+            self._port.break_condition = False
+            time.sleep(BREAK_S)
+            self._port.write(AUTO_BAUD)
+        self._port.write(order.data)
+
+
+class UdpPort(Line):
     """Listens at a local address and answers the last sender; until there is one, commands are queued.
 
     A datagram ends a line of text, whether or not it says so. A DVL-75 sends to port 27000 from the port at which it
@@ -48,51 +114,48 @@ class UdpPort:
     """
 
     def __init__(self, path: str, clock: Clock) -> None:
-        self._path, self._clock = path, clock
+        self._socket = _listening(path)
+        super().__init__(path, clock, self._socket, "network and cable")
         self._device: tuple[str, int] | None = None
         self._kept: list[bytes] = []
-        self._socket = _listening(path)
 
-    def read(self) -> tuple[bytes, Stamp]:
-        """Return the datagrams that have arrived."""
-        stamp = self._clock.now()
+    def _receive(self) -> bytes:
         found = []
-        try:
-            with contextlib.suppress(BlockingIOError):
-                for _ in range(MOST_AT_ONCE):
-                    data, self._device = self._socket.recvfrom(LARGEST_DATAGRAM)
-                    found.append(data if data.endswith(b"\n") else data + b"\n")
-            self._send_kept()
-        except OSError as error:
-            raise self._lost(error) from error
-        return b"".join(found), stamp
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(MOST_AT_ONCE):
+                data, self._device = self._socket.recvfrom(LARGEST_DATAGRAM)
+                found.append(data if data.endswith(b"\n") else data + b"\n")
+        self._send_kept()
+        return b"".join(found)
 
-    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
-        """Sleep until a datagram comes, or the time."""
-        try:
-            self._clock.sleep_until(until, self._socket.fileno(), meanwhile)
-        except (OSError, ValueError) as error:
-            raise self._lost(error) from error
-
-    def send(self, order: Send) -> None:
-        """Send to the device, or queue until its address is known."""
+    def _transmit(self, order: Send) -> None:
         self._kept = [*self._kept[-MOST_KEPT:], order.data]
-        try:
-            self._send_kept()
-        except OSError as error:
-            raise self._lost(error) from error
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
+        self._send_kept()
 
     def _send_kept(self) -> None:
         while self._kept and self._device is not None:
             self._socket.sendto(self._kept.pop(0), self._device)
 
-    def _lost(self, error: Exception) -> DeviceError:
-        self.close()
-        return DeviceError(f"{self._path}: lost ({error}); check network and cable")
+
+def _opened(path: str, baud: int) -> serial.Serial:
+    try:
+        port = serial.Serial(path, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+    except (OSError, ValueError) as error:
+        remedy = _REMEDY.get(_code(error), f"cannot be opened ({error})")
+        raise DeviceError(f"{path}: {remedy}; `./hindrax doctor` lists what is there") from error
+    with contextlib.suppress(ValueError, OSError, NotImplementedError):
+        port.set_low_latency_mode(True)  # FTDI adapters otherwise hold bytes back for 16 ms
+    return port
+
+
+def _code(error: Exception) -> int:
+    """Errno of a failed opening; pyserial hides it in a chain of exceptions of its own, or in their text."""
+    one: BaseException | None = error
+    while one is not None:
+        if one.args and isinstance(one.args[0], int):
+            return one.args[0]
+        one = one.__context__
+    return errno.EAGAIN if "exclusively lock" in str(error) else 0
 
 
 def _listening(path: str) -> socket.socket:

@@ -13,13 +13,12 @@ import time
 from collections import deque
 from pathlib import Path
 
-from hindrax_core.bus_operations import DeviceError, Read, Transaction, WriteRead
+from hindrax_core.bus_operations import DeviceError, Read, Transaction, WriteRead, pack_transaction, wire_error
 from hindrax_core.errors import cause
 from hindrax_core.events import Stamp
 from hindrax_drivers.buses import mock_protocol
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Alarm, Meanwhile, nothing
 from hindrax_drivers.buses.mock_protocol import Frames, Kind
-from hindrax_drivers.buses.register_bus import wire_error
 
 ANSWER_TIMEOUT_S = 5.0
 RETRY_S = 0.2
@@ -89,11 +88,6 @@ class VirtualClock:
                 return
         self._answers.clear()
 
-    def _request(self, question: bytes) -> tuple[Kind, bytes]:
-        self._connected()
-        self._send(question)
-        return self._answer()
-
     def _send(self, data: bytes) -> None:
         try:
             self._connected().sendall(data)
@@ -146,7 +140,7 @@ class VirtualClock:
     def _disconnect(self) -> None:
         if self._socket is not None:
             self._socket.close()
-            self._socket = None
+        self._socket = None
 
     def _lost(self, why: Exception | None) -> DeviceError:
         self._disconnect()
@@ -158,9 +152,11 @@ class VirtualBus(VirtualClock):
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Run one transaction on the mock."""
-        kind, body = self._request(mock_protocol.transfer(transaction))
+        self._send(mock_protocol.frame(Kind.TRANSFER, pack_transaction(transaction)))
+        kind, body = self._answer()
         if kind is Kind.FAILED:
-            raise wire_error(f"{MOCK_PREFIX}{self._path}", transaction.address, mock_protocol.parse_i32(body))
+            code = mock_protocol.number(mock_protocol.ERRNO, body)
+            raise wire_error(f"{MOCK_PREFIX}{self._path}", transaction.address, code)
         return body if isinstance(transaction, Read | WriteRead) else b""
 
 

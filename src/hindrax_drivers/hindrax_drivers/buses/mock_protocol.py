@@ -21,17 +21,14 @@ from __future__ import annotations
 import struct
 from enum import IntEnum
 
-from hindrax_core.bus_operations import Transaction
-from hindrax_core.wire_frames import pack_transaction, unpack_transaction
+from hindrax_core.bus_operations import Transaction, unpack_transaction
 
 VERSION = 1
 PAGE_SUFFIX = ".time"
 PAGE_BYTES = 8
 LARGEST_FRAME = 1 << 17
 
-_HEAD = struct.Struct("<IB")
-_I64 = struct.Struct("<q")
-_I32 = struct.Struct("<i")
+_HEAD, STAMP, ERRNO = struct.Struct("<IB"), struct.Struct("<q"), struct.Struct("<i")
 
 
 class Kind(IntEnum):
@@ -89,13 +86,8 @@ def parse_hello(body: bytes) -> str:
     return body[1:].decode(errors="replace")
 
 
-def transfer(transaction: Transaction) -> bytes:
-    """Encode a transaction as a request."""
-    return frame(Kind.TRANSFER, pack_transaction(transaction))
-
-
 def parse_transfer(body: bytes) -> Transaction:
-    """Inverse of `transfer`."""
+    """Transaction of a TRANSFER, as `pack_transaction` encodes it."""
     try:
         return unpack_transaction(body)
     except ValueError as error:
@@ -104,28 +96,11 @@ def parse_transfer(body: bytes) -> Transaction:
 
 def sleep(stamp: int) -> bytes:
     """Request an answer when the mock's clock reads `stamp` or later."""
-    return frame(Kind.SLEEP, _I64.pack(stamp))
+    return frame(Kind.SLEEP, STAMP.pack(stamp))
 
 
-def time_is(now: int) -> bytes:
-    """Answer with the mock's time."""
-    return frame(Kind.TIME, _I64.pack(now))
-
-
-def failed(code: int) -> bytes:
-    """Answer that a transaction failed with an errno."""
-    return frame(Kind.FAILED, _I32.pack(code))
-
-
-def parse_i64(body: bytes) -> int:
-    """Body of SLEEP and TIME."""
-    if len(body) != _I64.size:
-        raise ProtocolError(f"found {len(body)} bytes, wanted a stamp of {_I64.size}")
-    return int(_I64.unpack(body)[0])
-
-
-def parse_i32(body: bytes) -> int:
-    """Body of FAILED."""
-    if len(body) != _I32.size:
-        raise ProtocolError(f"found {len(body)} bytes, wanted an error of {_I32.size}")
-    return int(_I32.unpack(body)[0])
+def number(layout: struct.Struct, body: bytes) -> int:
+    """The one number of a body: STAMP in SLEEP and TIME, ERRNO in FAILED."""
+    if len(body) != layout.size:
+        raise ProtocolError(f"found {len(body)} bytes, wanted a number of {layout.size}")
+    return int(layout.unpack(body)[0])

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, SystemClock
+from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, RegisterBus, SystemClock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, GpioBus
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.buses.mock_bus import VirtualBus, VirtualClock
-from hindrax_drivers.buses.register_bus import RegisterBus
 
 
 def open_bus(port: str, name: str = "") -> RegisterBus:

@@ -10,12 +10,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import Pause, Program
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Battery, Reading
-from hindrax_drivers.driver import Driver
+from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x48
 CONVERSION, CONFIGURATION, LOW_THRESHOLD = 0x00, 0x01, 0x02
@@ -42,58 +42,45 @@ class Ads1115Knobs:
     zero_current_V: float = knob(0.33, -4.0, 4.0, "voltage at the input without current [V]")
 
 
-class Ads1115:
+class Ads1115(RegisterPart):
     """The converter at an address (0 for 0x48)."""
 
     def __init__(self, knobs: Ads1115Knobs, address: int = 0) -> None:
-        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
+        super().__init__(address or ADDRESS)
+        self._knobs, self.period_s = knobs, knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Look at the thresholds, the only registers that tell the part from others."""
-        found = (yield from self._read(LOW_THRESHOLD)), (yield from self._read(LOW_THRESHOLD + 1))
+        found = (yield from self.word(LOW_THRESHOLD)), (yield from self.word(LOW_THRESHOLD + 1))
         if found != THRESHOLDS_AT_RESET:
-            raise self._error(f"found thresholds {found[0]:#06x} {found[1]:#06x}, wanted 0x8000 0x7fff (ADS1115)")
+            raise self.error(f"found thresholds {found[0]:#06x} {found[1]:#06x}, wanted 0x8000 0x7fff (ADS1115)")
         knobs = self._knobs
         inputs = f"voltage at AIN{knobs.voltage_channel}, current at AIN{knobs.current_channel}"
-        return Identity(f"ADS1115 at {self._address:#04x}, {inputs}")
+        return Identity(f"ADS1115 at {self.address:#04x}, {inputs}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Convert voltage and current; the stamp is between the two."""
         knobs = self._knobs
-        voltage, voltage_again = yield from self._convert(knobs.voltage_channel)
-        current, current_again = yield from self._convert(knobs.current_channel)
-        valid, raw = after(stamp, CONVERSION_S), struct.pack(">4h", voltage, voltage_again, current, current_again)
+        raw = (yield from self._convert(knobs.voltage_channel)) + (yield from self._convert(knobs.current_channel))
+        voltage, voltage_again, current, current_again = struct.unpack(">4h", raw)
+        valid = after(stamp, CONVERSION_S)
         if (voltage, current) != (voltage_again, current_again):
             return [Rejected(valid, "not twice the same", raw)]
         if max(voltage, current) >= END_OF_SCALE:
             return [Rejected(valid, "end of the scale", raw)]
         volts, amperes = voltage * V_PER_COUNT, current * V_PER_COUNT
-        return [
-            Stamped(
-                valid, Battery(volts * knobs.volt_per_volt, (amperes - knobs.zero_current_V) * knobs.ampere_per_volt)
-            )
-        ]
+        current_A = (amperes - knobs.zero_current_V) * knobs.ampere_per_volt
+        return [Stamped(valid, Battery(volts * knobs.volt_per_volt, current_A))]
 
-    def _convert(self, channel: int) -> Program[tuple[int, int]]:
+    def _convert(self, channel: int) -> Program[bytes]:
         """One conversion, read twice."""
         wanted = SINGLE_4096_mV_128_Hz | channel << 12
-        yield Write(self._address, bytes([CONFIGURATION, *(IDLE | wanted).to_bytes(2, "big")]))
+        yield self.set(CONFIGURATION, *(IDLE | wanted).to_bytes(2, "big"))
         yield Pause(CONVERSION_S)
-        found = yield from self._read(CONFIGURATION)
+        found = yield from self.word(CONFIGURATION)
         if found != IDLE | wanted:
-            raise self._error(f"found settings {found:#06x}, wanted {IDLE | wanted:#06x}: not done, or lost")
-        first, again = (yield from self._read(CONVERSION)), (yield from self._read(CONVERSION))
-        return _signed(first), _signed(again)
-
-    def _read(self, register: int) -> Program[int]:
-        return int.from_bytes((yield WriteRead(self._address, bytes([register]), 2)), "big")
-
-    def _error(self, text: str) -> DeviceError:
-        return DeviceError(f"address {self._address:#04x}: {text}")
-
-
-def _signed(word: int) -> int:
-    return word - (word >> 15 << 16)
+            raise self.error(f"found settings {found:#06x}, wanted {IDLE | wanted:#06x}: not done, or lost")
+        return (yield self.get(CONVERSION, 2)) + (yield self.get(CONVERSION, 2))
 
 
 DRIVER = Driver(Ads1115Knobs, lambda knobs, mount, _vehicle: Ads1115(knobs, mount.address))

@@ -11,12 +11,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import Pause, Program
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Air, Reading
-from hindrax_drivers.driver import Driver
+from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x77
 CALIBRATION, IDENTITY, RESET, CALIBRATION_H, CTRL_HUM, CTRL_MEAS = 0x88, 0xD0, 0xE0, 0xE1, 0xF2, 0xF4
@@ -95,47 +95,44 @@ def _humidity(h: Sequence[int], fine: float, raw: int) -> float:
     return min(1.0, max(0.0, percent * (1.0 - h1 * percent / 524288.0) / 100.0))
 
 
-class Bme280:
+class Bme280(RegisterPart):
     """The sensor at an address (0 for 0x77); it sleeps between two measurements."""
 
     def __init__(self, knobs: Bme280Knobs, address: int = 0) -> None:
-        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
-        self._calibration: Calibration | None = None
-        self._last: Air | None = None
-        self._last_raw = b""
-        self._repeats = 0
+        super().__init__(address or ADDRESS)
+        self._knobs, self.period_s = knobs, knobs.period_s
 
     def configure(self) -> Program[Identity]:
         """Identify, reset, read the calibration twice."""
-        found = (yield from self._read(IDENTITY, 1))[0]
+        found = (yield self.get(IDENTITY, 1))[0]
         if found not in PARTS:
-            raise self._error(f"found id {found:#04x}, wanted 0x60 (BME280) or 0x58 (BMP280)")
-        yield Write(self._address, bytes([RESET, RESET_WORD]))
+            raise self.error(f"found id {found:#04x}, wanted 0x60 (BME280) or 0x58 (BMP280)")
+        yield self.set(RESET, RESET_WORD)
         yield Pause(START_UP_S)
         first, again = (yield from self._coefficients(found)), (yield from self._coefficients(found))
         if first != again or not any(first[0]) or set(first[0]) == {0xFF}:
-            raise self._error("its calibration is not twice the same, or empty: a disturbed bus, or a broken part")
+            raise self.error("its calibration is not twice the same, or empty: a disturbed bus, or a broken part")
         self._calibration = calibration_of(*first)
-        self._last, self._last_raw, self._repeats = None, b"", 0
+        self._last: Air | None = None
+        self._last_raw, self._repeats = b"", 0
         if self._calibration.h:
-            yield Write(self._address, bytes([CTRL_HUM, HUMIDITY_ONCE]))
-        return Identity(f"{PARTS[found]} at {self._address:#04x}")
+            yield self.set(CTRL_HUM, HUMIDITY_ONCE)
+        return Identity(f"{PARTS[found]} at {self.address:#04x}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Measure once; the stamp is the middle of the measurement."""
-        assert self._calibration is not None
-        yield Write(self._address, bytes([CTRL_MEAS, FORCED_T1_P4]))
+        yield self.set(CTRL_MEAS, FORCED_T1_P4)
         yield Pause(MEASUREMENT_S, max(0.0, self._knobs.period_s - MEASUREMENT_S))
-        humidity, status, settings, *_ = block = yield from self._read(CTRL_HUM, 13)
+        humidity, status, settings, *_ = block = yield self.get(CTRL_HUM, 13)
         if status & (MEASURING | UPDATING):
-            raise self._error(f"not done after {MEASUREMENT_S:g} s (status {status:#04x})")
+            raise self.error(f"not done after {MEASUREMENT_S:g} s (status {status:#04x})")
         if settings != ASLEEP_T1_P4 or (self._calibration.h and humidity != HUMIDITY_ONCE):
-            raise self._error(f"lost its settings (ctrl_hum {humidity:#04x}, ctrl_meas {settings:#04x})")
+            raise self.error(f"lost its settings (ctrl_hum {humidity:#04x}, ctrl_meas {settings:#04x})")
         raw = bytes(block[5:])
         self._repeats = self._repeats + 1 if raw == self._last_raw else 0
         last, self._last, self._last_raw = self._last, air_of(self._calibration, raw), raw
         if self._repeats >= HUNG_AFTER:
-            raise self._error("gives the same measurement again and again")
+            raise self.error("gives the same measurement again and again")
         valid = after(stamp, 0.5 * MEASUREMENT_S)
         reason = (
             f"{self._repeats + 1} equal measurements" if self._repeats >= REPEATS else self._doubt(last, self._last)
@@ -145,11 +142,8 @@ class Bme280:
         return [] if last is None else [Stamped(valid, self._last)]
 
     def _coefficients(self, part: int) -> Program[tuple[bytes, bytes]]:
-        low = yield from self._read(CALIBRATION, 26)
-        return low, (yield from self._read(CALIBRATION_H, 7)) if PARTS[part] == "BME280" else b""
-
-    def _read(self, register: int, count: int) -> Program[bytes]:
-        return (yield WriteRead(self._address, bytes([register]), count))
+        low = yield self.get(CALIBRATION, 26)
+        return low, (yield self.get(CALIBRATION_H, 7)) if PARTS[part] == "BME280" else b""
 
     def _doubt(self, last: Air | None, new: Air) -> str:
         """Reason why a sample is implausible, also beside the one before it; empty when it is plausible."""
@@ -163,9 +157,6 @@ class Bme280:
             abs(new.humidity - last.humidity) / LARGEST_STEP_HUMIDITY,
         )
         return "leap" if any(step > 1.0 for step in steps) else ""
-
-    def _error(self, text: str) -> DeviceError:
-        return DeviceError(f"address {self._address:#04x}: {text}")
 
 
 DRIVER = Driver(Bme280Knobs, lambda knobs, mount, _vehicle: Bme280(knobs, mount.address))

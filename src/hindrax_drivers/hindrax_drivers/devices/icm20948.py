@@ -11,7 +11,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from hindrax_core.bus_operations import EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
+from hindrax_core.bus_operations import EDGES, Pause, Program, Read, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
@@ -20,7 +20,7 @@ from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916
 from hindrax_drivers.devices.imu.icm20948_samples import Samples
-from hindrax_drivers.driver import Driver
+from hindrax_drivers.driver import Driver, RegisterPart
 from hindrax_drivers.imu_calibration import correction
 from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 
@@ -85,7 +85,7 @@ class Icm20948Knobs:
 DEFAULT_KNOBS = Icm20948Knobs()
 
 
-class Icm20948:
+class Icm20948(RegisterPart):
     """The sensor at an address (0 for 0x68), with the calibration of the vehicle file's mount."""
 
     def __init__(
@@ -94,7 +94,8 @@ class Icm20948:
         address: int = 0,
         calibration: Mapping[str, tuple[float, ...]] | None = None,
     ) -> None:
-        self._knobs, self._address = knobs, address or r.ADDRESS
+        super().__init__(address or r.ADDRESS)
+        self._knobs = knobs
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
         self._samples = Samples(
             gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
@@ -118,8 +119,8 @@ class Icm20948:
         yield from self._identify()
         yield from self._reset()
         yield from self._set_up_converters()
-        yield self._write(r.USER_CTRL, 0)
-        yield self._write(r.INT_PIN_CFG, r.BYPASS_EN)
+        yield self.set(r.USER_CTRL, 0)
+        yield self.set(r.INT_PIN_CFG, r.BYPASS_EN)
         yield Pause(0.001)
         mag = (yield from self._mag.configure()) if self._knobs.magnetometer else "no magnetometer wanted"
         yield from self._fetch_temperature()
@@ -127,13 +128,13 @@ class Icm20948:
             yield from self._start_fifo()
         if self._chip:
             yield Write(EDGES + self._line, self._chip.encode())
-            yield self._write(r.INT_ENABLE_1, r.RAW_DATA_READY)
+            yield self.set(r.INT_ENABLE_1, r.RAW_DATA_READY)
         self._turn, self._crooked, self._fetched, self._timed = 0, 0, Stamp(0), Stamp(0)
         self._samples.restart()
         knobs = self._knobs
         timed = f", timed by line {self._line} of {self._chip}" if self._chip else ""
         return Identity(
-            f"ICM-20948 at {self._address:#04x}, {mag}, {knobs.rate_Hz:g} Hz, "
+            f"ICM-20948 at {self.address:#04x}, {mag}, {knobs.rate_Hz:g} Hz, "
             f"{knobs.gyro_range_dps} dps, {knobs.accel_range_g} g{timed}"
         )
 
@@ -142,7 +143,7 @@ class Icm20948:
         knobs = self._knobs
         outputs = yield from self._fetch_fifo(stamp) if knobs.mode == "fifo" else self._fetch_newest(stamp)
         if self._samples.hung:
-            raise DeviceError(f"address {self._address:#04x}: gives the same sample again and again")
+            raise self.error("gives the same sample again and again")
         self._turn += 1
         if knobs.magnetometer and self._turn % knobs.magnetometer_every == 0:
             outputs += yield from self._mag.read(stamp)
@@ -152,27 +153,25 @@ class Icm20948:
 
     def _identify(self) -> Program[None]:
         yield self._bank(0)
-        found = (yield self._read(r.WHO_AM_I, 1))[0]
+        found = (yield self.get(r.WHO_AM_I, 1))[0]
         if found != r.IDENTITY:
-            raise DeviceError(
-                f"address {self._address:#04x}: found WHO_AM_I {found:#04x}, wanted {r.IDENTITY:#04x} (ICM-20948); "
-                "another device answers at this address"
-            )
+            ids = f"found WHO_AM_I {found:#04x}, wanted {r.IDENTITY:#04x} (ICM-20948)"
+            raise self.error(f"{ids}; another device answers at this address")
 
     def _reset(self) -> Program[None]:
-        yield self._write(r.PWR_MGMT_1, r.DEVICE_RESET)
+        yield self.set(r.PWR_MGMT_1, r.DEVICE_RESET)
         yield Pause(0.1)
         yield self._bank(0)
         for _ in range(10):
-            if not (yield self._read(r.PWR_MGMT_1, 1))[0] & r.DEVICE_RESET:
+            if not (yield self.get(r.PWR_MGMT_1, 1))[0] & r.DEVICE_RESET:
                 break
             yield Pause(0.01)
         else:
-            raise DeviceError(f"address {self._address:#04x}: does not come out of its reset; power-cycle it")
-        yield self._write(r.PWR_MGMT_1, r.CLOCK_AUTO)
+            raise self.error("does not come out of its reset; power-cycle it")
+        yield self.set(r.PWR_MGMT_1, r.CLOCK_AUTO)
         yield Pause(0.035)
-        yield self._write(r.PWR_MGMT_2, 0)
-        yield self._write(r.LP_CONFIG, 0)
+        yield self.set(r.PWR_MGMT_2, 0)
+        yield self.set(r.LP_CONFIG, 0)
 
     def _set_up_converters(self) -> Program[None]:
         """Write bank 2 and read it back: a lost setting would scale every reading wrongly."""
@@ -188,31 +187,29 @@ class Icm20948:
             (r.ACCEL_CONFIG, accel),
             (r.ODR_ALIGN_EN, 1),
         ):
-            yield self._write(register, value)
+            yield self.set(register, value)
         for register, value in ((r.GYRO_CONFIG_1, gyro), (r.ACCEL_CONFIG, accel)):
-            found = (yield self._read(register, 1))[0]
+            found = (yield self.get(register, 1))[0]
             if found != value:
-                raise DeviceError(
-                    f"address {self._address:#04x}: bank 2 register {register:#04x} reads {found:#04x}, "
-                    f"wanted {value:#04x} as written; check the wiring"
-                )
+                values = f"reads {found:#04x}, wanted {value:#04x} as written"
+                raise self.error(f"bank 2 register {register:#04x} {values}; check the wiring")
         yield self._bank(0)
 
     def _start_fifo(self) -> Program[None]:
-        yield self._write(r.FIFO_EN_1, 0)
-        yield self._write(r.FIFO_EN_2, r.FIFO_GYRO_AND_ACCEL)
-        yield self._write(r.FIFO_MODE, 0)
-        yield self._write(r.USER_CTRL, r.USER_FIFO_EN)
+        yield self.set(r.FIFO_EN_1, 0)
+        yield self.set(r.FIFO_EN_2, r.FIFO_GYRO_AND_ACCEL)
+        yield self.set(r.FIFO_MODE, 0)
+        yield self.set(r.USER_CTRL, r.USER_FIFO_EN)
         yield from self._empty_fifo()
 
     def _empty_fifo(self) -> Program[None]:
-        yield self._write(r.FIFO_RST, r.FIFO_ALL)
-        yield self._write(r.FIFO_RST, 0)
+        yield self.set(r.FIFO_RST, r.FIFO_ALL)
+        yield self.set(r.FIFO_RST, 0)
 
     def _fetch_fifo(self, stamp: Stamp) -> Program[Outputs]:
         """Read the count, then all samples in one burst; a FIFO that has overflowed is emptied."""
         last = yield from self._fetch_edge()
-        raw = yield self._read(r.FIFO_COUNTH, 2)
+        raw = yield self.get(r.FIFO_COUNTH, 2)
         count: int = _COUNT.unpack(raw)[0]
         wrong = self._fifo_fault(count, stamp)
         if wrong:
@@ -223,7 +220,7 @@ class Icm20948:
         if count == 0 or self._crooked:
             return self._on_empty_fifo(stamp)
         self._fetched = stamp
-        data = yield self._read(r.FIFO_R_W, count)
+        data = yield self.get(r.FIFO_R_W, count)
         if not self._chip:
             return self._samples.decode(data, stamp)
         edge = yield from self._fetch_edge()
@@ -258,16 +255,16 @@ class Icm20948:
         return ""
 
     def _fetch_newest(self, stamp: Stamp) -> Program[Outputs]:
-        status = (yield self._read(r.INT_STATUS_1, 1))[0]
+        status = (yield self.get(r.INT_STATUS_1, 1))[0]
         if not status & r.RAW_DATA_READY:
             return self._on_empty_fifo(stamp)
         self._fetched = stamp
-        data = yield self._read(r.ACCEL_XOUT_H, r.SAMPLE_BYTES)
+        data = yield self.get(r.ACCEL_XOUT_H, r.SAMPLE_BYTES)
         # Half a period old on average; the number of skipped samples is unknown and not counted.
         return self._samples.decode_one(data, after(stamp, -0.5 / self._knobs.rate_Hz - self._knobs.filter_delay_s))
 
     def _fetch_temperature(self) -> Program[None]:
-        raw = yield self._read(r.TEMP_OUT_H, 2)
+        raw = yield self.get(r.TEMP_OUT_H, 2)
         self._samples.temperature_C = r.temperature_C(_TEMPERATURE.unpack(raw)[0])
 
     def _on_empty_fifo(self, stamp: Stamp) -> Outputs:
@@ -275,17 +272,11 @@ class Icm20948:
         if not 0 < self._fetched <= stamp:  # just configured, or the host's clock was set back
             self._fetched = stamp
         if seconds_between(self._fetched, stamp) > NO_DATA_S:
-            raise DeviceError(f"address {self._address:#04x}: no sample for {NO_DATA_S} s; it may have reset itself")
+            raise self.error(f"no sample for {NO_DATA_S} s; it may have reset itself")
         return []
 
     def _bank(self, number: int) -> Write:
-        return self._write(r.BANK, number << 4)
-
-    def _write(self, register: int, *values: int) -> Write:
-        return Write(self._address, bytes([register, *values]))
-
-    def _read(self, register: int, count: int) -> WriteRead:
-        return WriteRead(self._address, bytes([register]), count)
+        return self.set(r.BANK, number << 4)
 
 
 def _make(knobs: Icm20948Knobs, mount: Mount, _vehicle: object) -> Icm20948:

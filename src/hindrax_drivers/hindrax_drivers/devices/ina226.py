@@ -10,12 +10,12 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import Pause, Program, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Battery, Reading
-from hindrax_drivers.driver import Driver
+from hindrax_drivers.driver import Driver, RegisterPart
 
 ADDRESS = 0x41
 """The chip's default is 0x40, which a PCA9685 has: bridge A0 to VS."""
@@ -28,6 +28,7 @@ CONVERSION_S = 0.0393
 """Longest: 16 averages of two conversions of 1.21 ms, page 5, and a reserve for the oscillator."""
 READY = 0x0008
 V_PER_COUNT, SHUNT_V_PER_COUNT = 1.25e-3, 2.5e-6
+"""Of the signed registers. Table 1, page 16."""
 END_OF_SCALE = 0x7FFF
 
 
@@ -40,61 +41,45 @@ class Ina226Knobs:
     reversed: bool = knob(False, meaning="the shunt is wired the other way round")
 
 
-def battery_of(shunt: int, bus: int, shunt_ohm: float) -> Battery:
-    """Voltage [V] and current [A] from the two signed registers. Table 1, page 16."""
-    return Battery(bus * V_PER_COUNT, shunt * SHUNT_V_PER_COUNT / shunt_ohm)
-
-
-class Ina226:
+class Ina226(RegisterPart):
     """The sensor at an address (0 for 0x41)."""
 
     def __init__(self, knobs: Ina226Knobs, address: int = 0) -> None:
-        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
+        super().__init__(address or ADDRESS)
+        self._knobs, self.period_s = knobs, knobs.period_s
         self._shunt_ohm = -knobs.shunt_ohm if knobs.reversed else knobs.shunt_ohm
 
     def configure(self) -> Program[Identity]:
         """Identify and reset."""
-        maker = yield from self._read(MANUFACTURER)
-        die = yield from self._read(DIE)
+        maker = yield from self.word(MANUFACTURER)
+        die = yield from self.word(DIE)
         if (maker, die >> 4) != (IDENTITY, DIE_IDENTITY):
-            raise self._error(f"found ids {maker:#06x} {die:#06x}, wanted 0x5449 0x226x (INA226)")
+            raise self.error(f"found ids {maker:#06x} {die:#06x}, wanted 0x5449 0x226x (INA226)")
         yield self._set(RESET)
-        return Identity(f"INA226 at {self._address:#04x}, shunt {self._knobs.shunt_ohm * 1e3:g} mohm")
+        return Identity(f"INA226 at {self.address:#04x}, shunt {self._knobs.shunt_ohm * 1e3:g} mohm")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Convert once and read twice; the stamp is the middle of the conversion."""
         yield self._set(TRIGGERED)
         yield Pause(CONVERSION_S, max(0.0, self._knobs.period_s - CONVERSION_S))
-        mask = yield from self._read(MASK_ENABLE)
-        settings = yield from self._read(CONFIGURATION)
+        mask = yield from self.word(MASK_ENABLE)
+        settings = yield from self.word(CONFIGURATION)
         if settings != TRIGGERED:
-            raise self._error(f"lost its settings: found {settings:#06x}, wanted {TRIGGERED:#06x}")
+            raise self.error(f"lost its settings: found {settings:#06x}, wanted {TRIGGERED:#06x}")
         if not mask & READY:
-            raise self._error(f"no conversion in {CONVERSION_S:g} s")
-        first, again = (yield from self._registers()), (yield from self._registers())
-        valid, (shunt, bus) = after(stamp, 0.5 * CONVERSION_S), first
-        if first != again:
-            return [Rejected(valid, "not twice the same", struct.pack(">4h", *first, *again))]
+            raise self.error(f"no conversion in {CONVERSION_S:g} s")
+        raw, valid = b"", after(stamp, 0.5 * CONVERSION_S)
+        for register in (SHUNT, BUS, SHUNT, BUS):
+            raw += yield self.get(register, 2)
+        shunt, bus = struct.unpack_from(">2h", raw)
+        if raw[:4] != raw[4:]:
+            return [Rejected(valid, "not twice the same", raw)]
         if abs(shunt) >= END_OF_SCALE or not 0 <= bus < END_OF_SCALE:
-            return [Rejected(valid, "end of the scale", struct.pack(">2h", *first))]
-        return [Stamped(valid, battery_of(shunt, bus, self._shunt_ohm))]
-
-    def _registers(self) -> Program[tuple[int, int]]:
-        shunt, bus = (yield from self._read(SHUNT)), (yield from self._read(BUS))
-        return _signed(shunt), _signed(bus)
-
-    def _read(self, register: int) -> Program[int]:
-        return int.from_bytes((yield WriteRead(self._address, bytes([register]), 2)), "big")
+            return [Rejected(valid, "end of the scale", raw[:4])]
+        return [Stamped(valid, Battery(bus * V_PER_COUNT, shunt * SHUNT_V_PER_COUNT / self._shunt_ohm))]
 
     def _set(self, value: int) -> Write:
-        return Write(self._address, bytes([CONFIGURATION, *value.to_bytes(2, "big")]))
-
-    def _error(self, text: str) -> DeviceError:
-        return DeviceError(f"address {self._address:#04x}: {text}")
-
-
-def _signed(word: int) -> int:
-    return word - (word >> 15 << 16)
+        return self.set(CONFIGURATION, *value.to_bytes(2, "big"))
 
 
 DRIVER = Driver(Ina226Knobs, lambda knobs, mount, _vehicle: Ina226(knobs, mount.address))

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import Pause, Program, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Pressure, Reading
-from hindrax_drivers.driver import Driver
+from hindrax_drivers.driver import Driver, RegisterPart
 
 Model: TypeAlias = Literal["30BA", "02BA"]
 
@@ -136,41 +136,35 @@ def to_reading(prom: Prom, value: Compensated) -> Pressure:
     return Pressure(value.pressure_steps * step_Pa, value.temperature_cC * 0.01)
 
 
-class Ms5837:
+class Ms5837(RegisterPart):
     """The sensor at an address (0 for 0x76). During its conversions the bus is free for others."""
 
     def __init__(self, knobs: Ms5837Knobs = DEFAULT_KNOBS, address: int = 0) -> None:
-        self._knobs, self._address, self.period_s = knobs, address or ADDRESS, knobs.period_s
+        super().__init__(address or ADDRESS)
+        self._knobs, self.period_s = knobs, knobs.period_s
         osr = OSRS.index(knobs.oversampling)
         self._command_d1, self._command_d2 = CONVERT_D1 + 2 * osr, CONVERT_D2 + 2 * osr
         self._wait_s = CONVERSION_S[osr]
-        self._prom: Prom | None = None
-        self._d2 = self._turn = 0
-        self._last: Stamped[Pressure] | None = None
-        self._last_d1 = self._repeats = self._doubted = 0
 
     def configure(self) -> Program[Identity]:
         """Reset, read and check the calibration, return the model."""
-        yield Write(self._address, bytes([RESET]))
+        yield Write(self.address, bytes([RESET]))
         yield Pause(RELOAD_S)
         words = []
         for index in range(PROM_WORDS):
-            raw = yield WriteRead(self._address, bytes([PROM_READ + 2 * index]), 2)
-            words.append(int.from_bytes(raw, "big"))
+            words += [(yield from self.word(PROM_READ + 2 * index))]
         found, wanted = crc4(words), words[0] >> 12
         if found != wanted or not any(words):
-            raise DeviceError(
-                f"address {self._address:#04x}: PROM checksum {found:#x}, wanted {wanted:#x} as stored; "
-                "another device, or a disturbed bus"
-            )
+            sums = f"PROM checksum {found:#x}, wanted {wanted:#x} as stored"
+            raise self.error(f"{sums}; another device, or a disturbed bus")
         model, remark = self._model(words[1])
         self._prom = Prom(model, (words[1], words[2], words[3], words[4], words[5], words[6]))
-        self._last, self._turn, self._repeats, self._doubted = None, 0, 0, 0
-        return Identity(f"MS5837-{model} at {self._address:#04x}, C1 {words[1]}{remark}")
+        self._last: Stamped[Pressure] | None = None
+        self._d2 = self._last_d1 = self._turn = self._repeats = self._doubted = 0
+        return Identity(f"MS5837-{model} at {self.address:#04x}, C1 {words[1]}{remark}")
 
     def cycle(self, stamp: Stamp) -> Program[Sequence[Stamped[Reading] | Rejected]]:
         """Convert the temperature if due, then the pressure; the stamp is the middle of its conversion."""
-        assert self._prom is not None
         begin_s = 0.0
         if self._turn % self._knobs.temperature_every == 0:
             self._d2 = yield from self._convert(self._command_d2)
@@ -179,10 +173,10 @@ class Ms5837:
         d1 = yield from self._convert(self._command_d1, slack_s)
         self._turn += 1
         if self._repeats >= HUNG_AFTER:
-            raise DeviceError(f"address {self._address:#04x}: gives the same conversion again and again")
+            raise self.error("gives the same conversion again and again")
         reading = to_reading(self._prom, compensate(self._prom, d1, self._d2))
         valid = after(stamp, begin_s + 0.5 * self._wait_s)
-        reason = self._implausible(self._prom, d1, Stamped(valid, reading))
+        reason = self._implausible(d1, Stamped(valid, reading))
         if reason:
             self._turn = 0  # the temperature may be wrong
             return [Rejected(valid, reason, d1.to_bytes(3, "big") + self._d2.to_bytes(3, "big"))]
@@ -190,12 +184,12 @@ class Ms5837:
 
     def _convert(self, command: int, slack_s: float = 0.0) -> Program[int]:
         """One conversion. The converter answers 0 when it is read too early, and the conversion is lost."""
-        yield Write(self._address, bytes([command]))
+        yield Write(self.address, bytes([command]))
         yield Pause(self._wait_s, slack_s)
-        raw = yield WriteRead(self._address, bytes([ADC_READ]), 3)
+        raw = yield self.get(ADC_READ, 3)
         value = int.from_bytes(raw, "big")
         if value == 0:
-            raise DeviceError(f"address {self._address:#04x}: conversion {command:#04x} gave 0: read early, or lost")
+            raise self.error(f"conversion {command:#04x} gave 0: read early, or lost")
         return value
 
     def _model(self, c1: int) -> tuple[Model, str]:
@@ -203,22 +197,20 @@ class Ms5837:
         told = model_of(c1)
         if self._knobs.model == "auto":
             if told is None:
-                raise DeviceError(
-                    f"address {self._address:#04x}: C1 {c1} fits neither 30BA ({C1_LOWEST} to {C1_BORDER}) nor 02BA "
-                    f"(to {C1_HIGHEST}); set the parameter `model`"
-                )
+                models = f"neither 30BA ({C1_LOWEST} to {C1_BORDER}) nor 02BA (to {C1_HIGHEST})"
+                raise self.error(f"C1 {c1} fits {models}; set the parameter `model`")
             return told, ""
         model: Model = "02BA" if self._knobs.model == "02BA" else "30BA"
         return model, "" if told == model else f" (its calibration looks like {told or 'neither model'})"
 
-    def _implausible(self, prom: Prom, d1: int, stamped: Stamped[Pressure]) -> str:
+    def _implausible(self, d1: int, stamped: Stamped[Pressure]) -> str:
         """Reason why a reading is implausible; empty when it is plausible."""
         reading = stamped.reading
-        lowest_Pa, highest_Pa = LIMITS_Pa[prom.model]
+        lowest_Pa, highest_Pa = LIMITS_Pa[self._prom.model]
         if not lowest_Pa <= reading.pressure_Pa <= highest_Pa:
-            return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{prom.model} measures"
+            return f"{reading.pressure_Pa:.0f} Pa is outside what an MS5837-{self._prom.model} measures"
         if not LIMITS_C[0] <= reading.temperature_C <= LIMITS_C[1]:
-            return f"{reading.temperature_C:.1f} C is outside what an MS5837-{prom.model} measures"
+            return f"{reading.temperature_C:.1f} C is outside what an MS5837-{self._prom.model} measures"
         self._repeats = self._repeats + 1 if d1 == self._last_d1 else 0
         self._last_d1 = d1
         if self._repeats >= REPEATS:

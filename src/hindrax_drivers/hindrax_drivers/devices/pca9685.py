@@ -11,9 +11,10 @@ import math
 import struct
 from collections.abc import Sequence
 
-from hindrax_core.bus_operations import DeviceError, Pause, Program, Write, WriteRead
+from hindrax_core.bus_operations import DeviceError, Pause, Program, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.driver import RegisterPart
 
 MODE1, MODE2, LED0, PRE_SCALE = 0x00, 0x01, 0x06, 0xFE
 RESTART, EXTCLK, AUTO_INCREMENT, SLEEP = 0x80, 0x40, 0x20, 0x10
@@ -25,7 +26,7 @@ LARGEST_RATE_Hz = 400.0  # Basic ESC: highest update rate
 ADDRESS = 0x40
 
 
-class Pca9685:
+class Pca9685(RegisterPart):
     """Programs for one chip. `channels` in the order of the pulses to be written; `rest_us` is their pulse at rest."""
 
     def __init__(
@@ -43,7 +44,7 @@ class Pca9685:
             raise ValueError(f"output.rate_Hz: found {rate_Hz:g}, wanted 24 to {LARGEST_RATE_Hz:g} Hz")
         if len(set(channels)) != len(channels) or not all(0 <= one < 16 for one in channels) or not channels:
             raise ValueError(f"output channels: found {list(channels)}, wanted different ones from 0 to 15")
-        self.address = address
+        super().__init__(address)
         self._channels, self.rest_us = tuple(channels), tuple(rest_us)
         self._prescale = _prescale(rate_Hz, clock_Hz)
         self._clock_Hz = clock_Hz
@@ -68,14 +69,14 @@ class Pca9685:
         A chip that runs as wanted gets its neutral pulses first and is never put to sleep; otherwise its outputs are
         off until neutral is in all its registers. Clears the all-call address, on which a stranger could write.
         """
-        mode = (yield from self._read(MODE1, 1))[0]
-        prescale = (yield from self._read(PRE_SCALE, 1))[0]
+        mode = (yield self.get(MODE1, 1))[0]
+        prescale = (yield self.get(PRE_SCALE, 1))[0]
         if mode & (SLEEP | EXTCLK | AUTO_INCREMENT) == self._awake and prescale == self._prescale:
             yield from self.neutral()
         else:
             yield from self._wake_neutral()
-        yield self._set(MODE1, self._awake)
-        yield self._set(MODE2, TOTEM_POLE)
+        yield self.set(MODE1, self._awake)
+        yield self.set(MODE2, TOTEM_POLE)
         yield from self.check(self.rest_us)
         return Identity(self._identity())
 
@@ -100,8 +101,8 @@ class Pca9685:
 
         A mismatch means a supply loss, a foreign write, or a lost bit.
         """
-        mode1, mode2 = yield from self._read(MODE1, 2)
-        (prescale,) = yield from self._read(PRE_SCALE, 1)
+        mode1, mode2 = yield self.get(MODE1, 2)
+        (prescale,) = yield self.get(PRE_SCALE, 1)
         found = (mode1 & ~RESTART, mode2, prescale)
         wanted = (self._awake, TOTEM_POLE, self._prescale)
         if found != wanted:
@@ -112,31 +113,25 @@ class Pca9685:
         yield from self._check_channels(pulses_us)
 
     def _wake_neutral(self) -> Program[None]:
-        yield self._set(MODE1, SLEEP | AUTO_INCREMENT)
+        yield self.set(MODE1, SLEEP | AUTO_INCREMENT)
         if self._awake & EXTCLK:
-            yield self._set(MODE1, SLEEP | self._awake)  # accepted only in a second write, while asleep
-        yield self._set(PRE_SCALE, self._prescale)
+            yield self.set(MODE1, SLEEP | self._awake)  # accepted only in a second write, while asleep
+        yield self.set(PRE_SCALE, self._prescale)
         # Neutral before waking: the first pulse a speed controller sees is a whole one, of the right length.
         yield from self.neutral()
-        yield self._set(MODE1, self._awake)
+        yield self.set(MODE1, self._awake)
         yield Pause(WAKE_S)
         # The outputs stay low after sleep until a channel register is written.
         yield from self.neutral()
 
     def _check_channels(self, pulses_us: Sequence[float]) -> Program[None]:
         wanted = self._registers(pulses_us)
-        found = yield from self._read(LED0 + 4 * self._first, len(wanted))
+        found = yield self.get(LED0 + 4 * self._first, len(wanted))
         if found != wanted:
             raise DeviceError(
                 f"pca9685 at {self.address:#04x}: channels read back {found.hex()}, wanted {wanted.hex()}; "
                 "another device at this address, or a bad line"
             )
-
-    def _read(self, register: int, count: int) -> Program[bytes]:
-        return (yield WriteRead(self.address, bytes([register]), count))
-
-    def _set(self, register: int, value: int) -> Write:
-        return Write(self.address, bytes([register, value]))
 
     def _registers(self, pulses_us: Sequence[float]) -> bytes:
         """LEDn_ON and LEDn_OFF from the first to the last channel in use; channels between them are off."""

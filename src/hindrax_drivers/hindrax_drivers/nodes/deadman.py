@@ -25,13 +25,11 @@ from types import FrameType
 from hindrax_core.bus_operations import DeviceError, run
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_drivers.buses.clock import pause
+from hindrax_drivers.buses.clock import RegisterBus, pause
 from hindrax_drivers.buses.ports import open_bus
-from hindrax_drivers.buses.register_bus import RegisterBus
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.nodes.thruster_settings import Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import TOLD_S, Settings, read_settings
 from hindrax_drivers.nodes.thrusters import ARGUMENTS, NEUTRAL_WORD, NODE_WORD
-from hindrax_drivers.output.parent_silence import TOLD_S
 from hindrax_ros.heartbeat import VARIABLE, Heartbeat
 from hindrax_ros.stack_time import StackTime
 
@@ -193,7 +191,8 @@ class DeadMan:
             if self._asked_s is not None and not sent:
                 child.handle.send_signal(signal.SIGTERM)
                 sent = True
-            if child.hung(self._neutral.now()) or self._is_late():
+            late = self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
+            if late or child.hung(self._neutral.now()):
                 child.handle.kill()
             now = self._neutral.now()
             look_at = child.silent_from(now)
@@ -203,10 +202,6 @@ class DeadMan:
             self._neutral.wait(look_at, child.beats)
         self._neutral.write()
         return child.reap()
-
-    def _is_late(self) -> bool:
-        """Whether the child has not ended in the time that it was given for it."""
-        return self._asked_s is not None and time.monotonic() - self._asked_s > FAREWELL_S
 
     def _wait(self, seconds: float) -> bool:
         """Repeat neutral for a while; False when asked to stop."""

@@ -13,7 +13,6 @@ from itertools import cycle
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.service import Service
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped
@@ -68,7 +67,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
         self.now: Callable[[], Stamp] = lambda: Stamp(0)
         self.stop: Callable[[], None] = lambda: None
         self.release: Callable[[], None] = lambda: None
-        _service(self, "change_state").callback = self._on_change_state  # that of rclpy raises at an invalid request
+        change = next(one for one in self.services if one.srv_name.endswith("/change_state"))
+        change.callback = self._on_change_state  # that of rclpy raises at an invalid request
         self.every(LIFECYCLE_PERIOD_S, self._update_lifecycle)
 
     @property
@@ -177,10 +177,6 @@ class DeviceNode(BatchedNode, LifecycleNode):
         if self._turn == 0:
             now = self.now()
             self._reporter.publish(now, self.health.report(f"hindrax: {self.get_name()}", now, STALE_S))
-
-
-def _service(node: LifecycleNode, name: str) -> Service:
-    return next(one for one in node.services if one.srv_name.endswith(f"/{name}"))
 
 
 def one_of_many(many: int, publish: Callable[[Any], None]) -> Callable[[Any], None]:

@@ -30,9 +30,8 @@ from hindrax_core.readings import (
     Pressure,
     SonarHealth,
 )
-from hindrax_core.topics import TOPICS_OF, Topic
+from hindrax_core.topics import SENSOR, TOPICS_OF, Topic
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.nodes import marine_acoustic
 from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
 from hindrax_msgs.msg import PingProfile
 from hindrax_ros.graph import optional_class
@@ -56,6 +55,22 @@ PING_LIMITS_m = (0.3, 100.0)
 PING_VIEW_rad = math.radians(25.0)
 DVL_LIMITS_m = (0.15, 75.0)
 DVL_VIEW_rad = math.radians(22.5)
+
+MARINE_ACOUSTIC = "marine_acoustic_msgs/msg/Dvl"
+"""Definition: github apl-ocean-engineering/marine_msgs, marine_acoustic_msgs/msg/Dvl.msg."""
+ALIKE = (
+    *("header", "velocity_mode", "dvl_type", "velocity", "velocity_covar", "altitude", "course_gnd", "speed_gnd"),
+    *("num_good_beams", "sound_speed", "beam_ranges_valid", "beam_velocities_valid"),
+)
+OF_BEAMS = {
+    "beam_unit_vec": "unit_vec",
+    "range": "range",
+    "range_covar": "range_covar",
+    "beam_quality": "quality",
+    "beam_velocity": "velocity",
+    "beam_velocity_covar": "velocity_covar",
+}
+"""Array of theirs, field of our beam."""
 
 
 def frame_of(device: str) -> str:
@@ -92,10 +107,12 @@ class ReadingMessages:
         """Add the DVL's detail, and its copy as marine_acoustic_msgs/Dvl where that package is installed."""
         make = partial(convert.dvl_to_msg, frame=frame, sound_mps=sound_mps)
         self._add(topic, (BottomVelocity, BottomTrack), _with_track(in_place(make, *DETAIL)))
-        kind = optional_class(marine_acoustic.TYPE)
+        kind = optional_class(MARINE_ACOUSTIC)
         if kind is not None:
-            copy = _with_track(lambda velocity, track: marine_acoustic.fill(kind(), make(velocity, track)))
-            self._add(marine_acoustic.topic_of(topic.name.partition("/")[0]), (BottomVelocity, BottomTrack), copy)
+            copy = _with_track(lambda velocity, track: fill(kind(), make(velocity, track)))
+            name, meaning = topic.name.replace("/detail", "/dvl"), "detail as marine_acoustic_msgs"
+            its = Topic(name, MARINE_ACOUSTIC, SENSOR, 0.0, meaning, recorded=False)
+            self._add(its, (BottomVelocity, BottomTrack), copy)
 
     def accepts(self, reading: type) -> bool:
         """Whether readings of this kind have messages."""
@@ -107,6 +124,15 @@ class ReadingMessages:
             message = write(stamped)
             if message is not None:
                 yield topic, message
+
+
+def fill(theirs: Any, ours: Any) -> Any:
+    """Fill a marine_acoustic_msgs/Dvl from a hindrax_msgs/Dvl, field for field, and return it."""
+    for name in ALIKE:
+        setattr(theirs, name, getattr(ours, name))
+    for name, field in OF_BEAMS.items():
+        setattr(theirs, name, [getattr(beam, field) for beam in ours.beams])
+    return theirs
 
 
 def _profile(one: Stamped[EchoProfile], frame: str) -> PingProfile:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
 import threading
 from collections import defaultdict
@@ -15,16 +13,13 @@ from typing import Any, Generic, TypeVar
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from hindrax_core.bus_operations import DeviceError, Transaction
+from hindrax_core.bus_operations import DeviceError, Transaction, pack_transaction
 from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
-from hindrax_core.wire_frames import pack_transaction
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.bus_thread import BusThread
+from hindrax_drivers.buses.port_threads import BusThread, SerialThread, ServingThread
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.buses.serial_thread import SerialThread
-from hindrax_drivers.buses.serving_thread import ServingThread
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.device_node import DeviceNode
 from hindrax_ros.batched_node import BatchedNode
@@ -33,7 +28,6 @@ from hindrax_ros.parameters import knobs, text, whole
 from hindrax_ros.process import spin
 
 RETRY_S = 1.0
-
 
 ThreadT = TypeVar("ThreadT", bound=ServingThread)
 
@@ -173,8 +167,6 @@ def make_nodes() -> Sequence[Node]:
 
 def main() -> int:
     """Run the sensors until a signal."""
-    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
-    os.environ.setdefault("PYTHONUNBUFFERED", "1")
     return spin(make_nodes)
 
 

@@ -17,23 +17,23 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import TimeoutError as NoAnswerError
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.node import Node
 
 from hindrax_core.driver_interface import Output
-from hindrax_core.events import Rejected, Stamp, Stamped
-from hindrax_core.input_checks.single_publisher import SinglePublisher
+from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
+from hindrax_core.input_checks import SinglePublisher
 from hindrax_core.readings import AppliedPulses, Battery
 from hindrax_core.topics import BATTERY, LIGHTS, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.lifecycle import State, why_not_active
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_drivers.nodes.thruster_settings import OutputAlone, Settings, read_settings
+from hindrax_drivers.nodes.thruster_settings import TOLD_S, OutputAlone, Settings, read_settings
 from hindrax_drivers.output.output_guard import ArmingPhase, Command, OutputGuardKnobs, Refusal, Request, guard_of
 from hindrax_drivers.output.output_host import AppliedOutput
 from hindrax_drivers.output.output_ports import ThrusterOutput, open_output
 from hindrax_drivers.output.output_thread import OutputThread
-from hindrax_drivers.output.parent_silence import TOLD_S, ParentSilence
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import battery_to_msg, stamp_from_msg
@@ -45,6 +45,8 @@ NAME = "thrusters"
 ANSWER_S = 2.0
 LOOK_S = 0.1
 PR_SET_PDEATHSIG = 1
+SILENT_S, SILENT_WALL_S = 1.0, 0.8
+"""Silence of the dead man, by the clock of the output and by the monotonic one."""
 
 
 class ThrustersNode(DeviceNode):
@@ -97,7 +99,9 @@ class ThrustersNode(DeviceNode):
     def applied(self, applied: AppliedOutput) -> None:
         """Publish the applied pulses."""
         if applied.phase is not self._phase:
-            self._announce(applied)
+            self._phase = applied.phase
+            self.health.note = f"{applied.phase}: {applied.reason}" if applied.reason else str(applied.phase)
+            self.get_logger().info(self.health.note)
         if applied.phase is ArmingPhase.FAULTED:
             self.health.identity = ""
         else:
@@ -134,12 +138,6 @@ class ThrustersNode(DeviceNode):
     def on_request(self, wanted: State) -> None:
         """Go neutral and disarm in every state but active."""
         self._inhibit("lifecycle", why_not_active(wanted))
-
-    def _announce(self, applied: AppliedOutput) -> None:
-        self._phase = applied.phase
-        words = f"{applied.phase}: {applied.reason}" if applied.reason else str(applied.phase)
-        self.health.note = words
-        self.get_logger().info(words)
 
     def _on_command(self, data: bytes) -> None:
         try:
@@ -187,6 +185,26 @@ class ThrustersNode(DeviceNode):
     def _beat(self) -> None:
         with contextlib.suppress(BlockingIOError, BrokenPipeError):  # no reader; `watch_parent` handles it
             os.write(self._beat_to, b"!")
+
+
+@dataclass(slots=True)
+class ParentSilence:
+    """Whether the dead man is silent: what is to end our thrust must itself be there.
+
+    Judged by the clock of the output and the monotonic one [s]: a mock's may stand still, the system's may leap.
+    """
+
+    heard_at: Stamp
+    heard_s: float
+
+    def on_beat(self, now: Stamp, now_s: float) -> None:
+        """The dead man lives."""
+        self.heard_at, self.heard_s = now, now_s
+
+    def silent(self, now: Stamp, now_s: float) -> bool:
+        """Whether he has not been heard for too long."""
+        recent = 0.0 <= seconds_between(self.heard_at, now) < SILENT_S
+        return not recent and now_s - self.heard_s >= SILENT_WALL_S
 
 
 def watch_parent(life: int, node: ThrustersNode) -> None:

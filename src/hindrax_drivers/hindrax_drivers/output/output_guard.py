@@ -19,7 +19,7 @@ from enum import StrEnum
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_core.input_checks.stamp_window import StampWindow
+from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us

@@ -6,14 +6,23 @@ as it is told, and ends it; every end writes neutral.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.driver_interface import Output
 from hindrax_core.events import Stamp, after, seconds_between
-from hindrax_drivers.output.output_guard import Answer, ArmingPhase, Command, OutputGuard, Pulses, Refusal, Request
+from hindrax_drivers.output.output_guard import (
+    Answer,
+    ArmingPhase,
+    Command,
+    OutputGuard,
+    OutputGuardState,
+    Pulses,
+    Refusal,
+    Request,
+)
 from hindrax_drivers.output.output_ports import ThrusterOutput
 
 SET_UP_AGAIN_S = 0.5
@@ -75,23 +84,17 @@ class OutputHost:
 
     def command(self, command: Command) -> None:
         """Check a command; the next `turn` writes it."""
-        now = self._output.now()
-        if self._inhibited_because:
-            self._queue(Refusal("inhibited", self._inhibited_because), now)
-            return
-        self._state, said = self._guard.command(self._state, command, now)
-        self._queue(said, now)
+        self._judge(self._guard.command, command)
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1; the next `turn` writes it."""
-        now = self._output.now()
-        if self._inhibited_because:
-            self._queue(Refusal("inhibited", self._inhibited_because), now)
-            return
-        self._state, said = self._guard.light(self._state, levels, now)
-        self._queue(said, now)
+        self._judge(self._guard.light, levels)
 
-    def _queue(self, said: Pulses | Refusal, now: Stamp) -> None:
+    def _judge(self, rule: Callable[..., tuple[OutputGuardState, Pulses | Refusal]], asked: object) -> None:
+        now = self._output.now()
+        said: Pulses | Refusal = Refusal("inhibited", self._inhibited_because)
+        if not self._inhibited_because:
+            self._state, said = rule(self._state, asked, now)
         if isinstance(said, Refusal):
             self._listener.refused(said, now)
         else:

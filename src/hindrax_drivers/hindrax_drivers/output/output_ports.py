@@ -1,21 +1,22 @@
-"""The two outputs behind the guard as ports: a PCA9685 on a register bus, an STM32 on a serial line."""
+"""The two outputs behind the guard as ports: a PCA9685 on a register bus, an STM32 on a serial line.
+
+One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Protocol, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
-from hindrax_core.bus_operations import DeviceError, Program, Transaction, run
+from hindrax_core.bus_operations import DeviceError, Program, Transaction, pack_transaction, run
 from hindrax_core.driver_interface import Output, Send
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.readings import AppliedPulses
 from hindrax_core.vehicle import Vehicle
-from hindrax_core.wire_frames import pack_transaction
-from hindrax_drivers.buses.clock import Clock, Meanwhile, nothing, pause
+from hindrax_drivers.buses.clock import Clock, Meanwhile, RegisterBus, nothing, pause
+from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.buses.ports import open_bus, open_clock
-from hindrax_drivers.buses.register_bus import RegisterBus
-from hindrax_drivers.buses.serial_port import SerialPort
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
 from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32, stm32_of
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
@@ -29,43 +30,6 @@ FOUND_WITHIN_S = 3.0
 SERIAL_TURN_S = 0.02
 
 
-class ThrusterOutput(Protocol):
-    """Thruster output with its clock. One thread owns it; only `wake` may be called by others."""
-
-    def now(self) -> Stamp:
-        """Time of the output's clock: that of all decisions about safety."""
-
-    def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
-        """Sleep until then, until there is something to serve, or until `wake`; `meanwhile` runs first."""
-
-    def wake(self) -> None:
-        """End the sleep. From any thread."""
-
-    def set_up(self) -> str:
-        """Find the output, set it to neutral and return its identity. DeviceError when it is not as expected."""
-
-    def write(self, pulses: Pulses, *, armed: bool) -> None:
-        """Write pulses. DeviceError when they were not delivered."""
-
-    def applied(self, pulses: Pulses) -> tuple[float, ...]:
-        """Actual thruster pulses for the last written ones [us]."""
-
-    def serve(self) -> Sequence[Output]:
-        """Read received data, handle timeouts; return the outputs."""
-
-    def check(self, pulses: Pulses) -> None:
-        """DeviceError unless the output is still set up with these pulses."""
-
-    def complaint(self) -> str:
-        """Reason why the output does not follow although the guard is armed; empty when it does."""
-
-    def shut_off(self) -> None:
-        """Disable all pulses, where that is possible without the bus."""
-
-    def close(self) -> None:
-        """Close bus, port and line."""
-
-
 class RegisterOutput:
     """A PCA9685, and the line that enables it."""
 
@@ -75,23 +39,23 @@ class RegisterOutput:
         self.wake = bus.wake
 
     def wait(self, until: Stamp, meanwhile: Meanwhile = nothing) -> None:
-        """Sleep on the clock of the bus."""
+        """Sleep until then, or until `wake`; `meanwhile` runs first."""
         self._bus.sleep_until(until, meanwhile=meanwhile)
 
     def set_up(self) -> str:
-        """Configure the chip; only then are its outputs enabled."""
+        """Configure the chip to neutral; only then are its outputs enabled. DeviceError when it is not as expected."""
         identity = self._run(self._chip.configure()).text
         self._line.set(enabled=True)
         return identity
 
     def write(self, pulses: Pulses, *, armed: bool) -> None:
-        """Write one burst; the chip has no arming state."""
+        """Write one burst; the chip has no arming state. DeviceError when it was not delivered."""
         del armed
         self._run(self._chip.write(pulses.all_us))
         self._line.written()
 
     def applied(self, pulses: Pulses) -> tuple[float, ...]:
-        """As the counts make them."""
+        """Pulses of the thrusters as the counts make them [us]."""
         return self._chip.applied(pulses.thrusters)
 
     def serve(self) -> Sequence[Output]:
@@ -224,6 +188,9 @@ class SerialOutput:
                 self._port.send(output)
                 self._tap(self._clock.now(), True, output.data)
         return [output for output in kept if not isinstance(output, Send)]
+
+
+ThrusterOutput: TypeAlias = RegisterOutput | SerialOutput
 
 
 def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *, neutral: Pulses) -> ThrusterOutput:

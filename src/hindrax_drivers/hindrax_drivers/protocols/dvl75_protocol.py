@@ -24,10 +24,9 @@ POSITION_STEP_m = 0.001
 
 def position_delta(fields: list[bytes]) -> Delta:
     """Fields of a $DVPDL, or of a $DVPDX without its last four. Page "$DVPDL and $DVPDX"."""
-    try:
-        _, tu, dtu, _, _, _, x, y, z, confidence = fields
-    except ValueError:
-        raise SentenceError("fields") from None
+    if len(fields) != 10:
+        raise SentenceError("fields")
+    _, tu, dtu, _, _, _, x, y, z, confidence = fields
     try:
         return int(tu), int(dtu), (float(x), float(y), float(z)), int(confidence)
     except ValueError:

@@ -7,9 +7,9 @@ Frames: https://mavlink.io/en/guide/serialization.html. Messages and the bytes t
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, NamedTuple, TypeAlias
 
 from hindrax_core.events import Rejected, Stamp
 
@@ -21,28 +21,9 @@ ARMED_FLAG = 0x80
 UNKNOWN = 0xFFFF
 
 
-class Message(Protocol):
-    """Layout of a message in its payload: fields by size, extensions last."""
-
-    NUMBER: ClassVar[int]
-    CRC_EXTRA: ClassVar[int]
-    FIELDS: ClassVar[struct.Struct]
-
-    def values(self) -> tuple[Any, ...]:
-        """Values of all fields, in the order of the wire."""
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Make the message from the values of all its fields."""
-
-
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
     """HEARTBEAT: type of the sender and whether it is armed; custom_mode is not used."""
-
-    NUMBER: ClassVar[int] = 0
-    CRC_EXTRA: ClassVar[int] = 50
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<IBBBBB")
 
     type: int
     autopilot: int
@@ -55,69 +36,30 @@ class Heartbeat:
         """MAV_MODE_FLAG_SAFETY_ARMED."""
         return bool(self.base_mode & ARMED_FLAG)
 
-    def values(self) -> tuple[Any, ...]:
-        """Field by field."""
-        return (0, self.type, self.autopilot, self.base_mode, self.system_status, self.version)
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Field by field."""
-        return cls(*values[1:])
-
 
 @dataclass(frozen=True, slots=True)
 class ServoOutput:
     """SERVO_OUTPUT_RAW: output pulses of the controller, sixteen channels [us], 0 for none."""
 
-    NUMBER: ClassVar[int] = 36
-    CRC_EXTRA: ClassVar[int] = 222
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<I8HB8H")
-
     time_us: int
     pulses_us: tuple[int, ...]
-
-    def values(self) -> tuple[Any, ...]:
-        """The port, between the first and the second eight channels, is always 0."""
-        pulses = (self.pulses_us + (0,) * 16)[:16]
-        return (self.time_us, *pulses[:8], 0, *pulses[8:])
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Without the port."""
-        return cls(values[0], (*values[1:9], *values[10:]))
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelsOverride:
-    """RC_CHANNELS_OVERRIDE: pulses wanted, up to eighteen channels [us]."""
+    """RC_CHANNELS_OVERRIDE: pulses wanted, up to eighteen channels [us].
 
-    NUMBER: ClassVar[int] = 70
-    CRC_EXTRA: ClassVar[int] = 124
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<8HBB10H")
+    Channels that are not given: "ignore" for the first eight, nothing at all for the extensions.
+    """
 
     pulses_us: tuple[int, ...]
     target_system: int = 1
     target_component: int = 1
 
-    def values(self) -> tuple[Any, ...]:
-        """Channels that are not given: "ignore" for the first eight, nothing at all for the extensions."""
-        first = (self.pulses_us + (UNKNOWN,) * 8)[:8]
-        more = (self.pulses_us[8:] + (0,) * 10)[:10]
-        return (*first, self.target_system, self.target_component, *more)
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """The target lies between the first eight channels and the extensions."""
-        return cls((*values[:8], *values[10:]), values[8], values[9])
-
 
 @dataclass(frozen=True, slots=True)
 class CommandLong:
     """COMMAND_LONG: a command with its first parameter; the other six are zero."""
-
-    NUMBER: ClassVar[int] = 76
-    CRC_EXTRA: ClassVar[int] = 152
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<7fHBBB")
 
     command: int
     parameter: float
@@ -125,95 +67,99 @@ class CommandLong:
     target_system: int = 1
     target_component: int = 1
 
-    def values(self) -> tuple[Any, ...]:
-        """Parameters come first, being the largest fields."""
-        target = (self.target_system, self.target_component)
-        return (self.parameter, *(0.0,) * 6, self.command, *target, self.confirmation)
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Parameters come first, being the largest fields."""
-        return cls(values[7], values[0], values[10], values[8], values[9])
-
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
     """COMMAND_ACK: a command, its MAV_RESULT (0 for accepted), and who gave the command (0: not said)."""
-
-    NUMBER: ClassVar[int] = 77
-    CRC_EXTRA: ClassVar[int] = 143
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<HBBiBB")
 
     command: int
     result: int
     target_system: int = 0
     target_component: int = 0
 
-    def values(self) -> tuple[Any, ...]:
-        """Progress and the second parameter of the result are zero."""
-        return (self.command, self.result, 0, 0, self.target_system, self.target_component)
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Without progress and second parameter."""
-        return cls(*values[:2], *values[4:])
-
 
 @dataclass(frozen=True, slots=True)
 class BatteryStatus:
-    """BATTERY_STATUS: sum of the cells that are known [V], current [A] or None."""
+    """BATTERY_STATUS: sum of the cells that are known [V], current [A] or None.
 
-    NUMBER: ClassVar[int] = 147
-    CRC_EXTRA: ClassVar[int] = 154
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<iih10HhBBBbiB4HBI")
+    On the wire: millivolts, cells that do not exist say 65535; hundredths of an ampere, -1 where not measured.
+    """
 
     voltage_V: float
     current_A: float | None
-
-    def values(self) -> tuple[Any, ...]:
-        """The voltage goes as that of the first cell [mV], the current in hundredths of an ampere."""
-        cells = (round(self.voltage_V * 1e3), *(UNKNOWN,) * 9)
-        current = -1 if self.current_A is None else round(self.current_A * 100.0)
-        return (-1, -1, 0x7FFF, *cells, current, 0, 0, 0, -1, 0, 0, *(0,) * 4, 0, 0)
-
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Cells that do not exist say 65535; a current that is not measured says -1."""
-        cells = [cell for cell in values[3:13] if cell != UNKNOWN]
-        return cls(sum(cells) / 1e3, None if values[13] < 0 else values[13] / 100.0)
 
 
 @dataclass(frozen=True, slots=True)
 class StatusText:
     """STATUSTEXT: a sentence of at most 50 bytes, with MAV_SEVERITY (0 emergency to 7 debug)."""
 
-    NUMBER: ClassVar[int] = 253
-    CRC_EXTRA: ClassVar[int] = 83
-    FIELDS: ClassVar[struct.Struct] = struct.Struct("<B50sHB")
-
     severity: int
     text: str
 
-    def values(self) -> tuple[Any, ...]:
-        """One piece: the field cuts longer texts."""
-        return (self.severity, self.text.encode(), 0, 0)
 
-    @classmethod
-    def of(cls, values: tuple[Any, ...]) -> Self:
-        """Up to the first zero."""
-        return cls(values[0], values[1].partition(b"\x00")[0].decode(errors="replace"))
+Message: TypeAlias = Heartbeat | ServoOutput | ChannelsOverride | CommandLong | CommandAck | BatteryStatus | StatusText
 
 
-_MESSAGES: tuple[type[Message], ...] = (
-    Heartbeat,
-    ServoOutput,
-    ChannelsOverride,
-    CommandLong,
-    CommandAck,
-    BatteryStatus,
-    StatusText,
-)
-_BY_NUMBER = {message.NUMBER: message for message in _MESSAGES}
+class _Layout(NamedTuple):
+    """Number, CRC_EXTRA and fields of a message, by size and extensions last; their values, and the way back."""
+
+    number: int
+    crc_extra: int
+    fields: struct.Struct
+    values: Callable[[Any], tuple[Any, ...]]
+    of: Callable[[tuple[Any, ...]], Message]
+
+
+_MESSAGES: Mapping[type[Message], _Layout] = {
+    Heartbeat: _Layout(
+        *(0, 50, struct.Struct("<IBBBBB")),
+        values=lambda m: (0, m.type, m.autopilot, m.base_mode, m.system_status, m.version),
+        of=lambda v: Heartbeat(*v[1:]),
+    ),
+    ServoOutput: _Layout(  # the port, between the first and the second eight channels, is always 0
+        *(36, 222, struct.Struct("<I8HB8H")),
+        values=lambda m: (m.time_us, *_filled(m.pulses_us[:8], 8), 0, *_filled(m.pulses_us[8:], 8)),
+        of=lambda v: ServoOutput(v[0], (*v[1:9], *v[10:])),
+    ),
+    ChannelsOverride: _Layout(
+        *(70, 124, struct.Struct("<8HBB10H")),
+        values=lambda m: (
+            *_filled(m.pulses_us[:8], 8, UNKNOWN),
+            *(m.target_system, m.target_component),
+            *_filled(m.pulses_us[8:], 10),
+        ),
+        of=lambda v: ChannelsOverride((*v[:8], *v[10:]), v[8], v[9]),
+    ),
+    CommandLong: _Layout(
+        *(76, 152, struct.Struct("<7fHBBB")),
+        values=lambda m: (
+            *_filled((m.parameter,), 7),
+            *(m.command, m.target_system, m.target_component, m.confirmation),
+        ),
+        of=lambda v: CommandLong(v[7], v[0], v[10], v[8], v[9]),
+    ),
+    CommandAck: _Layout(
+        *(77, 143, struct.Struct("<HBBiBB")),
+        values=lambda m: (m.command, m.result, 0, 0, m.target_system, m.target_component),
+        of=lambda v: CommandAck(*v[:2], *v[4:]),
+    ),
+    BatteryStatus: _Layout(
+        *(147, 154, struct.Struct("<iih10HhBBBbiB4HBI")),
+        values=lambda m: (
+            *(-1, -1, 0x7FFF, *_filled((round(m.voltage_V * 1e3),), 10, UNKNOWN)),
+            *(-1 if m.current_A is None else round(m.current_A * 100.0), 0, 0, 0, -1, *(0,) * 8),
+        ),
+        of=lambda v: BatteryStatus(
+            sum(cell for cell in v[3:13] if cell != UNKNOWN) / 1e3, None if v[13] < 0 else v[13] / 100.0
+        ),
+    ),
+    StatusText: _Layout(
+        *(253, 83, struct.Struct("<B50sHB")),
+        values=lambda m: (m.severity, m.text.encode(), 0, 0),
+        of=lambda v: StatusText(v[0], v[1].partition(b"\x00")[0].decode(errors="replace")),
+    ),
+}
+_BY_NUMBER = {layout.number: layout for layout in _MESSAGES.values()}
 _OTHERS = """
 1:124:43 2:137:12 4:237:14 20:214:20 21:159:2 22:220:25 23:168:23 24:24:52 26:170:24 27:144:29 29:115:16
 30:39:28 31:246:48 32:185:28 33:104:28 35:244:22 39:254:38 40:230:5 42:28:6 43:132:3 44:221:5 45:232:3
@@ -222,7 +168,7 @@ _OTHERS = """
 136:1:22 137:195:16 141:47:32 143:131:16 148:178:78 152:208:8 163:127:28 165:21:3 173:83:8 178:47:24
 181:174:4 193:71:26 230:163:42 241:90:32 242:104:60 244:95:6 245:130:2 251:170:18 252:44:18
 """
-_LAYOUTS = {message.NUMBER: (message.CRC_EXTRA, message.FIELDS.size) for message in _MESSAGES} | {
+_LAYOUTS = {layout.number: (layout.crc_extra, layout.fields.size) for layout in _MESSAGES.values()} | {
     number: (extra, longest) for number, extra, longest in (map(int, one.split(":")) for one in _OTHERS.split())
 }
 """CRC_EXTRA and longest payload by number: of the messages above, and of messages that ground stations and autopilots
@@ -241,10 +187,11 @@ class Frame:
 
 def encode(message: Message, sequence: int, system: int = 1, component: int = 191) -> bytes:
     """One frame. Zeros at the end of the payload are left out, but for its first byte."""
-    payload = message.FIELDS.pack(*message.values()).rstrip(b"\x00") or b"\x00"
+    layout = _MESSAGES[type(message)]
+    payload = layout.fields.pack(*layout.values(message)).rstrip(b"\x00") or b"\x00"
     head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence & 0xFF, system, component)
-    body = head + message.NUMBER.to_bytes(3, "little") + payload
-    return bytes([STX]) + body + checksum(body, message.CRC_EXTRA).to_bytes(2, "little")
+    body = head + layout.number.to_bytes(3, "little") + payload
+    return bytes([STX]) + body + checksum(body, layout.crc_extra).to_bytes(2, "little")
 
 
 def checksum(body: bytes, crc_extra: int) -> int:
@@ -253,6 +200,10 @@ def checksum(body: bytes, crc_extra: int) -> int:
     for byte in body:
         crc = crc >> 8 ^ _TABLE[(crc ^ byte) & 0xFF]
     return crc >> 8 ^ _TABLE[(crc ^ crc_extra) & 0xFF]
+
+
+def _filled(values: tuple[float, ...], count: int, rest: int = 0) -> tuple[float, ...]:
+    return (values + (rest,) * count)[:count]
 
 
 class Decoder:
@@ -303,13 +254,13 @@ class Decoder:
 
     def _pop_frame(self, size: int) -> Frame:
         _, length, _, _, sequence, system, component = self._buffer[:7]
-        message = _BY_NUMBER.get(self._number())
+        layout = _BY_NUMBER.get(self._number())
         payload = bytes(self._buffer[HEAD : HEAD + length])
         del self._buffer[:size]
-        if message is None:
+        if layout is None:
             return Frame(system, component, sequence, None)
-        fields = message.FIELDS.unpack(payload.ljust(message.FIELDS.size, b"\x00"))
-        return Frame(system, component, sequence, message.of(fields))
+        values = layout.fields.unpack(payload.ljust(layout.fields.size, b"\x00"))
+        return Frame(system, component, sequence, layout.of(values))
 
     def _refuse(self, count: int, why: str, stamp: Stamp) -> Iterator[Rejected]:
         # The first reason that names a frame is more specific than its absence.

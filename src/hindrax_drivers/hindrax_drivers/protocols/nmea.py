@@ -105,11 +105,7 @@ def require_numbers(body: bytes) -> None:
 
 def number(field: bytes) -> float:
     """Finite number of a field in plain notation."""
-    require_numbers(field)
-    try:
-        return float(field)
-    except ValueError:
-        raise SentenceError("number") from None
+    return numbers([field])[0]
 
 
 def numbers(fields: list[bytes]) -> list[float]:

@@ -18,9 +18,7 @@ class SilenceMonitor:
     """
 
     def __init__(self, name: str, wanted: str, stall_s: float) -> None:
-        self._name = name
-        self._wanted = wanted
-        self._stall_s = stall_s
+        self._name, self._wanted, self._stall_s = name, wanted, stall_s
         self.restart(Stamp(0))
 
     def restart(self, stamp: Stamp) -> None:
@@ -33,7 +31,10 @@ class SilenceMonitor:
         before, self.condition = self.condition, self._condition_at(stamp)
         if self.condition in ("well", before):
             return []
-        return [Trouble(stamp, f"{self._name}: {self._sentence()}")]
+        found = "bytes arrive but none of them verify", "check line speed and device"
+        if self.condition == "silent":
+            found = f"no byte for {self._stall_s:g} s", "check power, cable and port"
+        return [Trouble(stamp, f"{self._name}: {found[0]}, wanted {self._wanted}; {found[1]}")]
 
     def _condition_at(self, stamp: Stamp) -> Condition:
         if seconds_between(self.last_byte, stamp) > self._stall_s:
@@ -41,8 +42,3 @@ class SilenceMonitor:
         if seconds_between(self.last_valid, stamp) > 2.0 * self._stall_s:
             return "foreign"
         return "well"
-
-    def _sentence(self) -> str:
-        if self.condition == "silent":
-            return f"no byte for {self._stall_s:g} s, wanted {self._wanted}; check power, cable and port"
-        return f"bytes arrive but none of them verify, wanted {self._wanted}; check line speed and device"

@@ -15,7 +15,7 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse
 
 from hindrax_core.errors import UsageError
 from hindrax_core.events import to_s
-from hindrax_core.input_checks.stamp_window import EXPIRED, order_window
+from hindrax_core.input_checks import EXPIRED, order_window
 from hindrax_ident.online.aim import Aim, Choice, check_experiment, plan_text
 from hindrax_ident.online.experiment import Drag, Experiment
 from hindrax_ident.online.session import Session

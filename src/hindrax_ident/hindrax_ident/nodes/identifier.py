@@ -16,7 +16,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.input_checks.refusal_counts import Refusals
+from hindrax_core.input_checks import Refusals
 from hindrax_core.signals import Estimate, IdentEvent
 from hindrax_core.topics import ESTIMATE, Topic
 from hindrax_core.vehicle import Vehicle, load_vehicle

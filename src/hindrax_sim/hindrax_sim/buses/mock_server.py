@@ -127,7 +127,7 @@ class BusServer:
 
     def _wake(self, client: _Client) -> None:
         client.until = None
-        self._send(client, mock_protocol.time_is(self._now))
+        self._send(client, mock_protocol.frame(Kind.TIME, mock_protocol.STAMP.pack(self._now)))
 
     def _on_event(self, client: _Client | Callable[[], object], events: int) -> None:
         if not isinstance(client, _Client):
@@ -162,7 +162,7 @@ class BusServer:
         if kind is Kind.TRANSFER:
             self._send(client, self._answer(mock_protocol.parse_transfer(body)))
         elif kind is Kind.SLEEP:
-            client.has_slept, client.until = True, Stamp(mock_protocol.parse_i64(body))
+            client.has_slept, client.until = True, Stamp(mock_protocol.number(mock_protocol.STAMP, body))
             if client.until <= self._now:
                 self._wake(client)
         elif kind is Kind.WAKE:
@@ -170,7 +170,7 @@ class BusServer:
                 self._wake(client)
         elif kind is Kind.HELLO:
             client.name = mock_protocol.parse_hello(body)
-            self._send(client, mock_protocol.time_is(self._now))
+            self._wake(client)
         else:
             raise mock_protocol.ProtocolError(f"found {kind.name} from a client")
 
@@ -178,7 +178,7 @@ class BusServer:
         try:
             return mock_protocol.frame(Kind.DATA, self._transfer(transaction, self._now))
         except OSError as error:
-            return mock_protocol.failed(error.errno or 0)
+            return mock_protocol.frame(Kind.FAILED, mock_protocol.ERRNO.pack(error.errno or 0))
 
     def _send(self, client: _Client, data: bytes) -> None:
         """Send what the client accepts now and queue the rest, so that one stuck client cannot stop the mock."""

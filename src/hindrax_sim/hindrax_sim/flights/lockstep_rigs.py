@@ -11,14 +11,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Protocol, TypeAlias
 
-from hindrax_core.bus_operations import DeviceError, Program, Transaction, run
+from hindrax_core.bus_operations import DeviceError, Program, Transaction, run, wire_error
 from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, Stamped, after, to_s
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.buses.bus_schedule import BusSchedule
-from hindrax_drivers.buses.register_bus import wire_error
 from hindrax_drivers.devices.pca9685 import pca9685_of
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.output.output_guard import guard_of

@@ -17,7 +17,7 @@ from hindrax_core.readings import EchoProfile, SonarHealth
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.clock import SystemClock
-from hindrax_drivers.buses.serial_port import SerialPort
+from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.devices.ping1d import Ping1d
 from hindrax_drivers.devices.ping1d_settings import Ping1dKnobs
 from hindrax_drivers.driver import in_water

@@ -1,13 +1,17 @@
-"""Stamp check of commands: one rule for late and early, for everything that commands the vehicle.
+"""Checks of what other programs send: its stamp, its publisher, and the count of what was refused.
 
-An order that is too old may have waited in a dead link; one from the future would outrank every order after it. Neither
-counts, and one without a stamp cannot be told from either.
+Stamps: one rule for everything that commands the vehicle. An order that is too old may have waited in a dead link; one
+from the future would outrank every order after it. Neither counts, and one without a stamp cannot be told from either.
+
+Publishers: a message does not say who sent it, but the graph says who publishes. Where two do, neither is obeyed.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
 
 from hindrax_core.events import Stamp, seconds_between, to_s
 
@@ -23,6 +27,10 @@ OTHER_CLOCK_s = 1e9
 """Clocks of two machines never differ by this; the time of a mock begins at zero."""
 LAST = Stamp((2**31 - 1) * 10**9)
 """Latest time that a ROS stamp can carry (builtin_interfaces/Time: int32 seconds)."""
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the middleware says of a publisher whose node it has not heard of yet, or that has none."""
+LONGEST = 300
+"""Limit of a kept sentence [characters]: invalid input may be long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,3 +102,55 @@ def impossible(stamp: Stamp) -> str:
 def _number(seconds: float) -> str:
     """Format seconds with the significant digits."""
     return f"{seconds:.1f}" if seconds >= 1.0 else f"{seconds:.2f}"
+
+
+@dataclass(slots=True)
+class SinglePublisher:
+    """Who is obeyed on a topic that anybody may publish: wrenches, the state of the vehicle.
+
+    `name` is empty until there is one. It changes only while the thrusters are disarmed.
+    """
+
+    name: str = ""
+
+    def judge(self, publishers: Collection[str], *, armed: bool) -> str:
+        """Why a message that just came is not taken, given the full names of all publishers; empty when it is."""
+        listed = ", ".join(sorted(publishers))
+        if len(publishers) != 1:
+            return f"found {len(publishers)} publishers{listed and f' ({listed})'}, wanted one"
+        if UNKNOWN in listed:
+            return "found a publisher without a node, wanted one whose name the graph knows"
+        if armed and self.name and self.name != listed:
+            return f"found {listed}, wanted {self.name}, as when the thrusters were armed; disarm first"
+        self.name = listed
+        return ""
+
+    def is_contested(self, publishers: Collection[str]) -> bool:
+        """Whether another one publishes whose name the graph knows: that does not end by itself."""
+        known = {one for one in publishers if UNKNOWN not in one}
+        return bool(known - {self.name}) and (bool(self.name) or len(known) > 1)
+
+
+@dataclass(slots=True)
+class Refusals:
+    """Refusals of one node, for /diagnostics. `things` are our own names (topics, sensors), never received text."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    last: str = ""
+    _told: int = 0
+
+    def add(self, thing: str, why: str) -> str:
+        """Count a refusal and return its sentence."""
+        self.counts[thing] += 1
+        self.last = f"{thing}: {why}"[:LONGEST]
+        return self.last
+
+    def values(self) -> dict[str, str]:
+        """Keys and values for /diagnostics; empty without refusals."""
+        counted = {f"refused: {thing}": str(count) for thing, count in sorted(self.counts.items())}
+        return counted | {"last refused": self.last} if counted else {}
+
+    def new_refusals(self) -> list[str]:
+        """Return the last sentence if anything was refused since the previous call."""
+        told, self._told = self._told, self.counts.total()
+        return [f"refused: {self.last}"] if self._told > told else []

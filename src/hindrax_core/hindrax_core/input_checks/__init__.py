@@ -1,1 +1,0 @@
-"""Checks of what other programs send: its stamp, its publisher, and the count of what was refused."""
