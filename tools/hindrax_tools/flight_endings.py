@@ -10,11 +10,10 @@ import math
 import random
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.goal import PLATEAUS, Goal
@@ -30,8 +29,6 @@ from hindrax_sim.world import Conditions, World
 LONGEST_s = 1800.0
 REFUSED = "never armed"
 DONE = "done"
-
-Change: TypeAlias = Callable[[World], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +65,6 @@ class Ending:
     def unsafe(self) -> bool:
         """Whether a wall was touched and no guard said so."""
         return self.wall_hits > 0 and self.how in (DONE, REFUSED)
-
-    @property
-    def guard(self) -> str:
-        """The guard that ended it, without its numbers."""
-        return self.how.partition(":")[0]
 
 
 def drawn(seed: int, thrusters: Sequence[str]) -> Fault:
@@ -112,7 +104,7 @@ def table(endings: Sequence[Ending]) -> str:
     lines = ["| fault | flights | done | ended by a guard | walls touched |", "|---|---|---|---|---|"]
     for name in dict.fromkeys(one.fault.name for one in endings):
         mine = [one for one in endings if one.fault.name == name]
-        guards = Counter(one.guard for one in mine if one.how != DONE)
+        guards = Counter(one.how.partition(":")[0] for one in mine if one.how != DONE)
         said = ", ".join(f"{guard} {count}" for guard, count in guards.most_common())
         touched = sum(one.wall_hits > 0 for one in mine)
         lines.append(f"| {name} | {len(mine)} | {len(mine) - sum(guards.values())} | {said} | {touched} |")
@@ -132,11 +124,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with ProcessPoolExecutor(asked.jobs) as pool:
         for one in pool.map(ending, seeds, [files] * len(seeds)):
             endings.append(one)
-            print(
-                f"{len(endings)}/{len(seeds)} seed {one.seed}: {one.vehicle} {one.motion}, {one.fault.name}: {one.how}"
-                + (f"; {one.wall_hits} wall contacts" if one.wall_hits else ""),
-                file=sys.stderr,
-            )
+            flight = f"{one.vehicle} {one.motion}, {one.fault.name}: {one.how}"
+            walls = f"; {one.wall_hits} wall contacts" if one.wall_hits else ""
+            print(f"{len(endings)}/{len(seeds)} seed {one.seed}: {flight}{walls}", file=sys.stderr)
     print(table(endings))
     return int(any(one.unsafe for one in endings))
 

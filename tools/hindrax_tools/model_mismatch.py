@@ -11,7 +11,7 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -160,19 +160,17 @@ VEHICLES = (
 )
 
 
-def _commands(axis: Axis, seconds: float, rng: np.random.Generator) -> Iterator[float]:
-    """Thrust that the record tells, each step: level after level, both ways, as a helmsman holds it."""
-    legs = [sign * level * axis.pull * float(rng.uniform(0.9, 1.0)) for level in LEVELS for sign in (1.0, -1.0)]
-    for step in range(round(seconds / STEP_S)):
-        yield legs[int(step * STEP_S / LEG_S) % len(legs)] + axis.held
-
-
 def fly(axis: Axis, law: Law, rng: np.random.Generator, seconds: float = 32.0) -> tuple[Array, Array, Array]:
-    """Times (n,) [s], measured velocities (n,), and thrust as told (n,), of one axis."""
+    """Times (n,) [s], measured velocities (n,), and thrust as told (n,), of one axis.
+
+    Level after level, both ways, as a helmsman holds it.
+    """
+    legs = [sign * level * axis.pull * float(rng.uniform(0.9, 1.0)) for level in LEVELS for sign in (1.0, -1.0)]
     now, thrust, seen, rows = Now(axis), axis.held, 0.0, []
     noise = 0.015 * axis.speed
-    for step, told in enumerate(_commands(axis, seconds, rng)):
+    for step in range(round(seconds / STEP_S)):
         now.t = step * STEP_S
+        told = legs[int(now.t / LEG_S) % len(legs)] + axis.held
         if step % EVERY == 0:
             shown = seen if law.filtered_s else now.v
             rows.append((now.t, shown + float(rng.normal(0.0, noise)), told))
@@ -243,9 +241,7 @@ def _verdict(result: MotionResult, axes: dict[str, Axis], law: Law) -> Verdict:
     at = [int(np.argmin(np.abs(drag.speed - share * drag.speed[-1]))) for share in SHARES]
     true = np.array([law.drag(axis, speed) for speed in drag.speed[at].tolist()])
     off = tuple(((drag.force[at] - true) / drag.std_calibrated[at]).tolist())
-    mass = math.nan
-    if added is not None:
-        mass = (added.value - axis.added) / added.std_calibrated
+    mass = math.nan if added is None else (added.value - axis.added) / added.std_calibrated
     named = tuple(words.group(1) for one in result.warnings if (words := re.search(r"shows ([^(]+) \(", one)))
     return Verdict(result.motion, off, mass, result.identifiable, named)
 

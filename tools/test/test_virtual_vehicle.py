@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_tools.virtual_vehicle.evidence import Finding, seen_in, thrust_after_s
+from hindrax_tools.virtual_vehicle.checks import Finding
+from hindrax_tools.virtual_vehicle.hardware import seen_in, thrust_after_s
 from hindrax_tools.virtual_vehicle.image import ADDRESS, Image, identity, missing_packages
 from hindrax_tools.virtual_vehicle.machine import Machine
 

@@ -29,19 +29,15 @@ def share_lookup(package: str, name: str) -> str:
 def definition(type_name: str, lookup: Lookup = share_lookup) -> str:
     """Full text of a type given as `package/msg/Type`: encoding `ros2msg` of the MCAP registry."""
     package, _, name = type_name.split("/")
-    text = lookup(package, name)
-    parts = [text]
-    seen = {(package, name)}
-    waiting = list(_dependencies(package, text))
+    parts: dict[tuple[str, str], str] = {}
+    waiting = [(package, name)]
     while waiting:
         one = waiting.pop(0)
-        if one in seen:
-            continue
-        seen.add(one)
-        inner = lookup(*one)
-        parts.append(f"{SEPARATOR}\nMSG: {one[0]}/{one[1]}\n{inner}")
-        waiting.extend(_dependencies(one[0], inner))
-    return "\n".join(part.rstrip("\n") for part in parts) + "\n"
+        if one not in parts:
+            text = lookup(*one)
+            parts[one] = f"{SEPARATOR}\nMSG: {one[0]}/{one[1]}\n{text}" if parts else text
+            waiting.extend(_dependencies(one[0], text))
+    return "\n".join(part.rstrip("\n") for part in parts.values()) + "\n"
 
 
 def _dependencies(package: str, text: str) -> Iterator[tuple[str, str]]:

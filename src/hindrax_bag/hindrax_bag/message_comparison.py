@@ -138,7 +138,7 @@ class ComparisonReport:
     def __init__(self, rules: Rules) -> None:
         self.rules = rules
         self.fields_compared = 0
-        self.messages: dict[str, int] = {}
+        self.messages: Counter[str] = Counter()
         self._differences: dict[tuple[str, str], Difference] = {}
         self._explained: dict[str, str] = {}
         self._sizes: dict[str, int] = {}
@@ -207,14 +207,12 @@ class ComparisonReport:
     def _forgiven(self, topic: str, name: str) -> bool:
         if topic in self._explained:
             return True
-        if not name.startswith(MISSING):
-            return False
-        allowed = self.rules.of(topic).unmatched * self.messages.get(topic, 0)
-        return self._differences[topic, name].count <= allowed
+        allowed = self.rules.of(topic).unmatched * self.messages[topic]
+        return name.startswith(MISSING) and self._differences[topic, name].count <= allowed
 
     def _count(self, topic: str, compared: int) -> None:
         self.fields_compared += compared
-        self.messages[topic] = self.messages.get(topic, 0) + 1
+        self.messages[topic] += 1
 
     def _differ(self, topic: str, name: str, stamp: int, recorded: Any, replayed: Any) -> None:
         apart = _distance(recorded, replayed)

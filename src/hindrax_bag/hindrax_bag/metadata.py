@@ -60,9 +60,7 @@ class Contents:
 
 def metadata_text(files: Sequence[Contents]) -> str:
     """Text of metadata.yaml for these files of a bag, in their order."""
-    totals: Counter[str] = Counter()
-    for file in files:
-        totals += file.counts
+    totals = sum((file.counts for file in files), Counter[str]())
     channels = {channel.topic: channel for file in files for channel in file.channels}
     held = [file for file in files if file.messages]
     first = min((file.first for file in held), default=0)
@@ -77,7 +75,15 @@ def metadata_text(files: Sequence[Contents]) -> str:
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
-        "files": [_file(file) for file in files],
+        "files": [
+            {
+                "path": file.name,
+                "starting_time": {"nanoseconds_since_epoch": file.first},
+                "duration": {"nanoseconds": file.last - file.first},
+                "message_count": file.messages,
+            }
+            for file in files
+        ],
         "custom_data": None,
         "ros_distro": "jazzy",
     }
@@ -94,15 +100,6 @@ def _topic(channel: Channel, count: int) -> dict[str, Any]:
             "type_description_hash": channel.type_hash,
         },
         "message_count": count,
-    }
-
-
-def _file(file: Contents) -> dict[str, Any]:
-    return {
-        "path": file.name,
-        "starting_time": {"nanoseconds_since_epoch": file.first},
-        "duration": {"nanoseconds": file.last - file.first},
-        "message_count": file.messages,
     }
 
 
@@ -153,9 +150,7 @@ def channel_metadata(channel: Channel) -> dict[str, str]:
 
 
 def _duration(seconds: float) -> dict[str, int]:
-    if not seconds:
-        return dict(FOREVER)
-    return {"sec": int(seconds), "nsec": round(seconds % 1.0 * 1e9)}
+    return {"sec": int(seconds), "nsec": round(seconds % 1.0 * 1e9)} if seconds else dict(FOREVER)
 
 
 class _NoAliases(yaml.SafeDumper):

@@ -12,9 +12,9 @@ import math
 import os
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, Self
 
 from hindrax_bringup.stack_lock import HEARTBEATS, locked, owned, runtime_folder
 from hindrax_ros.heartbeat import beaten_s
@@ -41,11 +41,18 @@ def notify(words: str, environment: Mapping[str, str] = os.environ) -> None:
 
 
 class LivenessFile:
-    """Beats at most once a second, however often it is asked to."""
+    """Beats at most once a second, however often it is asked to. A context manager that leaves nothing behind."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._next_s = path, 0.0
         self._file: IO[str] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._path.unlink(missing_ok=True)
+        self.close()
 
     def beat(self, status: str, troubles: Mapping[str, str], *, armed: bool = False) -> None:
         """Say that the tool lives, what it does in a few words, which nodes are unwell, and whether it may thrust."""
@@ -55,12 +62,10 @@ class LivenessFile:
         self._next_s = now_s + PERIOD_S
         notify(f"WATCHDOG=1\nSTATUS={status}")
         with contextlib.suppress(OSError):  # the folder goes with the last session of its user; what flies flies on
-            self._write({"at_s": now_s, "status": status, "troubles": dict(troubles), "armed": armed})
-
-    def _write(self, beat: Mapping[str, object]) -> None:
-        file = locked(self._path, beat)
-        self.close()
-        self._file = file
+            beat = {"at_s": now_s, "status": status, "troubles": dict(troubles), "armed": armed}
+            file = locked(self._path, beat)
+            self.close()
+            self._file = file
 
     def close(self) -> None:
         """Give up the lock."""
@@ -68,30 +73,15 @@ class LivenessFile:
             self._file.close()
 
 
-@contextlib.contextmanager
-def tool_liveness() -> Iterator[LivenessFile]:
-    """Yield the liveness file of this tool; it leaves nothing behind."""
+def tool_liveness() -> LivenessFile:
+    """Liveness file of this tool, whose stack is ready."""
     notify("READY=1")
-    with _liveness_file(f"{os.getpid()}.pulse") as made:
-        yield made
+    return LivenessFile(runtime_folder() / f"{os.getpid()}.pulse")
 
 
-@contextlib.contextmanager
-def nodes_liveness() -> Iterator[LivenessFile]:
-    """Yield the liveness file of the nodes of a stack, for a process that the tool of this stack has started."""
-    with _liveness_file(f"{os.getppid()}{NODES}") as made:
-        yield made
-
-
-@contextlib.contextmanager
-def _liveness_file(name: str) -> Iterator[LivenessFile]:
-    path = runtime_folder() / name
-    made = LivenessFile(path)
-    try:
-        yield made
-    finally:
-        path.unlink(missing_ok=True)
-        made.close()
+def nodes_liveness() -> LivenessFile:
+    """Liveness file of the nodes of a stack, for a process that the tool of this stack has started."""
+    return LivenessFile(runtime_folder() / f"{os.getppid()}{NODES}")
 
 
 def stacks_well(folder: Path, now_s: float) -> tuple[bool, str]:

@@ -12,11 +12,10 @@ from hindrax_core import sensor_table
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """One operating system process: module to run, which is an executable in a ROS installation; its nodes; meaning."""
+    """One operating system process: module to run, which is an executable in a ROS installation; its nodes."""
 
     module: str
     nodes: tuple[str, ...]
-    meaning: str
     restart: bool = True
     last_resort: tuple[str, ...] = ()
     """Words with which it only leaves its output safe, for when it had to be killed; none where it has no output."""
@@ -34,32 +33,14 @@ class Process:
         return self.module.partition(".")[0]
 
 
-SENSORS = Process(
-    "hindrax_drivers.nodes.sensors",
-    tuple(sensor.name for sensor in sensor_table.SENSORS),
-    "reads every sensor of the vehicle file",
-)
-THRUSTERS = Process(
-    "hindrax_drivers.nodes.thrusters",
-    ("thrusters",),
-    "output guard and pulses, watched by a dead man",
-    last_resort=("--neutral",),
-)
-CONTROL = Process(
-    "hindrax_control.nodes.control",
-    ("navigator", "estimator_health", "pilot", "allocator"),
-    "state estimate, holds and maneuvers, allocation",
-)
-IDENTIFIER = Process("hindrax_ident.nodes.identifier", ("identifier",), "online identification")
-SAFETY_MONITOR = Process(
-    "hindrax_bringup.nodes.safety_monitor",
-    ("safety_monitor",),
-    "operator link, thrusters out of use, health of the nodes",
-    reports=True,
-)
-RECORDER = Process("hindrax_bag.nodes.recorder", ("recorder",), "writes the bag")
-MOCK = Process("hindrax_sim.nodes.mock", ("mock",), "the mock vehicle: plant, pool, devices, clock", restart=False)
-REPLAY = Process("hindrax_sim.nodes.replay", ("replay",), "recorded wires as hardware", restart=False)
+SENSORS = Process("hindrax_drivers.nodes.sensors", tuple(sensor.name for sensor in sensor_table.SENSORS))
+THRUSTERS = Process("hindrax_drivers.nodes.thrusters", ("thrusters",), last_resort=("--neutral",))
+CONTROL = Process("hindrax_control.nodes.control", ("navigator", "estimator_health", "pilot", "allocator"))
+IDENTIFIER = Process("hindrax_ident.nodes.identifier", ("identifier",))
+SAFETY_MONITOR = Process("hindrax_bringup.nodes.safety_monitor", ("safety_monitor",), reports=True)
+RECORDER = Process("hindrax_bag.nodes.recorder", ("recorder",))
+MOCK = Process("hindrax_sim.nodes.mock", ("mock",), restart=False)
+REPLAY = Process("hindrax_sim.nodes.replay", ("replay",), restart=False)
 
 ONBOARD: tuple[Process, ...] = (SENSORS, THRUSTERS, CONTROL, IDENTIFIER, SAFETY_MONITOR)
 UNHEARD = ["-r", "pilot:maneuver/status:=replay/unheard/maneuver_status"]

@@ -23,7 +23,7 @@ from hindrax_core.errors import HindraxError
 from hindrax_ros.heartbeat import beaten_s
 
 PATIENT_S = 30.0
-LAMPS = Process("lamps", (), "none")
+LAMPS = Process("lamps", ())
 UNSAFE = replace(LAMPS, last_resort=("--dark",))
 BEATS = """
 import os, pathlib, subprocess, sys, time
@@ -87,7 +87,7 @@ def told(supervisor: Supervisor) -> list[str]:
 
 
 def test_a_process_that_is_gone_for_good_is_told_with_its_last_words(supervisor: Supervisor) -> None:
-    child = supervisor.start(Process("no_such_module.lamps", (), "none", restart=False))
+    child = supervisor.start(Process("no_such_module.lamps", (), restart=False))
     child.handle.wait(30.0)
     (said,) = supervisor.check()
     assert re.fullmatch(r"lamps ended with code 1 and stays down; its log is \S+/lamps\.log", said)

@@ -58,7 +58,7 @@ def _allocation(vehicle: Vehicle) -> list[dict[str, Any]]:
         peer_us, inexact = figures(call)
         ours_name = f"allocation, 8 thrusters ({ours_inexact} of {WRENCHES} not exact)"
         compared = row(ours_name, ours_us, f"{name} ({inexact} of {WRENCHES} not exact)", peer_us)
-        found.append({**compared, "demands": WRENCHES, "inexact": ours_inexact, "peer_inexact": inexact})
+        found.append(compared | {"demands": WRENCHES, "inexact": ours_inexact, "peer_inexact": inexact})
     return found
 
 
@@ -106,31 +106,25 @@ class _Peers:
 
     def clipped(self, wrench: Vec6) -> Matrix:
         """Least forces (8,) [N], clipped at the limits."""
-        found: Matrix = np.clip(self._pseudo_inverse @ np.array(wrench), *self._limits_N.T)
-        return found
+        return np.asarray(np.clip(self._pseudo_inverse @ np.array(wrench), *self._limits_N.T))
 
     def by_daqp(self, wrench: Vec6) -> Matrix:
         """Forces (8,) [N] by DAQP; the count of demands checks its flag."""
         rows, wanted, bounds = self._problem(wrench)
-        found: Matrix = daqp.solve(
-            rows.T @ rows, -rows.T @ wanted, np.zeros((0, 10)), bounds[1], bounds[0], np.zeros(10, dtype=np.int32)
-        )[0][:8]
-        return found
+        none, senses = np.zeros((0, 10)), np.zeros(10, dtype=np.int32)
+        return np.asarray(daqp.solve(rows.T @ rows, -rows.T @ wanted, none, *bounds[::-1], senses)[0][:8])
 
     def by_quadprog(self, wrench: Vec6) -> Matrix:
         """Forces (8,) [N] by the method of Goldfarb and Idnani."""
         rows, wanted, bounds = self._problem(wrench)
         walls = np.hstack([np.eye(10), -np.eye(10)])
-        found: Matrix = quadprog.solve_qp(
-            rows.T @ rows, rows.T @ wanted, walls, np.concatenate([bounds[0], -bounds[1]])
-        )[0]
-        return found[:8]
+        ends = np.concatenate([bounds[0], -bounds[1]])
+        return np.asarray(quadprog.solve_qp(rows.T @ rows, rows.T @ wanted, walls, ends)[0][:8])
 
     def by_lsq_linear(self, wrench: Vec6) -> Matrix:
         """Forces (8,) [N] by the method of Stark and Parker."""
         rows, wanted, bounds = self._problem(wrench)
-        found: Matrix = lsq_linear(rows, wanted, (bounds[0], bounds[1] + 1e-12), method="bvls").x[:8]
-        return found
+        return np.asarray(lsq_linear(rows, wanted, (bounds[0], bounds[1] + 1e-12), method="bvls").x[:8])
 
     def _problem(self, wrench: Vec6) -> tuple[Matrix, Matrix, Matrix]:
         """Weighted rows (r, 10), right side (r,) and bounds (2, 10) [N, Nm] of the least-squares problem in x."""
@@ -163,11 +157,8 @@ def _inverse(vehicle: Vehicle) -> list[dict[str, Any]]:
     c1, c2, c3, c4 = branch.c
 
     def by_roots(forces: tuple[float, ...]) -> list[float]:
-        found = []
-        for force in forces:
-            roots = np.roots([c4, c3, c2, c1 + abs(force)])
-            found.append(next(float(r.real) for r in roots if branch.from_us <= r.real <= branch.to_us))
-        return found
+        found = [np.roots([c4, c3, c2, c1 + abs(force)]) for force in forces]
+        return [next(float(r.real) for r in roots if branch.from_us <= r.real <= branch.to_us) for roots in found]
 
     def by_brentq(forces: tuple[float, ...]) -> list[float]:
         ends = branch.from_us, branch.to_us

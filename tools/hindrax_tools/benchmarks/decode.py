@@ -34,10 +34,8 @@ class PDL(pynmea2.TalkerSentence):  # type: ignore[misc]  # pynmea2 has no types
     """What pynmea2 needs to know of the sentence: it finds classes by their name."""
 
     fields = tuple(
-        (name, name, kind)
-        for name, kind in zip(
-            ("tu", "dtu", "adr", "adp", "ady", "pdx", "pdy", "pdz", "c"), (int, int, *[float] * 6, int), strict=True
-        )
+        (name, name, int if name in ("tu", "dtu", "c") else float)
+        for name in ("tu", "dtu", "adr", "adp", "ady", "pdx", "pdy", "pdz", "c")
     )
 
 

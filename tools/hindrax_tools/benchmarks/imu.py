@@ -6,6 +6,7 @@ as drivers without a FIFO do; both talk to the same chip in memory, behind the k
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 import timeit
@@ -17,7 +18,7 @@ from smbus2 import SMBus, i2c_msg
 from smbus2 import __version__ as smbus2_version
 
 from hindrax_core.bus_operations import run
-from hindrax_core.events import Stamp, after, stamp_from_s
+from hindrax_core.events import after, stamp_from_s
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
 from hindrax_drivers.devices.imu import icm20948_registers as registers
@@ -47,7 +48,9 @@ def rows() -> list[dict[str, Any]]:
         _best_us(lambda peer=peer: [peer(data) for data in batches])  # type: ignore[misc]  # bound now, called later
         for peer in (_by_struct, _by_numpy)
     )
-    with seam(PORT, _wires(batches)):
+    bus = VirtualI2c()
+    bus.attach(registers.ADDRESS, _Chip(batches))
+    with seam(PORT, bus):
         fetched, polled = _best_us(_fetch()), _best_us(_poll)
     return [
         row("IMU decode, per sample", ours, "struct and a loop, no stamp and no check", struct_us),
@@ -81,10 +84,8 @@ def _decode(batches: Sequence[bytes]) -> None:
 def _by_struct(data: bytes) -> list[tuple[list[float], list[float]]]:
     found = []
     for at in range(0, len(data), SAMPLE.size):
-        ax, ay, az, gx, gy, gz = struct.unpack_from(">hhhhhh", data, at)
-        force = [one / 8192.0 * 9.80665 for one in (ax, ay, az)]
-        rate = [math.radians(one / 65.5) for one in (gx, gy, gz)]
-        found.append((force, rate))
+        six = struct.unpack_from(">hhhhhh", data, at)
+        found.append(([one / 8192.0 * 9.80665 for one in six[:3]], [math.radians(one / 65.5) for one in six[3:]]))
     return found
 
 
@@ -116,22 +117,14 @@ class _Chip:
         return bytes(self._memory[self._register : self._register + count])
 
 
-def _wires(batches: Sequence[bytes]) -> VirtualI2c:
-    bus = VirtualI2c()
-    bus.attach(registers.ADDRESS, _Chip(batches))
-    return bus
-
-
 def _fetch() -> Callable[[], None]:
     """Our driver: count and burst, five samples at a time."""
     bus, sensor = Smbus2Bus(PORT), Icm20948(Icm20948Knobs(magnetometer=False))
     run(sensor.configure(), bus.transfer, lambda _: None)
-    stamp = START
+    stamps = (after(START, turn * BATCH / RATE_Hz) for turn in itertools.count(1))
 
     def fetch() -> None:
-        nonlocal stamp
-        for _ in range(BATCHES):
-            stamp = Stamp(stamp + round(1e9 * BATCH / RATE_Hz))
+        for stamp in itertools.islice(stamps, BATCHES):
             run(sensor.cycle(stamp), bus.transfer, lambda _: None)
 
     return fetch

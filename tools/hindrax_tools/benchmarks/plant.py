@@ -55,19 +55,10 @@ def _arrays(vehicle: Vehicle) -> Callable[[float], None]:
         force = state["force"] + dt / lag_s * (wanted - state["force"])
         turn = _rotation(eta[3:])
         momentum = mass @ nu
-        coriolis = np.concatenate(
-            [
-                np.cross(nu[3:], momentum[:3]),
-                np.cross(nu[3:], momentum[3:]) + np.cross(nu[:3], momentum[:3]),
-            ]
-        )
-        down = turn[2]
-        restoring = np.concatenate(
-            [
-                (vehicle.weight_N - vehicle.buoyancy_N) * down,
-                -vehicle.buoyancy_N * np.cross(level, down),
-            ]
-        )
+        swirl = np.cross(nu[3:], momentum[3:]) + np.cross(nu[:3], momentum[:3])
+        coriolis = np.concatenate([np.cross(nu[3:], momentum[:3]), swirl])
+        sink = (vehicle.weight_N - vehicle.buoyancy_N) * turn[2]
+        restoring = np.concatenate([sink, -vehicle.buoyancy_N * np.cross(level, turn[2])])
         drag = (quadratic * np.abs(nu) + linear) * nu
         nu = nu + dt * (inverse @ (B @ force - coriolis - drag + restoring))
         rates = np.linalg.solve(_angle_rates(eta[3:]), nu[3:])
@@ -80,13 +71,9 @@ def _arrays(vehicle: Vehicle) -> Callable[[float], None]:
 def _rotation(angles: Array) -> Array:
     """Rotation body to north-east-down: (3, 3) [-]. Fossen 2011, eq. 2.18."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
+    surge = [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr]
+    sway = [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr]
+    return np.array([surge, sway, [-sp, cp * sr, cp * cr]])
 
 
 def _angle_rates(angles: Array) -> Array:

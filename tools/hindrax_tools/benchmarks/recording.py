@@ -93,7 +93,7 @@ def _figure(ours: Span, peer: str, theirs: Span) -> dict[str, Any]:
 
 def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
     """CPU time per message of the real recorder process, from the graph to the disk, and what it lost."""
-    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers", (), "load")
+    bag, load = folder / "bag", Process("hindrax_tools.benchmarks.peers", ())
     logs = folder / "logs"
     with own_domain(mock=True) as domain, Supervisor(logs, environment(mock=True, domain=domain)) as children:
         recorder = children.start(RECORDER, ["--ros-args", "-p", f"bag:={bag}", "-p", "keep_free_MB:=0.0"])

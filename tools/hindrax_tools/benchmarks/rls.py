@@ -11,7 +11,6 @@ import padasip
 from filterpy.kalman import KalmanFilter
 from sysidentpy.parameter_estimation import RecursiveLeastSquares
 
-from hindrax_ident.arrays import Array
 from hindrax_ident.online.rls import Rls
 from hindrax_tools.benchmarks import median_us, row
 
@@ -29,52 +28,29 @@ def _compared(n: int) -> list[dict[str, Any]]:
     rng = np.random.default_rng(SEED)
     X = rng.standard_normal((SAMPLES, n))
     y = X @ np.arange(1.0, n + 1.0) + 0.1 * rng.standard_normal(SAMPLES)
-    ours = _ours_us(X, y)
-    peers = {
-        f"filterpy {version('filterpy')} KalmanFilter": _filterpy_us(X, y),
-        f"padasip {version('padasip')} FilterRLS": _padasip_us(X, y),
-        f"sysidentpy {version('sysidentpy')} RecursiveLeastSquares": _sysidentpy_us(X, y),
-        f"numpy lstsq, {WINDOW} samples again": _lstsq_us(X, y),
-    }
-    return [row(f"rls-{n}", ours, name, theirs) for name, theirs in peers.items()]
-
-
-def _ours_us(X: Array, y: Array) -> float:
-    rls = Rls([0.0] * X.shape[1], [1e4] * X.shape[1])
-    samples = cycle([(tuple(row), value) for row, value in zip(X.tolist(), y.tolist(), strict=True)])
-    return median_us(lambda: rls.update(*next(samples)), SAMPLES, REPEATS)
-
-
-def _filterpy_us(X: Array, y: Array) -> float:
-    n = X.shape[1]
-    kalman = KalmanFilter(dim_x=n, dim_z=1)
+    rls, numbers = Rls([0.0] * n, [1e4] * n), cycle(zip(map(tuple, X.tolist()), y.tolist(), strict=True))
+    kalman, rows_of_one = KalmanFilter(dim_x=n, dim_z=1), cycle(zip(X[:, None, :], y, strict=True))
     kalman.P *= 1e4
-    samples = cycle(zip(X[:, None, :], y, strict=True))
+    adaptive, samples = padasip.filters.FilterRLS(n, mu=0.999), cycle(zip(X, y, strict=True))
+    batch = RecursiveLeastSquares(lam=0.999)
 
-    def update() -> None:
-        row, value = next(samples)
+    def kalman_update() -> None:
+        row, value = next(rows_of_one)
         kalman.update(value, R=1.0, H=row)
 
-    return median_us(update, SAMPLES, REPEATS)
-
-
-def _padasip_us(X: Array, y: Array) -> float:
-    rls = padasip.filters.FilterRLS(X.shape[1], mu=0.999)
-    samples = cycle(zip(X, y, strict=True))
-
-    def update() -> None:
+    def adapt() -> None:
         row, value = next(samples)
-        rls.adapt(value, row)
+        adaptive.adapt(value, row)
 
-    return median_us(update, SAMPLES, REPEATS)
-
-
-def _sysidentpy_us(X: Array, y: Array) -> float:
-    """Whole batches only: its time is divided by the number of samples."""
-    estimator = RecursiveLeastSquares(lam=0.999)
-    return median_us(lambda: estimator.optimize(X, y[:, None]), 1, REPEATS) / SAMPLES
-
-
-def _lstsq_us(X: Array, y: Array) -> float:
-    A, b = X[:WINDOW], y[:WINDOW]
-    return median_us(lambda: np.linalg.lstsq(A, b, rcond=None), SAMPLES, REPEATS)
+    ours_us = median_us(lambda: rls.update(*next(numbers)), SAMPLES, REPEATS)
+    # Whole batches only: its time is divided by the number of samples.
+    batch_us = median_us(lambda: batch.optimize(X, y[:, None]), 1, REPEATS) / SAMPLES
+    peers = {
+        f"filterpy {version('filterpy')} KalmanFilter": median_us(kalman_update, SAMPLES, REPEATS),
+        f"padasip {version('padasip')} FilterRLS": median_us(adapt, SAMPLES, REPEATS),
+        f"sysidentpy {version('sysidentpy')} RecursiveLeastSquares": batch_us,
+        f"numpy lstsq, {WINDOW} samples again": median_us(
+            lambda: np.linalg.lstsq(X[:WINDOW], y[:WINDOW], rcond=None), SAMPLES, REPEATS
+        ),
+    }
+    return [row(f"rls-{n}", ours_us, name, theirs_us) for name, theirs_us in peers.items()]

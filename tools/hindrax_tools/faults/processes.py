@@ -153,13 +153,11 @@ class FaultyStack:
             with contextlib.suppress(HindraxError):  # a new sole commander is accepted once it was disarmed
                 operator.arm(arm=False, seconds=PATIENT_S)
             return
-        if (who, what) == (OUTPUT, DIED):
-            yield lambda: True
-            return
         if who == OUTPUT:
-            ports = self.stack.mock_facts["ports"]
-            assert isinstance(ports, dict)
-            open_bus(ports["thrusters"], "fault").transfer(RESET)
+            if what == RESTARTED:
+                ports = self.stack.mock_facts["ports"]
+                assert isinstance(ports, dict)
+                open_bus(ports["thrusters"], "fault").transfer(RESET)
             yield lambda: True
             return
         for child in self.supervisor.children.values():

@@ -35,7 +35,9 @@ def _command(parser: argparse.ArgumentParser, level: str = "##") -> str:
     about, _, more = (parser.description or "").partition("\n")
     text = f"\n{level} {_name(parser)}\n\n{about}\n" + (f"\n```\n{more.strip()}\n```\n" if more.strip() else "")
     words = "".join(_command(one, "###") for one in words_of(parser))
-    return f"{text}\n{_examples(parser)}\n{_options(parser)}{words}"
+    examples = (parser.epilog or "").removeprefix("example:").strip().splitlines()
+    listed = "\n".join(["```sh", *(line.strip() for line in examples), "```"])
+    return f"{text}\n{listed}\n\n{_options(parser)}{words}"
 
 
 def words_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -43,11 +45,6 @@ def words_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParse
     for action in parser._actions:  # noqa: SLF001  # argparse has no public way to read a parser
         if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001  # as above
             yield from action.choices.values()
-
-
-def _examples(parser: argparse.ArgumentParser) -> str:
-    lines = (parser.epilog or "").removeprefix("example:").strip().splitlines()
-    return "\n".join(["```sh", *(line.strip() for line in lines), "```"]) + "\n"
 
 
 def _options(parser: argparse.ArgumentParser) -> str:

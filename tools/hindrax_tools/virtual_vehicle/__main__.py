@@ -11,25 +11,19 @@ from pathlib import Path
 
 from hindrax_bringup.clone import clone_root
 from hindrax_core.errors import HindraxError
-from hindrax_tools.virtual_vehicle.checks import CHECKS, Trial, deployment
-from hindrax_tools.virtual_vehicle.evidence import Finding
+from hindrax_tools.virtual_vehicle.checks import CHECKS, Finding, Trial, deployment
 from hindrax_tools.virtual_vehicle.image import image_of, missing_packages
 from hindrax_tools.virtual_vehicle.machine import Machine
 
 
-def parser() -> argparse.ArgumentParser:
-    """Arguments of the tool."""
+def main() -> int:
+    """Run the checks, print each finding as it comes."""
     made = argparse.ArgumentParser(prog="python -m hindrax_tools.virtual_vehicle", description=__doc__)
     made.add_argument("cache", type=Path, metavar="DIR", help="where images are kept, 2 GB each")
     made.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS), help="checks after the deployment")
     made.add_argument("--cuts", type=int, default=8, help="number of power cuts; default 8")
     made.add_argument("--seed", type=int, default=1, help="of the times of the power cuts; default 1")
-    return made
-
-
-def main() -> int:
-    """Run the checks, print each finding as it comes."""
-    words = parser().parse_args()
+    words = made.parse_args()
     began = time.monotonic()
 
     def report(sentence: str) -> None:
@@ -42,10 +36,7 @@ def main() -> int:
     try:
         clone = clone_root()
         image = image_of(clone, words.cache, report)
-        with (
-            tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder,
-            Machine(image, Path(folder)) as machine,
-        ):
+        with tempfile.TemporaryDirectory(prefix="virtual-vehicle-") as folder, Machine(image, Path(folder)) as machine:
             for finding in findings(Trial(machine, clone, words.cuts, words.seed), words.only):
                 report(finding.line())
                 bad += not finding.good

@@ -12,7 +12,7 @@ from pathlib import Path
 from hindrax_bag.read.survey import survey
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
-from hindrax_tools.virtual_vehicle.evidence import Finding, Seen, seen_in, thrust_after_s
+from hindrax_tools.virtual_vehicle.hardware import Seen, seen_in, thrust_after_s
 from hindrax_tools.virtual_vehicle.machine import HOST, STARTED, Machine
 
 RUNS = "/var/lib/hindrax/runs"
@@ -46,6 +46,19 @@ ExecStart=/opt/hindrax/hindrax up --record {" ".join(f"--set {rate}" for rate in
 """One core has the stack and the devices to run, and every system call of both passes through another process."""
 
 
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the outcome."""
+
+    check: str
+    good: bool
+    figure: str
+
+    def line(self) -> str:
+        """Return it for a person."""
+        return f"{'good' if self.good else 'BAD '}  {self.check:44}  {self.figure}"
+
+
 @dataclass(slots=True)
 class Trial:
     """A machine that is on, and the clone that was deployed to it."""
@@ -55,9 +68,9 @@ class Trial:
     cuts: int = 8
     seed: int = 1
 
-    def deploy(self) -> subprocess.CompletedProcess[str]:
-        """Run the project's own command."""
-        return subprocess.run(  # noqa: S603  # our own words
+    def deploy(self) -> tuple[int, str]:
+        """Run the project's own command; returns its exit code and the last line of its stderr."""
+        done = subprocess.run(  # noqa: S603  # our own words
             [str(self.clone / "hindrax"), "deploy", HOST],
             env=self.machine.environment(),
             capture_output=True,
@@ -65,6 +78,7 @@ class Trial:
             check=False,
             stdin=subprocess.DEVNULL,
         )
+        return done.returncode, (done.stderr.strip().splitlines() or [""])[-1]
 
     def seen(self) -> list[Seen]:
         """What was on the wires since the power came on."""
@@ -90,22 +104,18 @@ class Trial:
         """Size of the bag of a run."""
         return int(self.machine.asked(f"sudo sh -c 'cat {RUNS}/{run}/bag/*.mcap 2>/dev/null | wc -c'"))
 
-    def health(self) -> tuple[bool, str]:
-        """Whether the stack says that it is well, and its sentence."""
-        done = self.machine.run(f"{HINDRAX} health")
-        return done.returncode == 0, (done.stdout + done.stderr).strip()
-
     def says(self, wanted: Callable[[bool, str], bool] = lambda well, _: well) -> str:
         """Wait until health says what is wanted; returns its sentence."""
         sentence = ""
 
         def heard() -> bool:
             nonlocal sentence
-            well, sentence = self.health()
-            if not wanted(well, sentence):
+            done = self.machine.run(f"{HINDRAX} health")
+            sentence = (done.stdout + done.stderr).strip()
+            so = wanted(done.returncode == 0, sentence)
+            if not so:
                 self.wait(PAUSE_S)
-                return False
-            return True
+            return so
 
         self.machine.until("health to say so", heard)
         return sentence
@@ -151,62 +161,51 @@ def deployment(trial: Trial) -> Iterator[Finding]:
     began = time.monotonic()
     machine.power_on()
     machine.wait_for_login()
-    yield Finding(
-        "boot", good=True, figure=f"login after {machine.asked('cat /proc/uptime').split()[0]} s of the machine"
-    )
+    up_s = machine.asked("cat /proc/uptime").split()[0]
+    yield Finding("boot", good=True, figure=f"login after {up_s} s of the machine")
     machine.put("/opt/virtual-devices/hardware.py", Path(__file__).with_name("hardware.py").read_text(encoding="utf-8"))
     machine.put("/etc/systemd/system/virtual-devices.service", DEVICES)
     machine.put("/etc/systemd/system/hindrax.service.d/slow.conf", SLOW)
     machine.asked("sudo systemctl daemon-reload && sudo systemctl -q enable --now virtual-devices")
     # A deployment replaces links that their imports go through.
     machine.until("the devices", lambda: bool(trial.seen()))
-    done = trial.deploy()
-    last = (done.stderr.strip().splitlines() or [""])[-1]
-    yield Finding(
-        "deploy", done.returncode == 0, f"exit {done.returncode}, {last!r}, {time.monotonic() - began:.0f} s here"
-    )
+    code, last = trial.deploy()
+    yield Finding("deploy", code == 0, f"exit {code}, {last!r}, {time.monotonic() - began:.0f} s here")
 
 
 def kills(trial: Trial) -> Iterator[Finding]:
-    """Kill all of the service, then the tool, with thrust on the wires; who judges is in another group."""
-    yield from killed(trial, "the whole service", f"echo 1 >{CGROUP}/cgroup.kill")
-    yield from killed(trial, "the main process", "kill -9 $(systemctl show -P MainPID hindrax)")
+    """Kill all of the service, then the tool, with thrust on the wires; who judges is in another group.
 
-
-def killed(trial: Trial, what: str, script: str) -> Iterator[Finding]:
-    """Kill with thrust on the wires; neutral, and a stack that is up again by itself, disarmed."""
-    check = f"SIGKILL of {what}, armed"
-    before = trial.runs()
-    trial.thrust()
-    killed_s = trial.at(script)
-    yield trial.neutral(check, killed_s)
-    trial.recording(before)
-    sentence = trial.says()
-    again = thrust_after_s(trial.seen(), killed_s)
-    yield Finding(f"{check}: up again", again is not None and again < NEUTRAL_S, sentence)
+    Neutral, and a stack that is up again by itself, disarmed.
+    """
+    for what, script in (
+        ("the whole service", f"echo 1 >{CGROUP}/cgroup.kill"),
+        ("the main process", "kill -9 $(systemctl show -P MainPID hindrax)"),
+    ):
+        check, before = f"SIGKILL of {what}, armed", trial.runs()
+        trial.thrust()
+        killed_s = trial.at(script)
+        yield trial.neutral(check, killed_s)
+        trial.recording(before)
+        sentence = trial.says()
+        again = thrust_after_s(trial.seen(), killed_s)
+        yield Finding(f"{check}: up again", again is not None and again < NEUTRAL_S, sentence)
 
 
 def clock_steps(trial: Trial) -> Iterator[Finding]:
-    """Set the wall clock back and forward, with thrust and disarmed."""
-    for armed in (True, False):
-        for way in ("back", "forward"):
-            yield from clock_step(trial, way, armed=armed)
-
-
-def clock_step(trial: Trial, way: str, *, armed: bool) -> Iterator[Finding]:
-    """Set the wall clock; neutral if there was thrust, and a run of its own that says why."""
-    check = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}"
-    before = trial.runs()
-    if armed:
-        trial.thrust()
-    stepped_s = trial.at(f"date -s @$(( $(date +%s) {'-' if way == 'back' else '+'} {STEP_S} ))")
-    if armed:
-        yield trial.neutral(check, stepped_s)
-    trial.recording(before)
-    up_s = trial.seen()[-1].monotonic_s
-    sentence = trial.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
-    yield Finding(f"{check}: a new run", f"set {way}" in sentence, f"after {up_s - stepped_s:.0f} s: {sentence}")
-    trial.says()
+    """Set the wall clock back and forward, with thrust and disarmed: neutral, and a run of its own that says why."""
+    for armed, way in ((True, "back"), (True, "forward"), (False, "back"), (False, "forward")):
+        check, before = f"clock {way} by {STEP_S} s, {'armed' if armed else 'disarmed'}", trial.runs()
+        if armed:
+            trial.thrust()
+        stepped_s = trial.at(f"date -s @$(( $(date +%s) {'-' if way == 'back' else '+'} {STEP_S} ))")
+        if armed:
+            yield trial.neutral(check, stepped_s)
+        trial.recording(before)
+        up_s = trial.seen()[-1].monotonic_s
+        sentence = trial.machine.asked("sudo journalctl -u hindrax -n 200 -o cat | grep 'clock: the' | tail -1")
+        yield Finding(f"{check}: a new run", f"set {way}" in sentence, f"after {up_s - stepped_s:.0f} s: {sentence}")
+        trial.says()
 
 
 def full_disk(trial: Trial) -> Iterator[Finding]:
@@ -225,9 +224,8 @@ def full_disk(trial: Trial) -> Iterator[Finding]:
     yield Finding("start on a full disk: up, says so", restarts == "0", f"{restarts} restarts; {sentence}")
     machine.asked("sudo rm /var/fill")
     run = trial.recording(before)
-    yield Finding(
-        "room again: it records", good=True, figure=f"{run}: {trial.recorded_bytes(run)} bytes; {trial.says()}"
-    )
+    figure = f"{run}: {trial.recorded_bytes(run)} bytes; {trial.says()}"
+    yield Finding("room again: it records", good=True, figure=figure)
 
 
 def power_cuts(trial: Trial) -> Iterator[Finding]:
@@ -261,13 +259,8 @@ COMPLETION = "pgrep -f [h]indrax_bag.read.recovery >/dev/null || echo ended"
 def no_device(trial: Trial) -> Iterator[Finding]:
     """Deploy to a machine without any device: an honest end."""
     trial.machine.asked("sudo systemctl -q disable --now virtual-devices")
-    done = trial.deploy()
-    last = (done.stderr.strip().splitlines() or [""])[-1]
-    yield Finding(
-        "deploy without any device: refused",
-        done.returncode == 1 and "failed" in last,
-        f"exit {done.returncode}: {last}",
-    )
+    code, last = trial.deploy()
+    yield Finding("deploy without any device: refused", code == 1 and "failed" in last, f"exit {code}: {last}")
 
 
 CHECKS: dict[str, Callable[[Trial], Iterator[Finding]]] = {

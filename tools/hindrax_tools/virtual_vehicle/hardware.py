@@ -8,6 +8,9 @@ emulated PCA9685 gives them, whatever was killed, with the times of both clocks.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TextIO
 
@@ -37,6 +40,31 @@ class Witness:
         self._line.flush()
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What was on the wires at one time."""
+
+    wall_s: float
+    monotonic_s: float
+    thrust: bool
+
+
+def seen_in(lines: Sequence[str]) -> list[Seen]:
+    """What the devices wrote; the last line may be cut off."""
+    words = [line.split() for line in lines]
+    whole = [one for one in words if len(one) == 3 and one[2] in ("neutral", "thrust")]
+    return [Seen(float(wall), float(monotonic), word == "thrust") for wall, monotonic, word in whole]
+
+
+def thrust_after_s(seen: Sequence[Seen], since_s: float) -> float | None:
+    """How long there was thrust after a time of the monotonic clock [s]; None when it never ended."""
+    after = [one for one in seen if one.monotonic_s >= since_s]
+    if not after or after[-1].thrust:
+        return None
+    ends = [now.monotonic_s for before, now in pairwise(after) if before.thrust and not now.thrust]
+    return max(ends, default=since_s) - since_s
+
+
 class Devices(MockVehicle):
     """The mock vehicle in longer steps: the machine has none to spare."""
 
@@ -55,20 +83,16 @@ def main() -> None:
         vehicle.offer_file(file.output.port),
         LINE.open("w") as line,
     ):
-        for name, mount in file.sensors.items():
-            if name in vehicle.hardware.serial:
-                _link(Path(mount.port), FOLDER / name)
+        for name in file.sensors.keys() & vehicle.hardware.serial:
+            # A pty where the vehicle file looks for a port; all users may open it.
+            port = Path(file.sensors[name].port)
+            port.parent.mkdir(parents=True, exist_ok=True)
+            port.unlink(missing_ok=True)
+            port.symlink_to(FOLDER / name)
+            (FOLDER / name).resolve().chmod(0o666)
         vehicle.after_step.append(Witness(vehicle, line).write)
         while True:
             vehicle.step()
-
-
-def _link(port: Path, pty: Path) -> None:
-    """Put a pty where the vehicle file looks for a port; all users may open it."""
-    port.parent.mkdir(parents=True, exist_ok=True)
-    port.unlink(missing_ok=True)
-    port.symlink_to(pty)
-    pty.resolve().chmod(0o666)
 
 
 if __name__ == "__main__":

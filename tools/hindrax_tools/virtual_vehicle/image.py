@@ -10,22 +10,14 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError
 
-TOOLS = {
-    "mmdebstrap": "mmdebstrap",
-    "patchelf": "patchelf",
-    "mke2fs": "e2fsprogs",
-    "ip": "iproute2",
-    "nsenter": "util-linux",
-    "ssh": "openssh-client",
-    "git": "git",
-}
+TOOLS = {name: name for name in ("mmdebstrap", "patchelf", "git")}
+TOOLS |= {"mke2fs": "e2fsprogs", "ip": "iproute2", "nsenter": "util-linux", "ssh": "openssh-client"}
 """Programs that are needed here, and the Debian packages that bring them."""
 DEBIAN = "bookworm"
 PACKAGES = (
@@ -72,9 +64,8 @@ def missing_packages() -> list[str]:
 
 def identity(listing: str) -> str:
     """Name of an image: of its packages, of what is written to it, and of `git ls-tree` of BUILD_INPUTS."""
-    return hashlib.sha256(
-        f"{DEBIAN} {KERNEL_DEBIAN} {PACKAGES} {DISK_SIZE} {FILES} {UNUSED} {listing}".encode()
-    ).hexdigest()[:12]
+    content = f"{DEBIAN} {KERNEL_DEBIAN} {PACKAGES} {DISK_SIZE} {FILES} {UNUSED} {listing}"
+    return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 
 def image_of(clone: Path, cache: Path, report: Callable[[str], None]) -> Image:
@@ -120,19 +111,8 @@ def _unpack_kernel(kernel: Path, root: Path) -> None:
 
 
 def _configure(root: Path, public_key: str) -> None:
-    _run(
-        "chroot",
-        str(root),
-        "useradd",
-        "--create-home",
-        "--password",
-        "*",
-        "--shell",
-        "/bin/bash",
-        "--uid",
-        str(USER_ID),
-        USER,
-    )
+    useradd = f"useradd --create-home --password * --shell /bin/bash --uid {USER_ID} {USER}"
+    _run("chroot", str(root), *useradd.split())
     home = f"home/{USER}/.ssh"
     for name, text in {**FILES, f"{home}/authorized_keys": public_key}.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
@@ -155,11 +135,12 @@ def _set_up(root: Path, clone: Path) -> None:
         shutil.copyfile(Path("/") / name, root / name)
     settings = [f"{key}={value}" for key, value in os.environ.items() if _of_the_index(key)]
     as_user = ["setpriv", f"--reuid={USER_ID}", f"--regid={USER_ID}", "--clear-groups", "env", "-i", *settings]
-    with _proc(root):
-        _run(
-            *("chroot", str(root), *as_user, f"HOME=/home/{USER}", "PATH=/usr/bin:/bin"),
-            *(f"SSL_CERT_FILE=/{CERTIFICATES}", f"/{CLONE}/hindrax", "setup", "--vehicle"),
-        )
+    as_user += [f"HOME=/home/{USER}", "PATH=/usr/bin:/bin", f"SSL_CERT_FILE=/{CERTIFICATES}"]
+    _run("mount", "-t", "proc", "proc", str(root / "proc"))
+    try:
+        _run("chroot", str(root), *as_user, f"/{CLONE}/hindrax", "setup", "--vehicle")
+    finally:
+        _run("umount", str(root / "proc"))
     (root / "etc/resolv.conf").unlink()
 
 
@@ -169,22 +150,9 @@ def _of_the_index(key: str) -> bool:
     return key.startswith(("PIP_", "UV_")) or key.lower() in ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
 
 
-@contextmanager
-def _proc(root: Path) -> Iterator[None]:
-    _run("mount", "-t", "proc", "proc", str(root / "proc"))
-    try:
-        yield
-    finally:
-        _run("umount", str(root / "proc"))
-
-
 def _run(*words: str, cwd: Path | None = None) -> str:
-    done = _completed(words, cwd)
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)  # noqa: S603  # our own words
     if done.returncode:
         last = "\n".join((done.stderr or done.stdout).strip().splitlines()[-5:])
         raise HindraxError(f"{words[0]} ended with code {done.returncode}: {last}")
     return done.stdout
-
-
-def _completed(words: Sequence[str], cwd: Path | None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)  # noqa: S603  # our own words

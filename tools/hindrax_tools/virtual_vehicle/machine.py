@@ -32,13 +32,25 @@ KERNEL_WORDS = (
 )
 NETWORK = """ip link set lo up
 ip tuntap add mode tap name vehicle
-ip address add {address} dev vehicle
+ip address add 10.0.2.2/24 dev vehicle
 ip link set vehicle up gso_max_segs 1
 exec "$@"
 """
 """What runs in the network of the machine before its kernel does; nothing else is in that network."""
-HERE = "10.0.2.2/24"
-"""This end of it."""
+SSH_CONFIG = f"""Host {HOST}
+  HostName {ADDRESS}
+  User {USER}
+  IdentityFile {{key}}
+  IdentitiesOnly yes
+  StrictHostKeyChecking no
+  UserKnownHostsFile /dev/null
+  LogLevel ERROR
+  ConnectTimeout 5
+  ControlMaster auto
+  ControlPersist 3600
+  ControlPath {{folder}}/ssh-%C
+"""
+"""Settings of ssh: only this machine, only this key, one connection for all."""
 
 
 @dataclass(slots=True)
@@ -52,9 +64,12 @@ class Machine:
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
         _call(["cp", "--sparse=always", "--reflink=auto", str(self.image.disk), str(self.folder / DISK)], check=True)
-        (self.folder / "ssh_config").write_text(ssh_config(self.image.key, self.folder), encoding="ascii")
+        config = self.folder / "ssh_config"
+        config.write_text(SSH_CONFIG.format(key=self.image.key, folder=self.folder), encoding="ascii")
         self._ssh.parent.mkdir()
-        self._ssh.write_text(ssh_script(self.folder), encoding="ascii")
+        # An ssh that starts in the network of the machine.
+        network = f'nsenter --target "$(cat {self.folder / PID})" --user --net --preserve-credentials'
+        self._ssh.write_text(f'#!/bin/sh\nexec {network} /usr/bin/ssh -F {config} "$@"\n', encoding="ascii")
         self._ssh.chmod(0o755)
         return self
 
@@ -152,31 +167,8 @@ def kernel_words(image: Image, disk: Path, console: int, witness: int) -> list[s
 
     It has one core, and its processes follow each other faster when that is always the same one of this machine.
     """
-    network = ["unshare", "--user", "--map-root-user", "--net", "sh", "-c", NETWORK.format(address=HERE), "sh"]
+    network = ["unshare", "--user", "--map-root-user", "--net", "sh", "-c", NETWORK, "sh"]
     core = ["taskset", "--cpu-list", str(max(os.sched_getaffinity(0)))]
     network += ["setpriv", "--pdeathsig", "KILL", *core]  # it never outlives this tool
     lines = [f"con0=null,fd:{console}", f"ssl1=null,fd:{witness}"]
     return [*network, str(image.kernel), *KERNEL_WORDS, *lines, f"ubd0={disk}", "vec0:transport=tap,ifname=vehicle"]
-
-
-def ssh_script(folder: Path) -> str:
-    """Return an ssh that starts in the network of the machine."""
-    network = f'nsenter --target "$(cat {folder / PID})" --user --net --preserve-credentials'
-    return f'#!/bin/sh\nexec {network} /usr/bin/ssh -F {folder / "ssh_config"} "$@"\n'
-
-
-def ssh_config(key: Path, folder: Path) -> str:
-    """Return the settings of ssh: only this machine, only this key, one connection for all."""
-    return f"""Host {HOST}
-  HostName {ADDRESS}
-  User {USER}
-  IdentityFile {key}
-  IdentitiesOnly yes
-  StrictHostKeyChecking no
-  UserKnownHostsFile /dev/null
-  LogLevel ERROR
-  ConnectTimeout 5
-  ControlMaster auto
-  ControlPersist 3600
-  ControlPath {folder}/ssh-%C
-"""

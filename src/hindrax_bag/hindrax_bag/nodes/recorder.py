@@ -114,7 +114,8 @@ class Recorder(BatchedNode):
         self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), profile(quality), raw=True)
 
     def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
-        stamped = starts_with_stamp(topic)
+        fields = message_class(topic.type).get_fields_and_field_types()
+        stamped = next(iter(fields.values()), "") == "std_msgs/Header"
         write, now, early = self._bag.write, self.now, self._early
         count, invalid = self._gaps[topic.name].count, self._invalid_stamps
         channel: Channel | None = None
@@ -202,12 +203,6 @@ def _free_MB(folder: Path) -> str:
         return f"{free_bytes(folder) / 1e6:.0f}"
     except OSError as error:  # the folder is gone, or its disk
         return cause(error)
-
-
-def starts_with_stamp(topic: Topic) -> bool:
-    """Whether the first field of the type is a std_msgs/Header."""
-    fields = message_class(topic.type).get_fields_and_field_types()
-    return next(iter(fields.values()), "") == "std_msgs/Header"
 
 
 def offered_quality(found: QoSProfile, said: Quality) -> Quality:

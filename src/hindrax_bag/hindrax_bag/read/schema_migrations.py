@@ -44,23 +44,13 @@ def _floats(values: Any) -> list[float]:
     return [float(value) for value in values]
 
 
+_SIGMAS_AND_RATES = (
+    *(f"{motion}_velocity_sigma" for motion in ("surge", "sway", "heave")),
+    *(f"{turn}_rate" for turn in ("roll", "pitch", "yaw")),
+)
 _FRACTIONS = {"pulses": ("uint16", _floats)}
 STEPS: tuple[Step, ...] = (
-    Step(
-        2,
-        "hindrax_msgs/msg/NavigationStatus",
-        added=dict.fromkeys(
-            (
-                "surge_velocity_sigma",
-                "sway_velocity_sigma",
-                "heave_velocity_sigma",
-                "roll_rate",
-                "pitch_rate",
-                "yaw_rate",
-            ),
-            math.nan,
-        ),
-    ),
+    Step(2, "hindrax_msgs/msg/NavigationStatus", added=dict.fromkeys(_SIGMAS_AND_RATES, math.nan)),
     Step(3, "hindrax_msgs/msg/AllocationStatus", turned=_FRACTIONS),
     Step(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
     Step(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),

@@ -28,20 +28,12 @@ CANCEL = f"{FLY}/_action/cancel_goal"
 FOREIGN = (f"{NAMESPACE}/odometry", f"{NAMESPACE}/wrench")
 """What the identifier takes of a stack that is not ours, under the names of another stack when they are remapped."""
 OF_EVERY_NODE = (
-    "describe_parameters",
-    "get_parameter_types",
-    "get_parameters",
-    "list_parameters",
-    "set_parameters",
-    "set_parameters_atomically",
-    "get_type_description",
+    *("describe_parameters", "get_parameter_types", "get_parameters", "list_parameters"),
+    *("set_parameters", "set_parameters_atomically", "get_type_description"),
 )
 OF_A_LIFECYCLE = (
-    "change_state",
-    "get_state",
-    "get_available_states",
-    "get_available_transitions",
-    "get_transition_graph",
+    *("change_state", "get_state", "get_available_states"),
+    *("get_available_transitions", "get_transition_graph"),
 )
 
 

@@ -10,7 +10,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from hindrax_core.errors import HindraxError
@@ -28,14 +28,10 @@ LOOK_S = 1.5
 
 def occupied_domains(tables: tuple[Path, ...] = SOCKET_TABLES) -> set[int]:
     """Domains in which a process of this machine receives. Instant; a port of another program only costs a domain."""
-    ports = (port for table in tables if table.is_file() for port in _local_ports(table.read_text(encoding="ascii")))
+    lines = (line for table in tables if table.is_file() for line in table.read_text(encoding="ascii").splitlines()[1:])
+    # The second column of a table of the kernel (proc(5)), address:port in hexadecimal digits.
+    ports = (int(line.split()[1].rpartition(":")[2], 16) for line in lines)
     return {(port - FIRST_PORT) // PORTS_PER_DOMAIN for port in ports if port >= FIRST_PORT}
-
-
-def _local_ports(table: str) -> Iterator[int]:
-    """Port of each socket in a table of the kernel (proc(5)): the second column, address:port in hexadecimal digits."""
-    for line in table.splitlines()[1:]:
-        yield int(line.split()[1].rpartition(":")[2], 16)
 
 
 def require_no_stack(domain: int, namespace: str, environment: Mapping[str, str]) -> None:

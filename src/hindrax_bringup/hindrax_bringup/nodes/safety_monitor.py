@@ -65,13 +65,10 @@ class SafetyMonitor(BatchedNode):
         if self.stack_time.epoch_ns is not None:
             self.every(REPORT_S, self._check_clock)
         if self._without_operator != STAY:
-            self._set_up_link()
-
-    def _set_up_link(self) -> None:
-        self._cancel = self.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
-        self._report_s = 0.0
-        subscription(self, HEARTBEAT, self._on_heartbeat)
-        self.every(CHECK_S, lambda: self._check_link(time.monotonic()))
+            self._cancel = self.create_client(CancelGoal, "maneuver/fly/_action/cancel_goal")
+            self._report_s = 0.0
+            subscription(self, HEARTBEAT, self._on_heartbeat)
+            self.every(CHECK_S, lambda: self._check_link(time.monotonic()))
 
     def report(self, sentence: str) -> None:
         """Write a sentence for the operator."""
