@@ -39,8 +39,7 @@ from hindrax_drivers.nodes import reading_messages
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
-from hindrax_replay.bag_replay import Replayed, replay
-from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
+from hindrax_replay.bag_replay import Replayed, check_reference, reference_file, replay, write_reference
 from hindrax_ros.graph import message_class
 from hindrax_ros.messages.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from synthetic_runs import DVL, back_and_forth, events, fly
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, conditions_of
+from hindrax_analysis.published import PUBLISHED, published_of
 from hindrax_analysis.report import RunReport, Trace, comparison_page, run_page
 from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
 from hindrax_analysis.report.comparison import pool_runs
@@ -21,7 +22,6 @@ from hindrax_analysis.report.dimensionless import dimensionless
 from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable_methods
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
-from hindrax_analysis.report.published import PUBLISHED, published_of
 from hindrax_analysis.report.report_tables import table_3, table_budget, table_methods
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle

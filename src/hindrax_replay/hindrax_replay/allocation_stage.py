@@ -8,10 +8,9 @@ wanted ones are those of the record.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from typing import Any
 
-from hindrax_bag.message_comparison import ComparisonReport, flat
+from hindrax_bag.message_comparison import ComparisonReport
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
 from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle, PulseCommand
 from hindrax_control.allocation.allocator import AllocationKnobs
@@ -23,7 +22,7 @@ from hindrax_core.signals import Allocation
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay.recorded_devices import Parameters, knobs_of
-from hindrax_replay.wire_stage import SAMPLE_NS, Samples, compare_lazily
+from hindrax_replay.wire_stage import Samples, compare_lazily
 from hindrax_ros.graph import message_class
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
 from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_from_bytes, command_from_bytes
@@ -51,20 +50,12 @@ class AllocationStage:
         self._states: dict[tuple[int, int], list[ThrusterStateFields]] = {}
         """By stamp and sequence number of the command; lists, for several states may have both in common."""
         self._statuses: deque[tuple[BagMessage, Any]] = deque()
-        self._newest = self._next_sample = 0
+        self._newest = Stamp(0)
         self._delayed: deque[BagMessage] = deque()
         self._changes: deque[int] = deque(maxlen=16)
         """Times at which thrusters in use or supply changed."""
         self._last: PulseCommand | None = None
         self._commanded = self._finishing = False
-        self._listeners: dict[str, Callable[[BagMessage], None]] = {
-            WRENCH_NAME: self._on_wrench,
-            COMMAND_NAME: self._on_command,
-            STATE_NAME: self._on_state,
-            STATUS_NAME: self._on_status,
-            HEALTH_NAME: self._on_health,
-            BATTERY_NAME: self._on_battery,
-        }
 
     def feed(self, message: BagMessage) -> None:
         """Feed the next message of INPUTS; a change also affects messages recorded shortly before it."""
@@ -83,35 +74,26 @@ class AllocationStage:
         self._achieve_all()
 
     def _process(self, message: BagMessage) -> None:
-        self._listeners[message.topic](message)
+        if message.topic == WRENCH_NAME:
+            wrench = message.decoded()
+            stamp = stamp_from_msg(wrench.header.stamp)
+            self._newest = max(self._newest, stamp)
+            self._wrenches.append((stamp, wrench))
+        elif message.topic == COMMAND_NAME:
+            self._commanded = True
+            self._commands[stamp_of(message.data)] = message
+        elif message.topic == STATE_NAME:
+            state = applied_from_bytes(current_bytes(message, message_class(message.type)))
+            self._newest = max(self._newest, state.stamp)
+            self._states.setdefault((state.stamp, state.sequence), []).append(state)
+        elif message.topic == STATUS_NAME:
+            self._statuses.append((message, message.decoded()))
+        elif message.topic == HEALTH_NAME:
+            self._cycle.disable(frozenset(message.decoded().disabled))
+        else:
+            self._cycle.battery(float(message.decoded().voltage))
         self._command_all()
         self._achieve_all()
-
-    # ---- recorded messages
-
-    def _on_wrench(self, message: BagMessage) -> None:
-        wrench = message.decoded()
-        stamp = stamp_from_msg(wrench.header.stamp)
-        self._newest = max(self._newest, stamp)
-        self._wrenches.append((stamp, wrench))
-
-    def _on_command(self, message: BagMessage) -> None:
-        self._commanded = True
-        self._commands[stamp_of(message.data)] = message
-
-    def _on_state(self, message: BagMessage) -> None:
-        state = applied_from_bytes(current_bytes(message, message_class(message.type)))
-        self._newest = max(self._newest, state.stamp)
-        self._states.setdefault((state.stamp, state.sequence), []).append(state)
-
-    def _on_status(self, message: BagMessage) -> None:
-        self._statuses.append((message, message.decoded()))
-
-    def _on_health(self, message: BagMessage) -> None:
-        self._cycle.disable(frozenset(message.decoded().disabled))
-
-    def _on_battery(self, message: BagMessage) -> None:
-        self._cycle.battery(float(message.decoded().voltage))
 
     # ---- wrench to pulses
 
@@ -144,7 +126,8 @@ class AllocationStage:
         elif known and self._settled(recorded):
             data = self._messages.command(stamp, made)
             compare_lazily(self._ledger, recorded, stamp, data)
-            self._sample(stamp, data)
+            if self._samples.due(COMMAND_NAME, stamp):
+                self._samples.keep(COMMAND_NAME, stamp, deserialized(data, message_class(THRUSTER_COMMAND.type)))
 
     def _resume(self, sequence: int) -> bool:
         """Continue after the recorded command before this one; False if it is not known."""
@@ -153,12 +136,6 @@ class AllocationStage:
         known = self._last is not None and self._last.sequence == sequence - 1
         self._cycle.resume(self._last if known and self._last else PulseCommand(sequence - 1, ()))
         return known
-
-    def _sample(self, stamp: int, data: bytes) -> None:
-        if stamp >= self._next_sample:
-            self._next_sample = stamp + SAMPLE_NS
-            command = deserialized(data, message_class(THRUSTER_COMMAND.type))
-            self._samples.setdefault(COMMAND_NAME, {})[str(stamp)] = dict(flat(command))
 
     # ---- applied pulses to achieved wrenches
 
@@ -173,17 +150,14 @@ class AllocationStage:
                 return
             self._statuses.popleft()
             if states:
-                self._achieve(message, status, states.pop(0))
+                state = states.pop(0)
+                if not self._cycle.knows(state.sequence):
+                    self._cycle.remember(state.sequence, _plan_of(status))
+                achieved = self._cycle.achieved(state.sequence, state.pulses_us)
+                if self._settled(message):
+                    made = self._messages.status(state, achieved, self._cycle.supply_V)
+                    compare_lazily(self._ledger, message, state.stamp, made)
             self._states = {key: kept for key, kept in self._states.items() if kept and key[0] > stamp - LATE_NS}
-
-    def _achieve(self, message: BagMessage, status: Any, state: ThrusterStateFields) -> None:
-        if not self._cycle.knows(state.sequence):
-            self._cycle.remember(state.sequence, _plan_of(status))
-        achieved = self._cycle.achieved(state.sequence, state.pulses_us)
-        if self._settled(message):
-            compare_lazily(
-                self._ledger, message, state.stamp, self._messages.status(state, achieved, self._cycle.supply_V)
-            )
 
     def _overdue(self, stamp: int) -> bool:
         return self._finishing or stamp < self._newest - LATE_NS

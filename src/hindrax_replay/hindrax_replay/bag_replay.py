@@ -6,25 +6,33 @@ without wire frames is replayed from its messages; then the devices are not comp
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hindrax_analysis.records.third_party_bag import topics_of
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
+from hindrax_core.errors import UsageError
+from hindrax_core.topics import ALTITUDE, DVL_DETAIL, IMU, MAGNETIC, ODOMETRY, PRESSURE, TOPICS, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_replay import allocation_stage, state_stage
 from hindrax_replay.allocation_stage import AllocationStage
 from hindrax_replay.pipelined_stages import SecondStage, SettledMessage, hardly_collecting
-from hindrax_replay.recorded_devices import Parameters, parameters_of
+from hindrax_replay.recorded_devices import parameters_of
 from hindrax_replay.state_stage import StateStage
 from hindrax_replay.wire_stage import Samples, WireStage
 
 FOLLOWED = frozenset(state_stage.INPUTS | allocation_stage.INPUTS)
 """Topics that the first stage forwards to the others."""
+BY_TYPE = {topic.type: resolved(topic) for topic in (IMU, MAGNETIC, PRESSURE, ALTITUDE, DVL_DETAIL, ODOMETRY)}
+"""Our inputs and outputs of the navigator by type, for third-party topics."""
+TYPES = {resolved(topic): topic.type for topic in TOPICS}
+PREFIX = "reference "
+"""Topics of a reference appear in reports and in the file of tolerances with this before their name."""
 
 
 @dataclass(slots=True)
@@ -36,7 +44,7 @@ class Replayed:
     begin: int = 0
     vehicle_s: float = 0.0
     wall_s: float = 0.0
-    samples: Samples = field(default_factory=dict)
+    samples: Samples = field(default_factory=Samples)
 
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
@@ -65,13 +73,28 @@ def replay(
     """
     start = time.perf_counter()
     inside = attachments(bag)
-    parameters = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
+    parameters = parameters_of(inside)
     vehicle = vehicle or attached_vehicle(bag, inside)
     done = Replayed(bag, ComparisonReport(rules or load_rules()))
-    record = partial(renamed, bag, names or {})
+    ours = names or {}
+
+    def record() -> Iterator[BagMessage]:
+        return (one._replace(topic=ours[one.topic]) if one.topic in ours else one for one in messages(bag))
 
     def follow(settled: Iterator[SettledMessage]) -> tuple[ComparisonReport, Samples]:
-        return _second_stage(settled, vehicle, parameters, done.ledger, results=results)
+        samples = Samples()
+        state = StateStage(vehicle, parameters, done.ledger, samples)
+        allocation = AllocationStage(vehicle, parameters, done.ledger, samples)
+        for message, replaced in settled:
+            if message.topic in state_stage.INPUTS:
+                state.feed(message, replaced)
+            if message.topic in allocation_stage.INPUTS:
+                allocation.feed(message)
+        state.finish()
+        allocation.finish()
+        if results:
+            state.keep_results()
+        return done.ledger, samples
 
     with hardly_collecting(), SecondStage((one for one in record() if one.topic in FOLLOWED), follow) as second:
         first = WireStage(vehicle, parameters, done.ledger, done.samples, second.forward, followed=FOLLOWED)
@@ -86,31 +109,82 @@ def replay(
     return done
 
 
-def _second_stage(
-    settled: Iterator[SettledMessage],
-    vehicle: Vehicle,
-    parameters: Parameters,
-    ledger: ComparisonReport,
-    *,
-    results: bool,
-) -> tuple[ComparisonReport, Samples]:
-    samples: Samples = {}
-    state = StateStage(vehicle, parameters, ledger, samples)
-    allocation = AllocationStage(vehicle, parameters, ledger, samples)
-    for message, replaced in settled:
-        if message.topic in state_stage.INPUTS:
-            state.feed(message, replaced)
-        if message.topic in allocation_stage.INPUTS:
-            allocation.feed(message)
-    state.finish()
-    allocation.finish()
-    if results:
-        state.keep_results()
-    return ledger, samples
+def names_of(bag: Path, remaps: Sequence[str]) -> dict[str, str]:
+    """Our topic by the bag's topic: from `THEIRS:=OURS`, else by type in a bag that holds none of our topics.
+
+    UsageError for a remap that does not fit, for a type that several topics have, and when nothing is left to replay.
+    """
+    if not remaps and any(message.topic in TYPES for message in messages(bag)):
+        return {}
+    topics = topics_of(bag)
+    if remaps:
+        return dict(_remap(word, topics, bag) for word in remaps)
+    found: dict[str, str] = {}
+    for theirs, kind in topics.items():
+        ours = BY_TYPE.get(kind)
+        if ours is None:
+            continue
+        if ours in found.values():
+            raise UsageError(f"{bag}: several topics are of type {kind}; name the one with --remap THEIRS:={ours}")
+        found[theirs] = ours
+    if resolved(IMU) not in found.values():
+        raise UsageError(
+            f"{bag}: found no topic of type {IMU.type}, which the navigator rests on; it holds {_list(topics)}"
+        )
+    return found
 
 
-def renamed(bag: Path, names: Mapping[str, str]) -> Iterator[BagMessage]:
-    """Messages of a bag, some topics under other names."""
-    if not names:
-        return messages(bag)
-    return (one._replace(topic=names[one.topic]) if one.topic in names else one for one in messages(bag))
+def _remap(word: str, topics: Mapping[str, str], bag: Path) -> tuple[str, str]:
+    theirs, arrow, ours = word.partition(":=")
+    if not arrow or ours not in TYPES:
+        raise UsageError(f"--remap {word}: wanted THEIRS:=OURS, ours being a topic such as {resolved(PRESSURE)}")
+    if topics.get(theirs) != TYPES[ours]:
+        found = topics.get(theirs, "no such topic")
+        raise UsageError(f"--remap {word}: found {found}, wanted {TYPES[ours]}; {bag} holds {_list(topics)}")
+    return theirs, ours
+
+
+def _list(topics: Mapping[str, str]) -> str:
+    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
+
+
+# ---- references: what our own code made of a bag the last time they were reviewed; written only when asked for
+
+
+def reference_file(bag: Path, folder: Path) -> Path:
+    """Where the reference of a bag lies."""
+    return folder / f"{bag.name}.json"
+
+
+def check_reference(replayed: Replayed, file: Path) -> None:
+    """Compare the samples of a replay with its reference; UsageError when that cannot be read."""
+    try:
+        expected = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{file}: cannot be read as a reference ({error}); --update-refs writes one") from error
+    ledger, found = replayed.ledger, replayed.samples
+    for topic in expected.keys() | found.keys():
+        there, here = expected.get(topic, {}), found.get(topic, {})
+        for key in there.keys() | here.keys():
+            stamp = int(key) if key.isdigit() else replayed.begin
+            if key in there and key in here:
+                ledger.compare_values(PREFIX + topic, stamp, there[key], _as_read(here[key]))
+            elif key in there:
+                ledger.unmatched(PREFIX + topic, stamp, "in the reference, not replayed", key, "none")
+            else:
+                ledger.unmatched(PREFIX + topic, stamp, "replayed, not in the reference", "none", key)
+
+
+def write_reference(replayed: Replayed, file: Path) -> None:
+    """Write the samples of a replay as the reference from now on, a line for each."""
+    topics = []
+    for topic, samples in sorted(replayed.samples.items()):
+        lines = [f"  {json.dumps(key)}: {json.dumps(_as_read(values))}" for key, values in samples.items()]
+        topics.append(f"{json.dumps(topic)}: {{\n" + ",\n".join(lines) + "\n}")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text("{\n" + ",\n".join(topics) + "\n}\n", encoding="utf-8")
+
+
+def _as_read(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Bytes have no JSON; everything else comes back as it was."""
+    return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}

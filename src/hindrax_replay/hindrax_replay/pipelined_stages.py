@@ -46,7 +46,7 @@ class SecondStage:
         self._process.join()
         self._pipe.close()
 
-    def forward(self, _message: BagMessage, replaced: bytes | None) -> None:
+    def forward(self, replaced: bytes | None) -> None:
         """Send that the next message is settled, with its replacement if there is one."""
         if replaced is not None:
             self._replacements[self._settled] = replaced

@@ -1,24 +1,130 @@
-"""The sensors process over a bag: recorded wire frames into the real drivers, their readings to messages."""
+"""The sensors process over a bag: recorded wire frames into the real drivers, their readings to messages.
+
+A serial device receives its chunks at their recorded times; an empty sent frame means that its port was opened and the
+device restarted. A register device runs its programs again, and each transaction is answered with the recorded bytes. A
+transaction that is not the next of the record failed on the wire, for only successful ones were recorded.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from typing import Any
 
-from hindrax_core.bus_operations import frames_in
-from hindrax_core.events import Stamped
+from hindrax_core.bus_operations import (
+    DeviceError,
+    Operation,
+    Pause,
+    Program,
+    Transaction,
+    frames_in,
+    unpack_transaction,
+)
+from hindrax_core.driver_interface import Output, RegisterDevice, SerialDevice
+from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
-from hindrax_replay.recorded_wires import RecordedWire, RegisterWire, SerialWire
 
 AddMade = Callable[[str, int, Any], None]
 """Called with everything a device publishes: full topic, stamp, message or its CDR bytes."""
 Parameters = Mapping[str, Mapping[str, Any]]
+TICK_S = 0.05
+TRIES = 4
+"""A program, its failure and its restart: more tries find nothing new."""
+SENT = 1
+"""hindrax_msgs/RawFrames: from the host to the device."""
+UNHEARD = Stamp(0)
+_transaction = lru_cache(4096)(unpack_transaction)
+"""A device repeats the same few transactions."""
+
+
+@dataclass(slots=True)
+class SerialWire:
+    """Frames into a serial device. What it sends is not compared: time-outs depend on ticks that nobody recorded."""
+
+    device: SerialDevice
+    stamp: Stamp = UNHEARD
+    strange: list[str] = field(default_factory=list)
+    opened: list[Stamp] = field(default_factory=list)
+    """When its port was opened."""
+
+    def frame(self, stamp: Stamp, direction: int, data: bytes) -> Iterator[Output]:
+        """Advance time to the frame, then feed it."""
+        if not self.stamp or (direction == SENT and not data):
+            self.stamp = stamp
+            self.opened.append(stamp)
+            yield from self.device.start(stamp)
+        while after(self.stamp, TICK_S) < stamp:
+            self.stamp = after(self.stamp, TICK_S)
+            yield from self.device.tick(self.stamp)
+        self.stamp = stamp
+        if direction != SENT:
+            yield from self.device.feed(data, stamp)
+            yield from self.device.tick(stamp)
+
+
+@dataclass(slots=True)
+class RegisterWire:
+    """Transactions into the programs of a register device."""
+
+    name: str
+    device: RegisterDevice
+    stamp: Stamp = UNHEARD
+    strange: list[str] = field(default_factory=list)
+    """Transactions of the record that the device did not ask for."""
+    opened: list[Stamp] = field(default_factory=list)
+    _asked: Transaction | None = None
+    _program: Program[Any] | None = None
+    _operation: Operation | None = None
+    _configured: bool = False
+
+    def frame(self, stamp: Stamp, direction: int, data: bytes) -> Sequence[Output]:
+        """Feed a transaction, and with the next frame its answer."""
+        self.stamp = stamp
+        if direction == SENT:
+            self._asked = _transaction(data)
+            return ()
+        asked, self._asked = self._asked, None
+        return self._answer(asked, data) if asked is not None else ()
+
+    def _answer(self, recorded: Transaction, answer: bytes) -> Sequence[Output]:
+        wanted: Operation | None = None
+        for _ in range(TRIES):
+            if self._program is None:
+                self._program = self.device.cycle(self.stamp) if self._configured else self.device.configure()
+                self._operation = None
+                self._resume(None)
+            if self._operation == recorded:
+                return self._resume(answer)
+            wanted = wanted or self._operation
+            self._resume(DeviceError(f"{self.name}: this transaction is not in the record"))
+        self.strange.append(f"{self.name}: asks for {wanted}, the record has {recorded}")
+        return ()
+
+    def _resume(self, answer: bytes | DeviceError | None) -> Sequence[Output]:
+        """Run the program to its next transaction, from an answer or a failure; returns its outputs when it ends."""
+        program = self._program
+        if program is None:
+            return ()
+        try:
+            if isinstance(answer, DeviceError):
+                self._operation = program.throw(answer)
+            else:
+                self._operation = next(program) if answer is None else program.send(answer)
+            while isinstance(self._operation, Pause):
+                self._operation = program.send(b"")
+        except StopIteration as stop:
+            self._program = None
+            found, self._configured = (tuple(stop.value) if self._configured else (stop.value,)), True
+            return found
+        except DeviceError:
+            self._program, self._configured = None, False
+        return ()
 
 
 class ReplayedDevice:
@@ -28,7 +134,7 @@ class ReplayedDevice:
         self.name, self._add_made = name, add_made
         row = DEVICES[mount.device]
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)
-        self.wire: RecordedWire = SerialWire(device) if row.serial else RegisterWire(name, device)
+        self.wire = SerialWire(device) if row.serial else RegisterWire(name, device)
         self._messages = ReadingMessages(name, vehicle, str(parameters.get(name, {}).get("frame_id", "")))
         # Topics outside the table were not recorded and are not compared.
         self.topics = {topic.name: resolved(topic) for topic in self._messages.topics if topic.recorded}
@@ -49,8 +155,9 @@ def knobs_of(kind: type[Any], parameters: Parameters, name: str) -> Any:
     return build(kind, {one.name: given[one.name] for one in fields(kind) if one.name in given}, name)
 
 
-def parameters_of(text: str) -> dict[str, dict[str, Any]]:
-    """Parameters by node, from the text of a ROS parameter file."""
+def parameters_of(inside: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
+    """Parameters by node, from the ROS parameter file among the attachments of a bag."""
+    text = inside.get("parameters.yaml", b"").decode("utf-8", "replace")
     found: dict[str, dict[str, Any]] = {}
     for node, block in (read_yaml(text, "parameters of the bag") or {}).items():
         name = node.rpartition("/")[2]

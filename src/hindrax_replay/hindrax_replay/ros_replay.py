@@ -11,11 +11,13 @@ import contextlib
 import shutil
 import tempfile
 import time
+from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hindrax_bag.message_comparison import ComparisonReport, Rules
+from hindrax_bag.message_comparison import ComparisonReport, Rule, Rules, flat
 from hindrax_bag.read.bag_reader import VEHICLE_FILE, attached_vehicle, attachments, messages
 from hindrax_bag.run_folder import RunFolder, write_parameters
 from hindrax_bringup.node_options import wire_parameters
@@ -25,9 +27,10 @@ from hindrax_bringup.supervisor import SupervisedProcess, Supervisor, last_words
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.text.text_file import require_place, writing
+from hindrax_core.topics import ALLOCATION, ESTIMATE, NAVIGATION, RAW_FRAMES, TOPICS, resolved
 from hindrax_replay.bag_replay import Replayed
 from hindrax_replay.recorded_devices import parameters_of
-from hindrax_replay.ros_bag_comparison import compare_bags
+from hindrax_replay.wire_stage import COMPARED
 
 READY_S = 20.0
 PATIENCE_S = 60.0
@@ -36,6 +39,19 @@ SLOWEST = 20.0
 """Wall seconds per recorded second; slower is a fault, not a slow machine."""
 OF_THE_RUN = {"vehicle", "use_sim_time", "port", "clock", "bag", "notes"}
 """Parameters of the place of that run; all others are tuning."""
+SAME_NS = NS_PER_S // 2
+"""Largest distance of two messages of a device with the same values."""
+NEAR_NS = NS_PER_S // 40
+"""Largest distance of two computed messages that are compared: half a tick, and its rounding."""
+SETTLING_NS = 3 * NS_PER_S
+"""At the start nodes discover their devices and each other at different times."""
+ALLOCATION_NAME = resolved(ALLOCATION)
+COMPUTED = {resolved(topic) for topic in (NAVIGATION, ALLOCATION, ESTIMATE)}
+_NAMES = RAW_FRAMES.keys()
+DEVICES = {resolved(topic) for topic in TOPICS if topic.name.partition("/")[0] in _NAMES} & COMPARED
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+Row = tuple[int, dict[str, Any]]
+"""Stamp [ns] and values by name; the stamp is also among them, as `stamp_s`."""
 
 
 def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Path | None = None) -> Replayed:
@@ -57,18 +73,15 @@ def replay_ros(bag: Path, rules: Rules, vehicle_file: str | None = None, out: Pa
 
 @contextlib.contextmanager
 def _folder(out: Path | None) -> Iterator[RunFolder]:
-    if out is not None:
-        folder = RunFolder(out.resolve())
-        with writing(out, "name another folder with --out", UsageError):
-            out.mkdir(parents=True, exist_ok=True)
-        require_place(folder.vehicle)
-        yield folder
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="hindrax-replay-", ignore_cleanup_errors=True) as place:
+            yield RunFolder(Path(place))
         return
-    place = tempfile.mkdtemp(prefix="hindrax-replay-")
-    try:
-        yield RunFolder(Path(place))
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
+    folder = RunFolder(out.resolve())
+    with writing(out, "name another folder with --out", UsageError):
+        out.mkdir(parents=True, exist_ok=True)
+    require_place(folder.vehicle)
+    yield folder
 
 
 def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float) -> None:
@@ -78,7 +91,7 @@ def _run(bag: Path, folder: RunFolder, vehicle_file: str | None, seconds: float)
     else:
         attached_vehicle(bag, inside)
         folder.vehicle.write_bytes(inside[VEHICLE_FILE])
-    tuned = parameters_of(inside.get("parameters.yaml", b"").decode("utf-8", "replace"))
+    tuned = parameters_of(inside)
     with own_domain(mock=True) as domain, Supervisor(folder.logs, environment(mock=True, domain=domain)) as supervisor:
         words = ["--bag", str(bag.resolve()), "--vehicle", str(folder.vehicle)]
         wires = supervisor.start(REPLAY, words, pipe=True)
@@ -118,3 +131,56 @@ def _wait(wires: SupervisedProcess, supervisor: Supervisor, folder: RunFolder, s
         supervisor.require(wires.process.name)
     if wires.handle.returncode:
         raise HindraxError(f"the replayed wires ended; {last_words(folder.logs / 'replay.log')}")
+
+
+# ---- two bags of the same run
+
+
+def compare_bags(recorded: Path, replayed: Path, ledger: ComparisonReport) -> None:
+    """Compare the messages of devices, navigator, allocator and identifier in the span that both bags cover."""
+    there, here = _rows(recorded), _rows(replayed)
+    for topic in sorted(there):
+        if topic in here:
+            _compare(topic, ledger.rules.of(topic), there[topic], here[topic], ledger)
+        else:
+            ledger.unmatched(topic, there[topic][0][0], "recorded, not replayed", "messages", "none at all")
+
+
+def _rows(bag: Path) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = defaultdict(list)
+    for message in messages(bag, COMPUTED | DEVICES):
+        values = dict(flat(message.decoded()))
+        seconds, nanoseconds = (values.pop(name) for name in STAMP)
+        stamp = seconds * NS_PER_S + nanoseconds
+        values["stamp_s"] = stamp / NS_PER_S
+        found[message.topic].append((stamp, values))
+    return found
+
+
+def _compare(topic: str, rule: Rule, there: list[Row], here: list[Row], ledger: ComparisonReport) -> None:
+    """Compare messages of devices with those of equal exact fields, all others with the nearest in time.
+
+    Equal fields: the same bytes came through, a little sooner or later.
+    """
+    by_values = (topic in DEVICES and not rule.sampled) or topic == ALLOCATION_NAME
+    exact = [name for name in there[0][1] if by_values and rule.is_sharp(name)]
+    candidates: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
+    for row in here:
+        candidates[_key(row, exact)].append(row)
+    for stamp, values in there:
+        if not here[0][0] + SETTLING_NS <= stamp <= here[-1][0] - SAME_NS:
+            continue
+        same = candidates[_key((stamp, values), exact)]
+        at = bisect_left(same, stamp, key=lambda row: row[0])
+        nearest = min(same[max(0, at - 1) : at + 1], key=lambda row: abs(row[0] - stamp), default=None)
+        if nearest is None or abs(nearest[0] - stamp) > (SAME_NS if by_values else NEAR_NS):
+            shown = [f"{name}={values[name]}" for name in exact if isinstance(values[name], float)]
+            ledger.unmatched(topic, stamp, "recorded, not replayed", ", ".join(shown[:3]) or "a message", "none")
+            continue
+        ledger.compare_values(topic, stamp, values, nearest[1])
+        if by_values:
+            same.remove(nearest)
+
+
+def _key(row: Row, names: list[str]) -> tuple[Any, ...]:
+    return tuple(repr(row[1].get(name)) for name in names)

@@ -20,6 +20,7 @@ from hindrax_ident.online.session import Session
 from hindrax_ident.records.feed import DROPPED, Feed, Measurement
 from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
+from hindrax_replay.wire_stage import Samples
 from hindrax_ros.graph import message_class
 from hindrax_ros.messages.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
 from hindrax_ros.messages.serialization import deserialized, serialized
@@ -34,8 +35,6 @@ LATEST = 1000
 """Navigation states kept: recorded messages are rarely later than a second."""
 SETTLING_NS = NS_PER_S
 """In its first second the navigator receives its sensors one by one, in the order of that day."""
-SAMPLE_NS = NS_PER_S
-"""Distance of the samples of a reference."""
 READERS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read in SOURCES.items()}
 BYTES_LISTENERS = {resolved(topic): one for topic, one in measurement_messages.AS_BYTES.items()}
 SESSION_INPUTS = {resolved(topic): one for topic, one in measurement_messages.LISTENERS.items()}
@@ -54,9 +53,7 @@ OBJECTS = INPUTS - READERS.keys() - BYTES_LISTENERS.keys() - STATES.keys()
 class StateStage:
     """Navigator and identification, fed with the recorded messages or their replacements from the first stage."""
 
-    def __init__(
-        self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: dict[str, dict[str, Any]]
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: Samples) -> None:
         self._ledger, self._samples = ledger, samples
         self._navigator = Navigator(vehicle, knobs_of(NavigatorKnobs, parameters, "navigator"))
         tuning = knobs_of(Tuning, parameters, "identifier")
@@ -67,7 +64,6 @@ class StateStage:
         self._recorded_estimates: list[tuple[str, Stamp, BagMessage]] = []
         self._dropped = 0
         """Measurements that came too late for the identifier of that day."""
-        self._next_sample: dict[str, int] = {}
         self._next_state: dict[str, int] = {}
 
     def feed(self, message: BagMessage, replaced: bytes | None) -> None:
@@ -76,9 +72,8 @@ class StateStage:
         decoded: Any = None
         if topic in OBJECTS or message.form.old:
             decoded = deserialized(replaced, message_class(message.type)) if replaced else message.decoded()
-        reader = READERS.get(topic)
-        if reader is not None:
-            read, source = reader
+        if topic in READERS:
+            read, source = READERS[topic]
             found = self._navigator.step(read(data if decoded is None else serialized(decoded)), source)
             if found is not None:
                 for states in self._states.values():
@@ -101,9 +96,8 @@ class StateStage:
         self._learn(self._feed.flush())
         for motion, estimates in self._estimates.items():
             for one in estimates:
-                if self._sample_due(f"{ESTIMATE_NAME} {motion}", one.stamp):
-                    values = dict(flat(estimate_to_msg(one)))
-                    self._samples.setdefault(ESTIMATE_NAME, {})[f"{one.stamp} {motion}"] = values
+                if self._samples.due(f"{ESTIMATE_NAME} {motion}", one.stamp):
+                    self._samples.keep(ESTIMATE_NAME, f"{one.stamp} {motion}", estimate_to_msg(one))
         for motion, stamp, message in self._recorded_estimates:
             self._check_estimate(motion, stamp, message)
         if self._dropped > self._feed.dropped:
@@ -141,10 +135,10 @@ class StateStage:
         if not states or abs(states[0].stamp - stamp) > NEAR_NS:
             self._ledger.unmatched(topic, stamp, "recorded, not replayed", "a message", "none")
             return
-        made = dict(flat(STATES[topic](states[0])))
-        self._ledger.compare_values(topic, stamp, dict(flat(message.decoded())), made)
-        if self._sample_due(topic, stamp):
-            self._samples.setdefault(topic, {})[str(stamp)] = made
+        made = STATES[topic](states[0])
+        self._ledger.compare_values(topic, stamp, dict(flat(message.decoded())), dict(flat(made)))
+        if self._samples.due(topic, stamp):
+            self._samples.keep(topic, stamp, made)
 
     def _identify(self, measurement: Stamped[Measurement]) -> None:
         if isinstance(measurement.reading, Thrust):
@@ -155,9 +149,3 @@ class StateStage:
         for event in events:
             for estimate in self._session.step(event):
                 self._estimates.setdefault(estimate.reading.motion, []).append(estimate)
-
-    def _sample_due(self, topic: str, stamp: int) -> bool:
-        if stamp < self._next_sample.get(topic, 0):
-            return False
-        self._next_sample[topic] = stamp + SAMPLE_NS
-        return True

@@ -29,35 +29,48 @@ COMPARED = frozenset(resolved(topic) for topic in MEASURED.values() if topic is 
 """A leak has no stamp by which it could be found again."""
 RAW_NAMES = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
 AS_RECORDED, NOT_YET = b"", None
-Samples = dict[str, dict[str, Any]]
-"""Values that a reference keeps, by topic and time."""
-Forward = Callable[[BagMessage, bytes | None], None]
-"""Called with every input message of the next stages, and its replacement if the device publishes something else."""
+Forward = Callable[[bytes | None], None]
+"""Called for every input message of the next stages, with its replacement if the device publishes something else."""
+
+
+class Samples(dict[str, dict[str, Any]]):
+    """Values that a reference keeps, by topic and time: a message of each topic a second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._next: dict[str, int] = {}
+
+    def due(self, topic: str, stamp: int) -> bool:
+        """Whether the next sample of a topic is due; if so, the one after it counts from now on."""
+        if stamp < self._next.get(topic, 0):
+            return False
+        self._next[topic] = stamp + SAMPLE_NS
+        return True
+
+    def keep(self, topic: str, key: object, message: Any) -> None:
+        """Keep the values of a message."""
+        self.setdefault(topic, {})[str(key)] = dict(flat(message))
 
 
 class _Stream:
     """One topic of a device: replayed messages not compared yet, by stamp."""
 
-    def __init__(self, topic: str) -> None:
-        self.topic = topic
-        self.device: ReplayedDevice | None = None
+    def __init__(self, topic: str, device: ReplayedDevice) -> None:
+        self.topic, self.device = topic, device
         self.made: dict[int, list[Any]] = {}
         """Lists, for several messages may have one stamp."""
-        self.first = self.last = self.next_sample = 0
+        self.first = self.last = 0
 
     def pop(self, stamp: int) -> Any:
         """Remove and return the next replayed message with this stamp; None when there is none."""
-        made = self.made.get(stamp)
-        if made is None:
-            return None
-        if len(made) == 1:
-            del self.made[stamp]
-        return made.pop(0)
+        made = self.made.pop(stamp, [None])
+        if len(made) > 1:
+            self.made[stamp] = made[1:]
+        return made[0]
 
     def activating(self, stamp: int) -> bool:
         """Whether the node was just being activated and may not have published yet."""
-        opened = self.device.wire.opened if self.device else []
-        return any(0 <= stamp - one < ACTIVATING_NS for one in opened)
+        return any(0 <= stamp - one < ACTIVATING_NS for one in self.device.wire.opened)
 
     def note(self, stamp: int) -> bool:
         """Note the stamp of a recorded message; False for the first."""
@@ -98,11 +111,15 @@ class WireStage:
             self._process_window()
 
     def finish(self) -> None:
-        """Compare the waiting messages, and report messages that were replayed but never recorded."""
+        """Compare the waiting messages, and report those replayed, but not recorded between the first and the last."""
         self._finishing = True
         self._process_window()
         for stream in self._streams.values():
-            self._extra(stream)
+            if self._ledger.rules.of(stream.topic).sampled:
+                continue
+            for stamp in (stamp for stamp, made in stream.made.items() for _ in made):
+                if stream.first < stamp < stream.last and not stream.activating(stamp):
+                    self._ledger.unmatched(stream.topic, stamp, "replayed, not recorded", "none", "a message")
         for device in self._devices.values():
             for sentence in device.wire.strange[:1]:
                 count = len(device.wire.strange)
@@ -127,22 +144,15 @@ class WireStage:
             mount = self._vehicle.sensors[name]
             device = ReplayedDevice(name, mount, self._vehicle, self._parameters, self._add_made)
             self._devices[name] = device
-            for topic in device.topics.values():
-                self._stream(topic).device = device
+            self._streams |= {topic: _Stream(topic, device) for topic in device.topics.values()}
         return self._devices.get(name)
 
-    def _stream(self, topic: str) -> _Stream:
-        if topic not in self._streams:
-            self._streams[topic] = _Stream(topic)
-        return self._streams[topic]
-
     def _add_made(self, topic: str, stamp: int, made: Any) -> None:
-        self._stream(topic).made.setdefault(stamp, []).append(made)
+        self._streams[topic].made.setdefault(stamp, []).append(made)
 
     def _drain(self) -> None:
         """Settle recorded messages in order, as far as their counterparts exist."""
         waiting, streams = self._waiting, self._streams
-        settled: list[tuple[BagMessage, bytes | None]] = []
         while waiting:
             message = waiting[0]
             stream = streams.get(message.topic)
@@ -150,40 +160,27 @@ class WireStage:
             if replaced is NOT_YET:
                 break
             if message.topic in self._followed:
-                settled.append((message, replaced or None))
+                self._forward(replaced or None)
             waiting.popleft()
-        for message, replaced in settled:
-            self._forward(message, replaced)
 
     def _match(self, stream: _Stream, message: BagMessage) -> bytes | None:
         """Compare a recorded message with its counterpart; returns the counterpart if it differs, or NOT_YET."""
         stamp = stamp_of(message.data)
         made = stream.pop(stamp)
         if made is not None:
-            # The first message was made while its node became active, without the history before it.
-            same = stream.note(stamp) and self._compare(stream, message, stamp, made)
-            return AS_RECORDED if same else serialized(made)
-        reached = stream.device.wire.stamp if stream.device else 0
+            if not stream.note(stamp):  # made while its node became active, without the history before it
+                return serialized(made)
+            if self._samples.due(stream.topic, stamp):
+                data, form = serialized(made), message.form
+                again = deserialized(data, message_class(message.type)) if form.old else form.decode(data)
+                self._samples.keep(stream.topic, stamp, again)
+            return AS_RECORDED if compare_lazily(self._ledger, message, stamp, made) else serialized(made)
+        reached = stream.device.wire.stamp
         if reached < stamp + AHEAD_NS and not self._finishing:
             return NOT_YET
         if stamp < reached - AHEAD_NS:
             self._ledger.unmatched(stream.topic, stamp, "recorded, not replayed", "a message", "none")
         return AS_RECORDED
-
-    def _compare(self, stream: _Stream, message: BagMessage, stamp: int, made: Any) -> bool:
-        if stamp >= stream.next_sample:
-            stream.next_sample = stamp + SAMPLE_NS
-            data = serialized(made)
-            again = deserialized(data, message_class(message.type)) if message.form.old else message.form.decode(data)
-            self._samples.setdefault(stream.topic, {})[str(stamp)] = dict(flat(again))
-        return compare_lazily(self._ledger, message, stamp, made)
-
-    def _extra(self, stream: _Stream) -> None:
-        """Report messages replayed but not recorded, between the first and the last recorded one."""
-        if not self._ledger.rules.of(stream.topic).sampled:
-            for stamp in (stamp for stamp, made in stream.made.items() for _ in made):
-                if stream.first < stamp < stream.last and not stream.activating(stamp):
-                    self._ledger.unmatched(stream.topic, stamp, "replayed, not recorded", "none", "a message")
 
 
 def compare_lazily(ledger: ComparisonReport, message: BagMessage, stamp: int, made: Any) -> bool:

@@ -9,7 +9,7 @@ from hindrax_core.bus_operations import DeviceError, Pause, Program, Transaction
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import Pressure
-from hindrax_replay.recorded_wires import RegisterWire, SerialWire
+from hindrax_replay.recorded_devices import RegisterWire, SerialWire
 
 SETUP = Write(0x10, b"\x01")
 CONVERT = Write(0x10, b"\x02")

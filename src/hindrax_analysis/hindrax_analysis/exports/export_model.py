@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -12,16 +14,9 @@ from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, Sav
 from hindrax_analysis.digits import measured
 from hindrax_analysis.experiments.least_squares import Array
 from hindrax_core.errors import HindraxError
+from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
-from hindrax_ident.assess.results import Number
-
-ROTATIONS = ("roll", "pitch", "yaw")
-UNITS = {
-    "k_q": ("N s^2/m^2", "Nm s^2"),
-    "k_l": ("N s/m", "Nm s"),
-    "b": ("N", "Nm"),
-    "added_mass": ("kg", "kg m^2"),
-}
+from hindrax_ident.model.motion_model import MOTIONS, coefficients
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +25,7 @@ class ExportModel:
 
     vehicle: Vehicle
     hydrodynamics: Hydrodynamics
-    top_speed: tuple[float, float, float, float, float, float]
+    top_speed: Vec6
     """Largest tested speed per axis [m/s, rad/s]; formats with another drag law are fitted up to it."""
     source: str = ""
     notes: tuple[str, ...] = ()
@@ -47,7 +42,7 @@ class ExportModel:
 
 def unit_of(motion: str, name: str) -> str:
     """Unit of a coefficient of a motion."""
-    return UNITS[name][motion in ROTATIONS]
+    return coefficients(MOTIONS[motion].axis)[name].unit
 
 
 def mean_of_directions(drag: Drag) -> tuple[float, float]:
@@ -68,21 +63,17 @@ def _joined(notes: Sequence[str]) -> list[str]:
     return [": ".join(filter(None, (", ".join(names), text))) for text, names in axes.items()]
 
 
-def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> list[str]:
+def _uncertainty_notes(motions: Mapping[str, SavedMotion]) -> Iterator[str]:
     """Uncertainty of each motion including calibration; the formats have no field for it."""
-    wide = {
-        name: [(key, motion.numbers[key]) for key in TABULATED if key in motion.numbers and key != "b"]
-        for name, motion in motions.items()
-    }
-    texts = {
-        name: ", ".join(
+    for name, motion in motions.items():
+        known = {key: motion.numbers[key] for key in TABULATED if key in motion.numbers and key != "b"}
+        words = ", ".join(
             f"{key} {measured(number.value, number.std_calibrated)} {unit_of(name, key)}"
-            for key, number in numbers
+            for key, number in known.items()
             if number.std_calibrated > 0.0
         )
-        for name, numbers in wide.items()
-    }
-    return [f"{name}: {words} (one deviation, with calibration)" for name, words in texts.items() if words]
+        if words:
+            yield f"{name}: {words} (one deviation, with calibration)"
 
 
 def identified(saved: SavedCoefficients) -> dict[str, SavedMotion]:
@@ -104,27 +95,21 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     tested speed.
     """
     motions = identified(saved)
-    unidentified = {
-        name: next(iter(motion.reasons), "no reason given")
-        for name, motion in saved.motions.items()
-        if not motion.identifiable
-    }
+    lost = {name: motion for name, motion in saved.motions.items() if not motion.identifiable}
+    unidentified = {name: next(iter(motion.reasons), "no reason given") for name, motion in lost.items()}
     assumptions, notes = saved.conditions.assumptions, abort_notes(saved)
     if notes and not motions and not complete:
         raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
     prior = vehicle.hydrodynamics if complete else None
-    top = tuple(_top_speed(motions, axis, vehicle) for axis in AXES)
+    top = [_top_speed(motions, axis, vehicle) for axis in AXES]
     drags = {
         axis: _axis_drag(axis, motions, prior, top[i], notes, unidentified=unidentified) for i, axis in enumerate(AXES)
     }
     masses = [_axis_added_mass(axis, motions, prior, i, notes) for i, axis in enumerate(AXES)]
     cross = prior.added_mass_cross if prior else ()
-    hydrodynamics = Hydrodynamics(
-        added_mass=(masses[0], masses[1], masses[2], masses[3], masses[4], masses[5]), added_mass_cross=cross, **drags
-    )
-    speeds = (top[0], top[1], top[2], top[3], top[4], top[5])
+    hydrodynamics = Hydrodynamics(added_mass=cast("Vec6", tuple(masses)), added_mass_cross=cross, **drags)
     notes = [*_joined(notes), *_uncertainty_notes(motions), *(f"assumed: {one}" for one in assumptions)]
-    return ExportModel(vehicle, hydrodynamics, speeds, source, tuple(notes))
+    return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(top)), source, tuple(notes))
 
 
 def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> tuple[SavedMotion | None, SavedMotion | None]:
@@ -191,27 +176,19 @@ def _passive(motion: SavedMotion | None, axis: str, top: float, notes: list[str]
 def _axis_added_mass(
     axis: str, motions: Mapping[str, SavedMotion], prior: Hydrodynamics | None, index: int, notes: list[str]
 ) -> float:
-    found = [
-        side.numbers["added_mass"]
-        for side in _sides(axis, motions)
-        if side is not None and "added_mass" in side.numbers
-    ]
+    sides = [side for side in _sides(axis, motions) if side is not None]
+    found = [side.numbers["added_mass"] for side in sides if "added_mass" in side.numbers]
     if not found:
         if prior is None:
             raise HindraxError(f"motion {axis}: no added mass in the results; add --vehicle FILE to take it from there")
-        if any(_sides(axis, motions)):
+        if sides:
             notes.append(f"{axis}: added mass is not in the results but from the vehicle file")
         return prior.added_mass[index]
-    mass = _weighted_mean(found)
+    weights = [one.std**-2 if all(one.std > 0.0 for one in found) else 1.0 for one in found]
+    mass = float(np.average([one.value for one in found], weights=weights))
     if mass < 0.0:
         notes.append(f"{axis}: added mass {mass:.3g} is below zero, taken as zero")
     return max(0.0, mass)
-
-
-def _weighted_mean(values: list[Number]) -> float:
-    known = all(value.std > 0.0 for value in values)
-    weights = [1.0 / value.std**2 if known else 1.0 for value in values]
-    return sum(w * value.value for w, value in zip(weights, values, strict=True)) / sum(weights)
 
 
 def header(model: ExportModel, conventions: tuple[str, ...]) -> list[str]:
@@ -225,3 +202,26 @@ def buoyancy_box_m(vehicle: Vehicle) -> tuple[float, float, float]:
     L, W, H = vehicle.envelope_m
     scale = math.cbrt(vehicle.volume_m3 / (L * W * H))
     return scale * L, scale * W, scale * H
+
+
+# ---- the little XML that three formats share
+
+
+def number(value: float) -> str:
+    """Shortest text with nine significant digits, and never -0."""
+    return f"{value + 0.0:.9g}"
+
+
+def add(parent: ET.Element, name: str, text: str) -> ET.Element:
+    """Append a child element that holds a text."""
+    child = ET.SubElement(parent, name)
+    child.text = text
+    return child
+
+
+def commented(root: ET.Element, lines: Sequence[str]) -> str:
+    """XML text with its declaration, and the lines as a comment in front."""
+    ET.indent(root)
+    # Two hyphens would end the comment early.
+    body = "\n".join(f"  {line.replace('--', '- -')}" for line in lines)
+    return f'<?xml version="1.0"?>\n<!--\n{body}\n-->\n{ET.tostring(root, encoding="unicode")}\n'

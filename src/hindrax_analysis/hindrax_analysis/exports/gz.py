@@ -19,8 +19,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_analysis.exports.export_model import ExportModel, buoyancy_box_m, header, mean_of_directions
-from hindrax_analysis.exports.xml import add, commented, number
+from hindrax_analysis.exports.export_model import (
+    ExportModel,
+    add,
+    buoyancy_box_m,
+    commented,
+    header,
+    mean_of_directions,
+    number,
+)
 from hindrax_core.vehicle import AXES
 
 TURN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
@@ -41,23 +48,24 @@ def write(model: ExportModel, added_mass: Literal["inertial", "plugin"] = "inert
     body = ET.SubElement(sdf, "model", name=model.vehicle.name)
     base = ET.SubElement(body, "link", name=link)
     _inertial(base, model, with_fluid=added_mass == "inertial")
-    _collision(base, model)
+    collision = ET.SubElement(base, "collision", name="displaced_volume")
+    add(collision, "pose", _pose(model.vehicle.center_of_buoyancy_m))
+    box = ET.SubElement(ET.SubElement(collision, "geometry"), "box")
+    add(box, "size", " ".join(number(edge) for edge in buoyancy_box_m(model.vehicle)))
     plugin = ET.SubElement(
         body, "plugin", filename="gz-sim-hydrodynamics-system", name="gz::sim::systems::Hydrodynamics"
     )
     add(plugin, "link_name", link)
     add(plugin, "water_density", number(model.vehicle.water.density_kgpm3))
     _damping(plugin, model)
+    lost: tuple[str, ...] = ()
     if added_mass == "plugin":
-        _plugin_added_mass(plugin, model)
-    return commented(sdf, header(model, CONVENTIONS + _losses(model, added_mass)))
-
-
-def _losses(model: ExportModel, added_mass: str) -> tuple[str, ...]:
-    matrix = model.added_mass
-    if added_mass == "inertial" and not np.allclose(matrix, matrix.T):
-        return ("fluid_added_mass is symmetric by definition: the mean of each pair of cross terms is written.",)
-    return ()
+        matrix = to_gazebo_axes(model.added_mass)
+        for row, column in zip(*np.nonzero(matrix), strict=True):
+            add(plugin, f"{FORCES[row]}Dot{VELOCITIES[column]}", number(-float(matrix[row, column])))
+    elif not np.allclose(model.added_mass, model.added_mass.T):
+        lost = ("fluid_added_mass is symmetric by definition: the mean of each pair of cross terms is written.",)
+    return commented(sdf, header(model, CONVENTIONS + lost))
 
 
 def _damping(plugin: ET.Element, model: ExportModel) -> None:
@@ -86,12 +94,6 @@ def _moved_to(matrix: Array, point_m: tuple[float, float, float]) -> Array:
     return np.asarray(carry.T @ (0.5 * (matrix + matrix.T)) @ carry)
 
 
-def _plugin_added_mass(plugin: ET.Element, model: ExportModel) -> None:
-    matrix = to_gazebo_axes(model.added_mass)
-    for row, column in zip(*np.nonzero(matrix), strict=True):
-        add(plugin, f"{FORCES[row]}Dot{VELOCITIES[column]}", number(-float(matrix[row, column])))
-
-
 def _inertial(link: ET.Element, model: ExportModel, *, with_fluid: bool) -> None:
     inertial = ET.SubElement(link, "inertial")
     add(inertial, "pose", _pose(model.vehicle.center_of_mass_m))
@@ -104,17 +106,8 @@ def _inertial(link: ET.Element, model: ExportModel, *, with_fluid: bool) -> None
     if with_fluid:
         fluid = ET.SubElement(inertial, "fluid_added_mass")
         matrix = to_gazebo_axes(_moved_to(model.added_mass, model.vehicle.center_of_mass_m))
-        for row in range(6):
-            for column in range(row, 6):
-                name = f"{MASS_LETTERS[row]}{MASS_LETTERS[column]}"
-                add(fluid, name, number(float(matrix[row, column])))
-
-
-def _collision(link: ET.Element, model: ExportModel) -> None:
-    collision = ET.SubElement(link, "collision", name="displaced_volume")
-    add(collision, "pose", _pose(model.vehicle.center_of_buoyancy_m))
-    box = ET.SubElement(ET.SubElement(collision, "geometry"), "box")
-    add(box, "size", " ".join(number(edge) for edge in buoyancy_box_m(model.vehicle)))
+        for row, column in zip(*np.triu_indices(6), strict=True):
+            add(fluid, f"{MASS_LETTERS[row]}{MASS_LETTERS[column]}", number(float(matrix[row, column])))
 
 
 def _pose(position_m: tuple[float, float, float]) -> str:

@@ -16,9 +16,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.optimize import nnls
 
-from hindrax_analysis.exports.export_model import ExportModel, buoyancy_box_m, header, mean_of_directions
+from hindrax_analysis.exports.export_model import (
+    ExportModel,
+    buoyancy_box_m,
+    commented,
+    header,
+    mean_of_directions,
+    number,
+)
 from hindrax_analysis.exports.uuv import one_sided_notes
-from hindrax_analysis.exports.xml import commented, number
 from hindrax_core.vehicle import AXES
 
 Law: TypeAlias = Literal["cubic", "quadratic"]
@@ -42,13 +48,12 @@ def write(model: ExportModel, law: Law = "cubic") -> str:
     ET.SubElement(body, "inertia", xyz=_triple(vehicle.inertia))
     ET.SubElement(body, "cg", xyz=_triple(vehicle.center_of_mass_m), rpy="0 0 0")
     fits = [coefficients(model, axis, law) for axis in range(3)]
-    c_f, c_d = tuple(fit[1] for fit in fits), tuple(fit[0] for fit in fits)
+    c_d, c_f, misfits = zip(*fits, strict=True)
     ET.SubElement(body, "hydrodynamics", viscous_drag=_triple(c_f), quadratic_drag=_triple(c_d))
     ET.SubElement(body, "world_transform", xyz="0 0 1", rpy="0 0 0")
     quality = tuple(
-        f"{AXES[axis]}: within {100.0 * fits[axis][2]:.1f} % of the force at {model.top_speed[axis]:.3g} m/s"
-        f" from 0 to there ({law} law)."
-        for axis in range(3)
+        f"{axis}: within {100.0 * misfit:.1f} % of the force at {top:.3g} m/s from 0 to there ({law} law)."
+        for axis, misfit, top in zip(AXES, misfits, model.top_speed, strict=False)
     )
     return commented(body, header(model, CONVENTIONS + one_sided_notes(model) + quality))
 

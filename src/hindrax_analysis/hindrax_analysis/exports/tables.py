@@ -43,21 +43,13 @@ def write_csv(table: ResultTable) -> str:
         ["motion", *(f"{name}{part}" for name in TABULATED for part in ("", "_std", "_std_calibrated", "_unit"))]
     )
     for motion, result in table.motions.items():
-        cells = [cell for name in TABULATED for cell in _csv_cells(motion, name, result)]
-        writer.writerow([motion, *cells])
+        row = [motion]
+        for name in TABULATED:
+            found = result.numbers.get(name, Number(math.nan, math.nan))
+            numbers = (found.value, found.std, found.std_calibrated)
+            row += [*("" if math.isnan(number) else f"{number:.9g}" for number in numbers), unit_of(motion, name)]
+        writer.writerow(row)
     return text.getvalue()
-
-
-def _csv_cells(motion: str, name: str, result: SavedMotion) -> tuple[str, str, str, str]:
-    unit = unit_of(motion, name)
-    if name not in result.numbers:
-        return "", "", "", unit
-    number = result.numbers[name]
-    return f"{number.value:.9g}", _known(number.std), _known(number.std_calibrated), unit
-
-
-def _known(std: float) -> str:
-    return "" if math.isnan(std) else f"{std:.9g}"
 
 
 def write_latex(table: ResultTable) -> str:
@@ -68,17 +60,8 @@ def write_latex(table: ResultTable) -> str:
         for motion, result in table.motions.items()
     ]
     caption = f"% {table.vehicle}, from {table.source}; N, Nm, kg, SI; one standard deviation"
-    lines = [
-        caption,
-        r"\begin{tabular}{lrrrr}",
-        r"\hline",
-        head + r" \\",
-        r"\hline",
-        *rows,
-        r"\hline",
-        r"\end{tabular}",
-    ]
-    return "\n".join(lines) + "\n"
+    begin, line, end = r"\begin{tabular}{lrrrr}", r"\hline", r"\end{tabular}"
+    return "\n".join([caption, begin, line, head + r" \\", line, *rows, line, end]) + "\n"
 
 
 def _latex_cell(value: Number | None) -> str:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from hindrax_analysis.exports.export_model import ExportModel, header, mean_of_directions
-from hindrax_analysis.exports.xml import add, commented, number
+from hindrax_analysis.exports.export_model import ExportModel, add, commented, header, mean_of_directions, number
 from hindrax_core.vehicle import AXES
 
 CONVENTIONS = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import yaml
 
 from hindrax_analysis.exports.export_model import ExportModel, header
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics
+from hindrax_core.vehicle import AXES, Hydrodynamics
 
 CONVENTIONS = (
     "Block for the vehicle file. All numbers are positive: they resist. SNAME axes, heave positive down.",
@@ -21,16 +21,14 @@ def write(model: ExportModel) -> str:
 def block_text(hydrodynamics: Hydrodynamics) -> str:
     """YAML text of the block, to be put into a vehicle file."""
     block: dict[str, object] = {"added_mass": [_rounded(value) for value in hydrodynamics.added_mass]}
-    block |= {axis: _drag(hydrodynamics.drag(axis)) for axis in AXES}
+    for axis in AXES:
+        drag = hydrodynamics.drag(axis)
+        values = {name: getattr(drag, name) for name in ("k_q", "k_l", "k_q_negative", "k_l_negative")}
+        block[axis] = {name: _rounded(value) for name, value in values.items() if value is not None}
     if hydrodynamics.added_mass_cross:
         block["added_mass_cross"] = [[_rounded(value) for value in row] for row in hydrodynamics.added_mass_cross]
     text: str = yaml.safe_dump({"hydrodynamics": block}, sort_keys=False, width=120, default_flow_style=None)
     return text
-
-
-def _drag(drag: Drag) -> dict[str, float]:
-    values = {"k_q": drag.k_q, "k_l": drag.k_l, "k_q_negative": drag.k_q_negative, "k_l_negative": drag.k_l_negative}
-    return {name: _rounded(value) for name, value in values.items() if value is not None}
 
 
 def _rounded(value: float) -> float:

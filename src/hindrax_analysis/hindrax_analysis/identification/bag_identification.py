@@ -12,10 +12,10 @@ from rich.markup import escape
 from hindrax_analysis.coefficients_file import as_yaml
 from hindrax_analysis.digits import measured
 from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write
+from hindrax_analysis.published import CITATION, PAPER
 from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.provenance import truth_in
 from hindrax_analysis.report import RunReport, published_of, run_page
-from hindrax_analysis.report.published import CITATION, PAPER
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_bag.run_folder import RunFolder
 from hindrax_core.events import Stamp

@@ -81,22 +81,6 @@ class Claim:
     note: str = ""
     unit: str = ""
 
-    def tolerance(self, inputs: Mapping[str, Printed]) -> float:
-        """Rounding of the result and of every input carried through the formula, or the stated tolerance if wider."""
-        values = {name: number.value for name, number in inputs.items()}
-        carried = 0.0
-        for name, number in inputs.items():
-            high = self.formula({**values, name: number.value + number.half_unit})
-            low = self.formula({**values, name: number.value - number.half_unit})
-            carried += 0.5 * abs(high - low)
-        stated = max(self.absolute, self.relative * abs(self.printed.value))
-        return max(self.printed.half_unit + carried, stated) * (1.0 + 1e-9)
-
-    def misses(self, inputs: Mapping[str, Printed], tolerance: float) -> bool:
-        """Whether the printed result lies outside the tolerance of what the inputs give."""
-        values = {name: number.value for name, number in inputs.items()}
-        return not abs(self.formula(values) - self.printed.value) <= tolerance
-
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -122,34 +106,31 @@ class Row:
                 cells[index] = replace(cells[index], verdict="misprint", note=_joined(slip, cells[index].note))
         return cells
 
-    def _rounded(self) -> dict[str, Printed]:
-        return {name: number for name, number in self.inputs.items() if name not in self.exact}
+    @property
+    def values(self) -> dict[str, float]:
+        """The inputs as numbers."""
+        return {name: number.value for name, number in self.inputs.items()}
 
-    def _formula(self, claim: Claim) -> Claim:
-        fixed = {name: self.inputs[name].value for name in self.exact}
-        return replace(claim, formula=lambda values: claim.formula({**fixed, **values}))
+    def tolerance(self, claim: Claim) -> float:
+        """Rounding of the result and of every input carried through the formula, or the stated tolerance if wider."""
+        carried = 0.0
+        for name, number in self.inputs.items():
+            if name not in self.exact:
+                high = claim.formula({**self.values, name: number.value + number.half_unit})
+                low = claim.formula({**self.values, name: number.value - number.half_unit})
+                carried += 0.5 * abs(high - low)
+        stated = max(claim.absolute, claim.relative * abs(claim.printed.value))
+        return max(claim.printed.half_unit + carried, stated) * (1.0 + 1e-9)
 
     def _cell(self, claim: Claim) -> Cell:
-        bound, inputs = self._formula(claim), self._rounded()
-        tolerance = bound.tolerance(inputs)
-        recomputed = bound.formula({name: number.value for name, number in inputs.items()})
+        tolerance, recomputed, printed = self.tolerance(claim), claim.formula(self.values), claim.printed
         verdict: Verdict = "agrees"
         note = claim.note
-        if bound.misses(inputs, tolerance):
-            verdict, slip = slip_of_result(claim.printed, recomputed)
+        if not abs(recomputed - printed.value) <= tolerance:
+            verdict, slip = slip_of_result(printed, recomputed)
             note = _joined(slip, note)
-        return Cell(
-            paper=self.paper,
-            table=self.table,
-            row=self.name,
-            quantity=claim.quantity,
-            printed=claim.printed.value,
-            recomputed=recomputed,
-            tolerance=tolerance,
-            verdict=verdict,
-            note=note,
-            unit=claim.unit,
-        )
+        where = self.paper, self.table, self.name, claim.quantity
+        return Cell(*where, printed.value, recomputed, tolerance, verdict, note, claim.unit)
 
     def _slip_of_input(self) -> str:
         """Sentence about the one-digit slip of one input with which every claim of the row holds, or nothing."""
@@ -164,11 +145,8 @@ class Row:
 
     def excess(self) -> float:
         """Largest miss of any claim, in tolerances."""
-        inputs = self._rounded()
-        values = {name: number.value for name, number in inputs.items()}
-        bound = [self._formula(claim) for claim in self.claims]
         try:
-            return max(abs(c.formula(values) - c.printed.value) / c.tolerance(inputs) for c in bound)
+            return max(abs(c.formula(self.values) - c.printed.value) / self.tolerance(c) for c in self.claims)
         except (ArithmeticError, ValueError, HindraxError):  # a slip may make an input impossible
             return float("inf")
 
@@ -208,14 +186,14 @@ def wrong_digits(text: str) -> Iterator[tuple[str, str]]:
 
 def wrong_orders(text: str) -> Iterator[tuple[str, str]]:
     """Every number with one digit at another place."""
-    places = _places(text)
-    digits = [text[place] for place in places]
+    digits = [text[place] for place in _places(text)]
     for taken in range(len(digits)):
         rest = digits[:taken] + digits[taken + 1 :]
         for put in range(len(digits)):
             moved = [*rest[:put], digits[taken], *rest[put:]]
             if moved != digits:
-                yield "digits in the wrong order", _with_digits(text, places, moved)
+                letters = iter(moved)
+                yield "digits in the wrong order", "".join(next(letters) if c.isdigit() else c for c in text)
 
 
 def lost_digits(text: str) -> Iterator[tuple[str, str]]:
@@ -227,13 +205,6 @@ def lost_digits(text: str) -> Iterator[tuple[str, str]]:
 
 def _places(text: str) -> list[int]:
     return [index for index, letter in enumerate(text) if letter.isdigit()]
-
-
-def _with_digits(text: str, places: Sequence[int], digits: Sequence[str]) -> str:
-    letters = list(text)
-    for place, digit in zip(places, digits, strict=True):
-        letters[place] = digit
-    return "".join(letters)
 
 
 def _joined(*notes: str) -> str:

@@ -39,11 +39,6 @@ class Test:
     error: str
     keulegan: str
 
-    @property
-    def name(self) -> str:
-        """How the row is named: direction, springs, amplitude."""
-        return f"{self.direction} {self.amplitude_mm} mm, k = {self.stiffness} N/m"
-
 
 TABLE_4 = (
     Test("surge", "1127.7", "4", "36.7824", "0.0713", "4.35", "0.4435", "0.4401", "0.77", "0.30"),
@@ -80,44 +75,34 @@ def _damping(v: Mapping[str, float], added_mass: float) -> float:
     return linear_damping(v["k"], v["zeta"], v["mass kg"], added_mass)
 
 
-def _error(v: Mapping[str, float]) -> float:
-    return 100.0 * (v["m_ad (7)"] / v["m_ad (5)"] - 1.0)
-
-
-def _keulegan(v: Mapping[str, float]) -> float:
-    return keulegan_carpenter(1e-3 * v["A"], v["volume m3"])
-
-
-def _damping_claim(test: Test) -> Claim:
-    printed = Printed(test.damping)
-    return Claim("c (6)", printed, lambda v: _damping(v, _damped(v)), relative=DAMPING_TOLERANCE, unit="N s/m")
-
-
 def _row(test: Test) -> Row:
+    damping = Claim(
+        "c (6)", Printed(test.damping), lambda v: _damping(v, _damped(v)), relative=DAMPING_TOLERANCE, unit="N s/m"
+    )
     claims = (
         Claim("m_ad (7)", Printed(test.undamped), _undamped, unit="kg"),
         Claim("m_ad (5)", Printed(test.damped), _damped, absolute=0.001, unit="kg"),
-        Claim("error (11)", Printed(test.error), _error, unit="%"),
-        _damping_claim(test),
-        Claim("KC (9)", Printed(test.keulegan), _keulegan),
+        Claim("error (11)", Printed(test.error), lambda v: 100.0 * (v["m_ad (7)"] / v["m_ad (5)"] - 1.0), unit="%"),
+        damping,
+        Claim("KC (9)", Printed(test.keulegan), lambda v: keulegan_carpenter(1e-3 * v["A"], v["volume m3"])),
     )
     inputs = {"k": test.stiffness, "w_d": test.frequency, "zeta": test.zeta, "A": test.amplitude_mm}
     inputs |= {"m_ad (7)": test.undamped, "m_ad (5)": test.damped}
     printed = {name: Printed(text) for name, text in inputs.items()}
     # The oscillating mass is the model's constant: a tenth of its digit would move every row alike.
-    return Row(PAPER, "4", test.name, {**printed, **MODEL}, claims, exact=frozenset({"mass kg", "A"}))
+    name = f"{test.direction} {test.amplitude_mm} mm, k = {test.stiffness} N/m"
+    return Row(PAPER, "4", name, {**printed, **MODEL}, claims, exact=frozenset({"mass kg", "A"}))
 
 
-def _explain_damping(row: Row, cells: list[Cell]) -> list[Cell]:
-    """Say so where c follows from the added mass of (7) instead of that of (5)."""
-    other = replace(row.claims[3], formula=lambda v: _damping(v, _undamped(v)))
-    cell = cells[3]
-    if cell.verdict == "agrees":
-        return cells
-    instead = replace(row, claims=(other,)).judge()[0]
-    if instead.verdict == "agrees":
-        note = f"it follows with m_ad of (7): {instead.recomputed:.2f}"
-        cells[3] = replace(cell, note="; ".join(filter(None, (note, cell.note))))
+def _judged(row: Row) -> list[Cell]:
+    """Cells of a row of Table 4; it is said where c follows from the added mass of (7) instead of that of (5)."""
+    cells = row.judge()
+    if cells[3].verdict != "agrees":
+        other = replace(row.claims[3], formula=lambda v: _damping(v, _undamped(v)))
+        instead = replace(row, claims=(other,)).judge()[0]
+        if instead.verdict == "agrees":
+            note = f"it follows with m_ad of (7): {instead.recomputed:.2f}"
+            cells[3] = replace(cells[3], note="; ".join(filter(None, (note, cells[3].note))))
     return cells
 
 
@@ -134,28 +119,20 @@ def _result_row(direction: str) -> Row:
     added = {test.direction: Printed(test.damped) for test in TABLE_4} | {"heave": HEAVE_MEAN[0]}
     coefficient, mass = TABLE_6[direction]
 
-    def c_m(v: Mapping[str, float]) -> float:
-        return v["m_ad"] / (DENSITY_kgpm3 * v["volume m3"])
-
     def prototype(v: Mapping[str, float]) -> float:
         return scaled_added_mass(v["C_M"], DENSITY_kgpm3, v["prototype m3"])
 
-    inputs = {
-        "m_ad": added[direction],
-        "volume m3": MODEL["volume m3"],
-        "C_M": coefficient,
-        "prototype m3": PROTOTYPE_VOLUME_m3,
-    }
-    claims = (Claim("C_M (8)", coefficient, c_m), Claim("prototype m_ad (12)", mass, prototype, unit="kg"))
+    inputs = {"m_ad": added[direction], "C_M": coefficient, "prototype m3": PROTOTYPE_VOLUME_m3}
+    inputs["volume m3"] = MODEL["volume m3"]
+    claims = (
+        Claim("C_M (8)", coefficient, lambda v: v["m_ad"] / (DENSITY_kgpm3 * v["volume m3"])),
+        Claim("prototype m_ad (12)", mass, prototype, unit="kg"),
+    )
     return Row(PAPER, "6", direction, inputs, claims, exact=frozenset({"volume m3", "prototype m3"}))
 
 
 def recompute() -> list[Cell]:
     """All cells of Table 4 and Table 6. Tolerance: the printed digits; 0.001 kg for m_ad (5); 0.4 % for c."""
-    cells: list[Cell] = []
-    for test in TABLE_4:
-        row = _row(test)
-        cells += _explain_damping(row, row.judge())
-    for row in (_mean_row(), *(_result_row(direction) for direction in TABLE_6)):
-        cells += row.judge()
-    return cells
+    cells = [cell for test in TABLE_4 for cell in _judged(_row(test))]
+    rows = (_mean_row(), *(_result_row(direction) for direction in TABLE_6))
+    return cells + [cell for row in rows for cell in row.judge()]

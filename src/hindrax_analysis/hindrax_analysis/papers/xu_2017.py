@@ -23,30 +23,24 @@ TABLE: dict[str, tuple[str, str, str]] = {
     "N_rdot": ("-5.88", "-5.31", "-5.60"),
 }
 """At U = 0.532 and 0.751 m/s, and their mean, as printed."""
-
 RATIOS = {"|Z_qdot / M_wdot|": ("Z_qdot", "M_wdot, Fourier", "2.11"), "|Y_rdot / N_vdot|": ("Y_rdot", "N_vdot", "1.26")}
 LARGEST_DIFFERENCE_percent = Printed("6.3")
-
-
-def _unit(name: str) -> str:
-    """Kg, times metres for a moment and for an angular acceleration."""
-    metres = (name[0] in "KMN") + (name[2] in "pqr")
-    return ("kg", "kg m", "kg m^2")[metres]
 
 
 def _mean_row(name: str) -> Row:
     slow, fast, mean = TABLE[name]
     inputs = {"U = 0.532": Printed(slow), "U = 0.751": Printed(fast)}
-    claim = Claim("mean", Printed(mean), lambda v: 0.5 * (v["U = 0.532"] + v["U = 0.751"]), unit=_unit(name))
+    metres = (name[0] in "KMN") + (name[2] in "pqr")  # for a moment, and for an angular acceleration
+    unit = ("kg", "kg m", "kg m^2")[metres]
+    claim = Claim("mean", Printed(mean), lambda v: 0.5 * (v["U = 0.532"] + v["U = 0.751"]), unit=unit)
     return Row(PAPER, "derivatives", name, inputs, (claim,))
 
 
 def _ratio_row(name: str) -> Row:
     above, below, printed = RATIOS[name]
     inputs = {"above": Printed(TABLE[above][2]), "below": Printed(TABLE[below][2])}
-    return Row(
-        PAPER, "asymmetry", name, inputs, (Claim("ratio", Printed(printed), lambda v: abs(v["above"] / v["below"])),)
-    )
+    claim = Claim("ratio", Printed(printed), lambda v: abs(v["above"] / v["below"]))
+    return Row(PAPER, "asymmetry", name, inputs, (claim,))
 
 
 def _difference_row() -> Row:

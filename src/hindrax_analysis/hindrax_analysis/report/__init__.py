@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from hindrax_analysis.published import published_of
 from hindrax_analysis.report.comparison import comparison_page
 from hindrax_analysis.report.figures import Trace
-from hindrax_analysis.report.published import published_of
 from hindrax_analysis.report.run_page import RunReport, run_page
 
 __all__ = ["RunReport", "Trace", "comparison_page", "published_of", "run_page"]

@@ -6,7 +6,7 @@ gives each role one color everywhere, and the legend under the chart names the r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 from typing import Literal, TypeAlias
 
@@ -90,22 +90,20 @@ class Chart:
     layers: tuple[Layer, ...]
     y_range: tuple[float, float] | None = None
     zero: bool = True
-    notes: tuple[str, ...] = field(default_factory=tuple)
 
 
 def figure(chart: Chart) -> str:
     """HTML of a chart: heading, drawing, legend, caption."""
-    notes = "".join(f" {escape(note)}" for note in chart.notes)
     return (
         f"<figure><h4>{escape(chart.title)}</h4>{drawing(chart)}{_legend(chart)}"
-        f"<figcaption>{escape(chart.caption)}{notes}</figcaption></figure>"
+        f"<figcaption>{escape(chart.caption)}</figcaption></figure>"
     )
 
 
 def drawing(chart: Chart) -> str:
     """SVG of a chart."""
     x_range = data_range([xs(layer) for layer in chart.layers], margin=0.02)
-    y_range = chart.y_range or data_range([_ys(layer) for layer in chart.layers])
+    y_range = chart.y_range or data_range([ys(layer) for layer in chart.layers])
     sx = Scale(*x_range, LEFT, WIDTH - RIGHT)
     sy = Scale(*y_range, HEIGHT - BOTTOM, TOP)
     body = "".join(_drawn(layer, sx, sy) for layer in chart.layers)
@@ -123,24 +121,32 @@ def _axes(chart: Chart, sx: Scale, sy: Scale) -> str:
     marks = ticks(sy.low, sy.high)
     for mark in marks:
         y = float(sy(mark))
-        zero = ' class="zero"' if mark == 0.0 and chart.zero else ' class="grid"'
-        parts.append(f'<line{zero} x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
+        kind = "zero" if mark == 0.0 and chart.zero else "grid"
         parts.append(
+            f'<line class="{kind}" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
             f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{tick_text(mark, marks)}</text>'
         )
-    marks = ticks(sx.low, sx.high, 6)
-    for mark in marks:
-        x = float(sx(mark))
-        zero = ' class="zero"' if mark == 0.0 and sx.low < 0.0 and chart.zero else ' class="grid"'
-        parts.append(f'<line{zero} x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>')
-        below = HEIGHT - BOTTOM + 16
-        parts.append(f'<text class="tick" x="{x:.1f}" y="{below}" text-anchor="middle">{tick_text(mark, marks)}</text>')
+    across = x_axis(sx, chart.x_label, (TOP, HEIGHT - BOTTOM), 6, zero=sx.low < 0.0 and chart.zero)
     middle = 0.5 * (TOP + HEIGHT - BOTTOM)
-    parts.append(
-        f'<text class="label" x="{0.5 * (LEFT + WIDTH - RIGHT):.0f}" y="{HEIGHT - 8:.0f}" text-anchor="middle">'
-        f'{escape(chart.x_label)}</text><text class="label" transform="translate(14 {middle:.0f}) rotate(-90)" '
+    return (
+        f'{"".join(parts)}{across}<text class="label" transform="translate(14 {middle:.0f}) rotate(-90)" '
         f'text-anchor="middle">{escape(chart.y_label)}</text>'
     )
+
+
+def x_axis(scale: Scale, label: str, span: tuple[float, float], wanted: int, *, zero: bool = False) -> str:
+    """Vertical lines over the span from top to bottom at round numbers, which stand below it, and the label."""
+    top, bottom = span
+    parts, marks = [], ticks(scale.low, scale.high, wanted)
+    for mark in marks:
+        x = float(scale(mark))
+        kind = "zero" if mark == 0.0 and zero else "grid"
+        parts.append(
+            f'<line class="{kind}" x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}"/><text class="tick" '
+            f'x="{x:.1f}" y="{bottom + 16}" text-anchor="middle">{tick_text(mark, marks)}</text>'
+        )
+    middle, below = 0.5 * (scale.start + scale.end), bottom + BOTTOM - 8
+    parts.append(f'<text class="label" x="{middle:.0f}" y="{below:.0f}" text-anchor="middle">{escape(label)}</text>')
     return "".join(parts)
 
 
@@ -149,7 +155,7 @@ def xs(layer: Layer) -> Array:
     return layer.edges if isinstance(layer, Bars) else layer.x
 
 
-def _ys(layer: Layer) -> Array:
+def ys(layer: Layer) -> Array:
     """Coordinates along y that the range includes: (n,), in the unit of the axis."""
     if isinstance(layer, Band):
         return np.concatenate([layer.low, layer.high])
@@ -165,7 +171,12 @@ def _drawn(layer: Layer, sx: Scale, sy: Scale) -> str:
     if isinstance(layer, Band):
         return _band(layer, sx, sy)
     if isinstance(layer, Points):
-        return _points(layer, sx, sy)
+        keep = evenly_chosen(len(layer.x), MOST_POINTS)
+        size = 3.2 if layer.small else 7.2
+        dots = zip(sx(layer.x[keep]).tolist(), sy(layer.y[keep]).tolist(), strict=True)
+        # A stroke of no length with round ends is a dot: one path instead of hundreds of circles.
+        marks = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in dots)
+        return f'<path class="dots {layer.role}" stroke-width="{size:g}" d="{marks}"/>'
     if isinstance(layer, Bars):
         return _bars(layer, sx, sy)
     base = float(sy(0.0))
@@ -194,15 +205,6 @@ def _band(layer: Band, sx: Scale, sy: Scale) -> str:
     return f'<path class="band {layer.role}{" faint" if layer.faint else ""}" d="{_path(x, y, sx, sy)}Z"/>'
 
 
-def _points(layer: Points, sx: Scale, sy: Scale) -> str:
-    keep = evenly_chosen(len(layer.x), MOST_POINTS)
-    size = 1.6 if layer.small else 3.6
-    dots = zip(sx(layer.x[keep]).tolist(), sy(layer.y[keep]).tolist(), strict=True)
-    # A stroke of no length with round ends is a dot: one path instead of hundreds of circles.
-    marks = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in dots)
-    return f'<path class="dots {layer.role}" stroke-width="{2 * size:g}" d="{marks}"/>'
-
-
 def _bars(layer: Bars, sx: Scale, sy: Scale) -> str:
     base, edges = float(sy(0.0)), sx(layer.edges).tolist()
     rects = []
@@ -214,12 +216,10 @@ def _bars(layer: Bars, sx: Scale, sy: Scale) -> str:
 
 
 def _legend(chart: Chart) -> str:
-    rows = [_key(layer) for layer in chart.layers if layer.label]
+    rows = []
+    for layer in chart.layers:
+        kind = f"{type(layer).__name__.lower()} {layer.role}"
+        kind += " faint" if isinstance(layer, Band) and layer.faint else ""
+        kind += " dashed" if isinstance(layer, Line) and layer.dashed else ""
+        rows += [f'<span><i class="key {kind}"></i>{escape(layer.label)}</span>'] if layer.label else []
     return f'<p class="legend">{"".join(rows)}</p>' if len(rows) > 1 else ""
-
-
-def _key(layer: Layer) -> str:
-    kind = type(layer).__name__.lower()
-    faint = " faint" if isinstance(layer, Band) and layer.faint else ""
-    dash = " dashed" if isinstance(layer, Line) and layer.dashed else ""
-    return f'<span><i class="key {kind} {layer.role}{faint}{dash}"></i>{escape(layer.label)}</span>'

@@ -10,11 +10,11 @@ from html import escape
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
+from hindrax_analysis.published import Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS, pretty_unit
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, page, plus_minus, table
-from hindrax_analysis.report.published import Published, published_of
 from hindrax_analysis.report.report_tables import HEADINGS, title_of
 from hindrax_ident.assess.results import Number
 from hindrax_ident.model.motion_model import MOTIONS, coefficients

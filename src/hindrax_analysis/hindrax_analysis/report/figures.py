@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -11,8 +12,8 @@ import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.digits import TWO_SIDED_95
-from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs
-from hindrax_analysis.report.published import published_of
+from hindrax_analysis.published import PAPER, published_of
+from hindrax_analysis.report.chart import Band, Bars, Chart, Layer, Line, Points, Role, Stems, xs, ys
 from hindrax_analysis.report.scale import data_range
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
@@ -72,17 +73,13 @@ class MotionFigures:
 
 def charts_of(figures: MotionFigures) -> list[Chart]:
     """All charts of a motion, in the order of reading."""
-    found = [
-        _force_velocity(figures),
-        _distance_from_fit(figures),
-        _motion_over_time(figures),
-        _force_over_time(figures),
-    ]
-    checked = figures.assessment.validation
-    found += [_held_out(figures, checked.prediction)] if checked else []
-    found += convergence(figures)
-    found += [_residuals(figures), _whiteness(figures), _excitation(figures)]
-    return found
+    checked, trace = figures.assessment.validation, figures.trace
+    held_out = [_held_out(figures, checked.prediction)] if checked else []
+    names = [name for name in TABULATED if trace and len(trace.t_s) >= 3 and name in trace.values]
+    online = [_convergence(figures, trace, name) for name in names if trace]
+    first = [_force_velocity(figures), _distance_from_fit(figures), _motion_over_time(figures)]
+    last = [_residuals(figures), _whiteness(figures), _excitation(figures)]
+    return [*first, _force_over_time(figures), *held_out, *online, *last]
 
 
 # ---- force against velocity
@@ -91,26 +88,26 @@ def charts_of(figures: MotionFigures) -> list[Chart]:
 def _force_velocity(figures: MotionFigures) -> Chart:
     result, (speed_unit, force_unit), (speed, force) = figures.result, figures.units, figures.words
     plateaus = figures.assessment.plateaus.on_side(figures.motion.side)
-    v = _speeds(figures)
-    layers: list[Layer] = list(_bands(figures, v))
-    layers.append(Line(v, _steady(result.coefficients, v), "model", "fitted"))
+    high = max(result.speeds[1], 1e-6)
+    v = array(np.linspace(0.0 if figures.motion.side else -high, high, CURVE_POINTS) * (figures.motion.side or 1))
+    layers: list[Layer] = [*_bands(figures, v), Line(v, _steady(result.coefficients, v), "model", "fitted")]
     truth = {name: number.truth for name, number in result.coefficients.items() if number.truth is not None}
     if {"k_q", "k_l", "b"} <= set(truth):
         layers.append(
             Line(v, _curve(truth["k_q"], truth["k_l"], truth["b"], v), "truth", "truth of the mock", dashed=True)
         )
-    layers += _paper_curve(figures, v)
+    if paper := published_of(figures.vehicle.name, result.motion):
+        k = {name: pair[0] for name, pair in paper.in_our_axes.items()}
+        layers.append(Line(v, _curve(k["k_q"], k["k_l"], k["b"], v), "paper", PAPER, dashed=True))
     if len(plateaus.v) and not has_restoring_moment(result):
         layers.append(Points(plateaus.v, plateaus.force, "plateau", "plateaus (means)"))
-    seen = np.concatenate([_ys(layer) for layer in layers if not isinstance(layer, Band)])
-    low, high = data_range([seen])
     return Chart(
         title=f"{force.capitalize()} against {speed}",
         x_label=f"{speed} [{speed_unit}]",
         y_label=f"{force} at constant {speed} [{force_unit}]",
         caption=f"The fitted drag curve k_q|x|x + k_l x + b over the tested range of {speed}, with its 95 % bands.",
         layers=tuple(layers),
-        y_range=(low, high),
+        y_range=data_range([ys(layer) for layer in layers if not isinstance(layer, Band)]),
     )
 
 
@@ -118,9 +115,7 @@ def _distance_from_fit(figures: MotionFigures) -> Chart:
     """The first chart minus the fitted curve: shows the bands of a good fit."""
     whole, numbers = _force_velocity(figures), figures.result.coefficients
     layers = tuple(_minus_fit(layer, _steady(numbers, xs(layer))) for layer in whole.layers)
-    close = [
-        part for layer in layers if not (isinstance(layer, Line) and layer.role == "paper") for part in _extent(layer)
-    ]
+    close = [ys(layer) for layer in layers if layer.role != "paper"]
     return replace(
         whole,
         title="Distance from the fitted curve",
@@ -135,24 +130,6 @@ def _minus_fit(layer: Layer, fitted: Array) -> Layer:
     if isinstance(layer, Band):
         return replace(layer, low=array(layer.low - fitted), high=array(layer.high - fitted))
     return replace(layer, y=array(layer.y - fitted)) if isinstance(layer, Line | Points) else layer
-
-
-def _extent(layer: Layer) -> tuple[Array, ...]:
-    """Coordinates along y of all edges: (n,) each [N, N m]."""
-    return (layer.low, layer.high) if isinstance(layer, Band) else (_ys(layer),)
-
-
-def _ys(layer: Layer) -> Array:
-    """Coordinates along y of lines and points: (n,) [N, N m]."""
-    return layer.y if isinstance(layer, Line | Points) else np.zeros(0)
-
-
-def _speeds(figures: MotionFigures) -> Array:
-    """Velocities of the fitted curve: (CURVE_POINTS,) [m/s, rad/s]."""
-    high = max(figures.result.speeds[1], 1e-6)
-    low = 0.0 if figures.motion.side else -high
-    v = np.linspace(low, high, CURVE_POINTS)
-    return array(v * (figures.motion.side or 1))
 
 
 def _curve(k_q: float, k_l: float, b: float, v: Array) -> Array:
@@ -183,14 +160,6 @@ def _bands(figures: MotionFigures, v: Array) -> list[Band]:
         half_width = TWO_SIDED_95 * np.sqrt(np.maximum(0.0, np.sum(gradient @ block * gradient, axis=1)))
         out.append(Band(v, array(middle - half_width), array(middle + half_width), "model", label, faint=faint))
     return out
-
-
-def _paper_curve(figures: MotionFigures, v: Array) -> list[Line]:
-    paper = published_of(figures.vehicle.name, figures.result.motion)
-    if paper is None:
-        return []
-    k = {name: pair[0] for name, pair in paper.in_our_axes.items()}
-    return [Line(v, _curve(k["k_q"], k["k_l"], k["b"], v), "paper", "COB-2023-1394", dashed=True)]
 
 
 # ---- over time
@@ -230,8 +199,7 @@ def _motion_over_time(figures: MotionFigures) -> Chart:
     problem, path = figures.assessment.fit.problem, figures.assessment.fit.linear.path
     t, y, _ = _main(figures)
     what, unit = _quantity(figures)
-    fitted = path.v if problem.main == 0 else path.s
-    times = problem.grid.times_s
+    times, fitted = problem.grid.times_s, path.v if problem.main == 0 else path.s
     smooth = np.where(problem.grid.starts, math.nan, fitted)
     return Chart(
         title=f"{what.capitalize()} over time",
@@ -280,16 +248,7 @@ def _held_out(figures: MotionFigures, found: Prediction) -> Chart:
 # ---- convergence
 
 
-def convergence(figures: MotionFigures) -> list[Chart]:
-    """One chart per coefficient of the online estimate; none without one."""
-    trace = figures.trace
-    if trace is None or len(trace.t_s) < 3:
-        return []
-    names = [name for name in TABULATED if name in trace.values]
-    return [_convergence_chart(figures, trace, name) for name in names]
-
-
-def _convergence_chart(figures: MotionFigures, trace: Trace, name: str) -> Chart:
+def _convergence(figures: MotionFigures, trace: Trace, name: str) -> Chart:
     value, half_width = trace.values[name], TWO_SIDED_95 * trace.stds[name]
     t = _clock(figures, trace.t_s)
     number = figures.result.coefficients.get(name)
@@ -303,21 +262,18 @@ def _convergence_chart(figures: MotionFigures, trace: Trace, name: str) -> Chart
     if number is not None and number.truth is not None:
         layers.append(Line(ends, np.full(2, number.truth), "truth", "truth of the mock", dashed=True))
     unit = number.unit if number else ("kg m^2" if figures.motion.axis >= 3 else "kg")
+    # The later part is shown in full; the first estimates may leave the frame.
+    late = slice(len(value) // 4, None)
+    levels = [layer.y for layer in layers if isinstance(layer, Line)][1:]
     return Chart(
         title=f"Online estimate of {LABELS[name]}",
         x_label="time [s]",
         y_label=f"{LABELS[name]} [{pretty_unit(unit)}]",
         caption=f"Online estimate of {LABELS[name]} during the run.",
         layers=tuple(layers),
-        y_range=_late_range(value, half_width, [layer.y for layer in layers if isinstance(layer, Line)][1:]),
+        y_range=data_range([(value - half_width)[late], (value + half_width)[late], *levels], margin=0.15),
         zero=False,
     )
-
-
-def _late_range(value: Array, half_width: Array, levels: Sequence[Array]) -> tuple[float, float]:
-    """Range that shows the later part in full; the first estimates may leave the frame."""
-    late = slice(len(value) // 4, None)
-    return data_range([value[late] - half_width[late], value[late] + half_width[late], *levels], margin=0.15)
 
 
 # ---- residuals
@@ -393,20 +349,10 @@ def has_restoring_moment(result: MotionResult) -> bool:
 
 def comparable_methods(result: MotionResult) -> dict[str, Mapping[str, Number]]:
     """The other methods over the same record, except those that do not model all of the motion's moments."""
-    return {
-        name: found
-        for name, found in result.methods.items()
-        if not (name == "plateaus" and has_restoring_moment(result))
-    }
+    left_out = {"plateaus"} if has_restoring_moment(result) else set()
+    return {name: found for name, found in result.methods.items() if name not in left_out}
 
 
 def pretty_unit(unit: str) -> str:
     """A unit with superscript digits and centered dots."""
-    return (
-        unit.replace("^2", "\u00b2")
-        .replace("^3", "\u00b3")
-        .replace("N m", "N\u00b7m")
-        .replace("N s", "N\u00b7s")
-        .replace("m s", "m\u00b7s")
-        .replace("kg m", "kg\u00b7m")
-    )
+    return re.sub("(?<=[Ngm]) (?=[ms])", "\u00b7", unit).replace("^2", "\u00b2").replace("^3", "\u00b3")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from hindrax_analysis.coefficients_file import TABULATED
+from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.dimensionless import dimensionless, format_reynolds
 from hindrax_analysis.report.figures import (
     METHODS,
@@ -15,7 +16,6 @@ from hindrax_analysis.report.figures import (
     pretty_unit,
 )
 from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table
-from hindrax_analysis.report.published import PAPER, published_of
 from hindrax_core.vehicle import AXES, Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results

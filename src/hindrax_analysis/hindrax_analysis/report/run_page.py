@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
+from hindrax_analysis.published import published_of
 from hindrax_analysis.report.chart import Role, figure
 from hindrax_analysis.report.figures import (
     LABELS,
@@ -22,7 +23,6 @@ from hindrax_analysis.report.figures import (
 )
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import chips, definitions, page, plus_minus, prose
-from hindrax_analysis.report.published import published_of
 from hindrax_analysis.report.report_tables import (
     table_3,
     table_4,

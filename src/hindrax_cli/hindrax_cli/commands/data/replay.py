@@ -14,10 +14,15 @@ from hindrax_cli.argument_types import add_json, add_vehicle
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle
-from hindrax_replay.bag_replay import Replayed, replay
-from hindrax_replay.reference_samples import check_reference, reference_file, write_reference
+from hindrax_replay.bag_replay import (
+    Replayed,
+    check_reference,
+    names_of,
+    reference_file,
+    replay,
+    write_reference,
+)
 from hindrax_replay.ros_replay import replay_ros
-from hindrax_replay.third_party_topics import names_of
 
 NAME = "replay"
 HELP = "recorded wire frames through the real code again, compared with the record"
