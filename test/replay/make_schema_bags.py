@@ -2,7 +2,7 @@
 
     python test/replay/make_schema_bags.py [VERSION ...]
 
-When a message changes: write its step into `hindrax_bag/read/schema_migrations.py`, and make the bag of the new version
+When a message changes: write its step into `hindrax_bag/definitions.py`, and make the bag of the new version
 here. Those of earlier versions stay as they are, unless the reference bag that they are made of was changed.
 """
 
@@ -14,10 +14,9 @@ from typing import Any
 
 from mcap_ros2._dynamic import serialize_dynamic
 
-from hindrax_bag.definitions import definition, share_lookup
+from hindrax_bag.definitions import STEPS, VERSION, definition, share_lookup
 from hindrax_bag.metadata import Channel
 from hindrax_bag.read.bag_reader import attachments, messages
-from hindrax_bag.read.schema_migrations import STEPS, VERSION
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.events import NS_PER_S

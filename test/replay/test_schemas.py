@@ -7,10 +7,9 @@ import math
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from hindrax_bag.definitions import definition, share_lookup
+from hindrax_bag.definitions import VERSION, definition, share_lookup, steps_of
 from hindrax_bag.read.bag_reader import messages
 from hindrax_bag.read.mcap_records import records
-from hindrax_bag.read.schema_migrations import VERSION, steps_of
 from hindrax_bringup.clone import clone_root
 from hindrax_replay.bag_replay import replay
 from hindrax_ros.graph import message_class

@@ -1,11 +1,19 @@
-"""Message definitions as rosbag2 embeds them: the text of a type, then each type it depends on, once."""
+"""Message definitions as rosbag2 embeds them: the text of a type, then each type it depends on, once.
+
+The schema that is embedded in a bag tells which version of our interfaces wrote it. Messages of earlier ones are
+migrated, so that old bags stay readable. When a message changes: add a step here, and a bag of the new version to
+`test/replay/schemas` (see `test/replay/make_schema_bags.py`); a test opens each of them.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 SEPARATOR = "=" * 80
 BUILTIN = frozenset(
@@ -42,15 +50,68 @@ def definition(type_name: str, lookup: Lookup = share_lookup) -> str:
 
 def _dependencies(package: str, text: str) -> Iterator[tuple[str, str]]:
     for line in text.splitlines():
-        field = _FIELD.match(line.partition("#")[0])
-        if field is None or field[1] in BUILTIN:
-            continue
-        owner, _, name = field[1].rpartition("/")
-        yield (owner.removesuffix("/msg") or package, name)
+        found = _FIELD.match(line.partition("#")[0])
+        if found is not None and found[1] not in BUILTIN:
+            owner, _, name = found[1].rpartition("/")
+            yield (owner.removesuffix("/msg") or package, name)
 
 
 def field_kinds(text: str) -> dict[str, str]:
     """Type by name of the fields of a definition, for arrays that of their elements; without constants."""
     own = text.partition(SEPARATOR[:40])[0]
     found = (_FIELD.match(line.partition("#")[0]) for line in own.splitlines())
-    return {field[2]: field[1] for field in found if field is not None and not field[3]}
+    return {one[2]: one[1] for one in found if one is not None and not one[3]}
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Change of one message type in one version of the interfaces."""
+
+    version: int
+    type: str
+    added: Mapping[str, Any] = field(default_factory=dict)
+    """New fields, with the value that says that it is not known."""
+    turned: Mapping[str, tuple[str, Callable[[Any], Any]]] = field(default_factory=dict)
+    """Fields of another kind since: the kind they had before, and how they become today's."""
+
+    def apply(self, message: Any) -> None:
+        """Migrate a decoded message to the newer form."""
+        for name, value in self.added.items():
+            setattr(message, name, value)
+        for name, (_, turn) in self.turned.items():
+            setattr(message, name, turn(getattr(message, name)))
+
+    def wanted(self, fields: Mapping[str, str]) -> bool:
+        """Whether a message with these fields (name to type) has the older form."""
+        lacking = any(name not in fields for name in self.added)
+        return lacking or any(fields.get(name) == kind for name, (kind, _) in self.turned.items())
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(value) for value in values]
+
+
+_SIGMAS_AND_RATES = (
+    *(f"{motion}_velocity_sigma" for motion in ("surge", "sway", "heave")),
+    *(f"{turn}_rate" for turn in ("roll", "pitch", "yaw")),
+)
+_FRACTIONS = {"pulses": ("uint16", _floats)}
+STEPS: tuple[Step, ...] = (
+    Step(2, "hindrax_msgs/msg/NavigationStatus", added=dict.fromkeys(_SIGMAS_AND_RATES, math.nan)),
+    Step(3, "hindrax_msgs/msg/AllocationStatus", turned=_FRACTIONS),
+    Step(3, "hindrax_msgs/msg/ThrusterState", turned=_FRACTIONS),
+    Step(3, "hindrax_msgs/msg/ThrusterCommand", turned=_FRACTIONS | {"lights": ("uint16", _floats)}),
+    Step(4, "hindrax_msgs/msg/ThrusterState", added={"armings": 0}),
+)
+"""In the order of their versions."""
+VERSION = max(step.version for step in STEPS)
+"""Of the interfaces of today."""
+
+
+def steps_of(type_name: str, text: str) -> tuple[Step, ...]:
+    """Steps from an embedded definition to the current one, in their order; none for foreign types."""
+    steps = [step for step in STEPS if step.type == type_name]
+    if not steps:
+        return ()
+    kinds = field_kinds(text)
+    return tuple(step for step in steps if step.wanted(kinds))

@@ -51,13 +51,15 @@ def sqlite_bag(folder: Path, *, with_definitions: bool) -> Path:
 
 
 @pytest.mark.parametrize("with_definitions", [True, False])
-def test_sqlite_bag(tmp_path: Path, with_definitions: bool) -> None:
+def test_sqlite_bag(tmp_path: Path, with_definitions: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     sqlite_bag(tmp_path / "other", with_definitions=with_definitions)
 
     def nothing(package: str, name: str) -> str:
         raise LookupError(f"{package}/{name}")
 
-    found = list(messages(tmp_path / "other", lookup=nothing if with_definitions else lookup))
+    known = nothing if with_definitions else lookup
+    monkeypatch.setattr("hindrax_bag.read.bag_reader.definition", lambda kind: definition(kind, known))
+    found = list(messages(tmp_path / "other"))
     assert [one.decoded().level for one in found] == [2.0, 4.0, 6.0, 8.0, 10.0]
     assert found[0].received == 100
     assert found[0].type == LEVEL.type

@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from hindrax_bag.definitions import Lookup, definition, share_lookup
+from hindrax_bag.definitions import definition, steps_of
 from hindrax_bag.metadata import DESCRIPTION, part_number
 from hindrax_bag.read.mcap_records import Damage, records
-from hindrax_bag.read.schema_migrations import steps_of
 from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.topics import NAMESPACE, in_default_namespace
@@ -111,22 +110,18 @@ def _found(place: Path) -> str:
 
 
 def messages(
-    path: str | Path,
-    topics: Collection[str] | None = None,
-    *,
-    damage: Damage | None = None,
-    lookup: Lookup = share_lookup,
+    path: str | Path, topics: Collection[str] | None = None, *, damage: Damage | None = None
 ) -> Iterator[BagMessage]:
     """Messages of a bag in the order in which they were written, of these topics or of all.
 
     Topics of a vehicle of ours are named as in the default namespace, whichever it had.
 
     An unfinished file is read up to its last whole record, and damaged chunks are left out; `damage` receives a report.
-    `lookup` finds definitions of types for sqlite3 bags that lack them. UsageError when a file is no bag at all.
+    UsageError when a file is no bag at all.
     """
     for file in bag_files(path):
         if file.suffix == ".db3":
-            yield from _sqlite_messages(file, topics, lookup)
+            yield from _sqlite_messages(file, topics)
         else:
             yield from _mcap_messages(file, topics, damage)
 
@@ -152,7 +147,7 @@ def _mcap_messages(file: Path, topics: Collection[str] | None, damage: Damage | 
             channels[record.id] = (topic, form) if wanted else None
 
 
-def _sqlite_messages(file: Path, topics: Collection[str] | None, lookup: Lookup) -> Iterator[BagMessage]:
+def _sqlite_messages(file: Path, topics: Collection[str] | None) -> Iterator[BagMessage]:
     """Messages of a .db3 file, tables `topics` and `messages`, in the order of their times."""
     forms: dict[int, tuple[str, MessageDecoder]] = {}
     try:
@@ -161,7 +156,7 @@ def _sqlite_messages(file: Path, topics: Collection[str] | None, lookup: Lookup)
             query = "SELECT id, name, type, serialization_format FROM topics"
             for number, topic, kind, encoding in database.execute(query):
                 if topics is None or topic in topics:
-                    text = texts[kind] if kind in texts else _installed_definition(file, kind, lookup)
+                    text = texts[kind] if kind in texts else _installed_definition(file, kind)
                     schema = Schema(id=number, name=kind, encoding="ros2msg", data=text.encode())
                     forms[number] = (topic, MessageDecoder(topic, encoding, schema))
             query = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
@@ -182,9 +177,9 @@ def _definitions(database: sqlite3.Connection) -> dict[str, str]:
     return {str(kind): str(text) for kind, text in database.execute(query) if text}
 
 
-def _installed_definition(file: Path, kind: str, lookup: Lookup) -> str:
+def _installed_definition(file: Path, kind: str) -> str:
     try:
-        return definition(kind, lookup)
+        return definition(kind)
     except (LookupError, OSError, ImportError, ValueError) as error:
         why = f"the definition of {kind} is neither in the bag nor installed; install its package"
         raise UsageError(f"{file}: {why}") from error
