@@ -11,7 +11,7 @@ from documentation.pages import PAGES, ROOT, Command, block_of, commands_of, lin
 
 from hindrax_cli import command_line
 from hindrax_cli.command_line import main
-from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.vehicle import AXES, load_vehicle
 from hindrax_sim.hardware import Hardware
 

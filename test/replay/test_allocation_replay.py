@@ -14,7 +14,7 @@ from hindrax_bag.read.recovery import recover
 from hindrax_bringup.clone import clone_root
 from hindrax_control.allocation import allocation_cycle, wrench_guard
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
 from hindrax_core.topics import ALLOCATION, THRUSTER_COMMAND, WRENCH, resolved
@@ -50,7 +50,7 @@ def test_a_guard_with_other_limits_is_found(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_guard_that_refuses_everything_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wrench_guard, "_foreign", lambda frame: f"wrench: found frame {frame!r}")
+    monkeypatch.setattr(wrench_guard.WrenchGuard, "_untimely", lambda *_: "wrench: refused")
     assert fields(differences(), COMMAND_NAME) == {"(message) recorded, not replayed"}
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from state_messages import odometry_to_msg
 
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.metadata import Channel
@@ -41,7 +42,7 @@ from hindrax_ident.records.feed import DROPPED
 from hindrax_replay import state_stage
 from hindrax_replay.bag_replay import Replayed, check_reference, reference_file, replay, write_reference
 from hindrax_ros.graph import message_class
-from hindrax_ros.messages.convert import estimate_to_msg, navigation_from_msg, odometry_to_msg
+from hindrax_ros.messages.convert import estimate_to_msg, navigation_from_msg
 from hindrax_ros.messages.serialization import current_bytes, serialized
 
 BAGS = sorted((clone_root() / "test" / "replay" / "bags").iterdir())

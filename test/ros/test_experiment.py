@@ -18,7 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.nodes.active_goal import result_of
+from hindrax_control.nodes.pilot_messages import result_of
 from hindrax_core.input_checks import MOCK_ORDER
 from hindrax_ident.nodes import experiment_server
 from hindrax_ident.nodes.identifier import Identifier

@@ -20,7 +20,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.nodes.pilot_node import PilotNode
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.vehicle import load_vehicle

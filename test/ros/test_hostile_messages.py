@@ -26,12 +26,13 @@ from geometry_msgs.msg import Twist
 from ideal_vehicle import IdealVehicle
 from rclpy.node import Node
 from sensor_msgs.msg import BatteryState, Joy
+from state_messages import odometry_to_msg
 from std_msgs.msg import Bool, Header
 from std_srvs.srv import Trigger
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.allocation.applied_wrench import PULSE_FIELDS
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_control.nodes import allocator_node, pilot_node
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
@@ -103,7 +104,7 @@ def good(topic: Topic, now: Stamp) -> Any:
         ESTIMATE: lambda: convert.estimate_to_msg(Stamped(now, TOLD)),
         OPERATOR_WRENCH: lambda: wrench_to_msg(now, ZERO6),
         WRENCH: lambda: wrench_to_msg(now, ZERO6),
-        ODOMETRY: lambda: convert.odometry_to_msg(Stamped(now, HANGING)),
+        ODOMETRY: lambda: odometry_to_msg(Stamped(now, HANGING)),
         ALLOCATION: lambda: AllocationStatus(forces=[0.0] * 8, pulses=[1500.0] * 8, saturated=[False] * 8),
         HOLD_SETPOINT: lambda: HoldSetpoint(axis="depth", engaged=False),
         THRUSTER_STATE: lambda: ThrusterState(armed=True, state="armed", pulses=[1500.0] * 8, output="pca9685"),
@@ -290,7 +291,7 @@ def test_an_order_that_is_not_of_now_moves_nothing_is_counted_and_stands_in_no_o
     for message in sent:
         control.say(topic, message)
         assert control.still(), message
-    refusals = control.pilot._refusals
+    refusals = control.pilot._reporter.refusals
     assert refusals.counts[topic.name] >= len(sent) - (topic is THRUSTER_HEALTH_ORDER)  # an old list may be said again
     assert "wanted" in refusals.last
     control.say(topic, _of(order, control.now()))
@@ -324,14 +325,14 @@ def test_lists_that_come_before_the_time_is_known_are_judged_as_soon_as_it_is(
     monkeypatch.setattr(control.pilot, "now", lambda: now)
     control.pilot.drain()
     assert control.pilot._disabled == {"T4": "weak"}
-    assert control.pilot._refusals.counts == {THRUSTER_HEALTH_ORDER.name: 1}
+    assert control.pilot._reporter.refusals.counts == {THRUSTER_HEALTH_ORDER.name: 1}
 
 
 def test_strange_thrusters_are_left_out_of_a_list(control: Control) -> None:
     listed = ThrusterHealth(disabled=["T2", "T99", "x" * 1000], reasons=["weak"])
     control.say(THRUSTER_HEALTH_ORDER, _of(listed, control.now()))
     assert control.pilot._disabled == {"T2": "weak"}
-    assert "found no thruster 'T99', wanted some of T1, T2" in control.pilot._refusals.last
+    assert "found no thruster 'T99', wanted some of T1, T2" in control.pilot._reporter.refusals.last
 
 
 def test_a_goal_that_is_not_of_now_or_makes_no_sense_is_answered_and_flies_nothing(control: Control) -> None:
@@ -371,8 +372,8 @@ def test_a_state_of_other_thrusters_is_not_believed(control: Control) -> None:
         control.say(THRUSTER_STATE, _of(wrong, control.now()))
     assert control.pilot._armed
     for node in (control.pilot, control.allocator):
-        assert node._refusals.counts == {THRUSTER_STATE.name: 4}
-        assert node._refusals.last == "thrusters/state: found a pulse of 9000 us, wanted 500 to 2500 us"
+        assert node._reporter.refusals.counts == {THRUSTER_STATE.name: 4}
+        assert node._reporter.refusals.last == "thrusters/state: found a pulse of 9000 us, wanted 500 to 2500 us"
 
 
 @pytest.fixture
@@ -441,11 +442,11 @@ def test_pulses_that_are_none_are_refused_and_become_no_wrench(
             thrust._type = kind
             for message in hostile.floods(message_class(kind), Time(), every=31):
                 thrust._on_pulses(message)
-    told = thrust._refusals.counts.total()
+    told = thrust._reporter.refusals.counts.total()
     for channels in ([], [1500] * 7, [65535] * 16, [1] * 8, [1500] * 7 + [499]):
         hear_pulses(thrust, Header(), channels)
     assert sent == []
-    assert thrust._refusals.counts.total() == told + 5
+    assert thrust._reporter.refusals.counts.total() == told + 5
     for time_of in hostile.TIMES:
         hear_pulses(thrust, Header(stamp=Time(sec=time_of[0], nanosec=time_of[1])), [1500] * 8)
     assert {wrench_from_msg(one) for one in sent} == {ZERO6}

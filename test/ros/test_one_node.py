@@ -22,12 +22,13 @@ from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from state_messages import navigation_to_msg
 from std_msgs.msg import UInt16MultiArray
 from std_srvs.srv import Trigger
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.topics import (
@@ -46,7 +47,7 @@ from hindrax_core.vehicle import load_vehicle
 from hindrax_msgs.msg import AllocationStatus, HoldSetpoint, ManeuverStatus, ModelEstimate, ThrusterState
 from hindrax_msgs.srv import Arm
 from hindrax_ros.graph import publisher, subscription
-from hindrax_ros.messages.convert import navigation_to_msg, stamp_from_msg, stamp_to_msg, wrench_from_msg
+from hindrax_ros.messages.convert import stamp_from_msg, stamp_to_msg, wrench_from_msg
 
 pytestmark = pytest.mark.ros
 

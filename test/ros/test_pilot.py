@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack import adopted, environment, own_domain
-from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.maneuver.goal import Goal
 from hindrax_control.maneuver.plan import MOTIONS, plans_of
 from hindrax_control.nodes.pilot_node import PilotNode
@@ -331,7 +331,7 @@ def test_without_a_state_of_the_vehicle_a_maneuver_ends_and_says_so(bench: Bench
 def test_a_goal_cancelled_before_it_begins_is_not_begun(bench: Bench) -> None:
     bench.navigation = None
     bench.when(lambda: bench.pilot._goal is not None, bench.operator.cancel_all)
-    bench.when(lambda: bench.pilot._goal is None or bench.pilot._goal.cancelled, bench.go_on)
+    bench.when(lambda: bench.pilot._goal is None or bench.pilot._goal.handle.is_cancel_requested, bench.go_on)
     assert bench.fly() == "cancelled: by the operator"
 
 

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.maneuver.goal import PLATEAUS, Goal
-from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.conditions.world_table import POOL, sizes_of
 from hindrax_sim.faults.fault_registry import FaultSpec

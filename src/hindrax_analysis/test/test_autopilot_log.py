@@ -14,7 +14,7 @@ from ulog import ulog
 from hindrax_analysis.records.autopilot_log import CHANNELS, read_log
 from hindrax_analysis.records.recording import Recording
 from hindrax_bringup.share_files import default_vehicle
-from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.errors import UsageError
 from hindrax_core.rotation import matrix, rotate
 from hindrax_core.vehicle import Vehicle, load_vehicle

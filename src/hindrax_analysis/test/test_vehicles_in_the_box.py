@@ -8,8 +8,8 @@ import pytest
 
 from hindrax_analysis.identification.montecarlo import HullTruth, trial_of
 from hindrax_bringup.share_files import default_vehicle
+from hindrax_control.maneuver.goal import ServableMotions, motions_to_fly
 from hindrax_control.maneuver.plan import PlanKnobs
-from hindrax_control.maneuver.servable import ServableMotions, motions_to_fly
 from hindrax_control.pilot import PilotKnobs
 from hindrax_core.vehicle import load_vehicle
 from hindrax_sim.flights.pool_flight import fly

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import make_table, print_table, working
-from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_control.maneuver.goal import motions_to_fly
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle

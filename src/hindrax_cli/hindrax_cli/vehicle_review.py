@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from hindrax_cli.health_checks.check import Check
-from hindrax_control.maneuver.servable import largest_wrench, servable_motions
+from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, WRENCH_UNITS, Vehicle
 

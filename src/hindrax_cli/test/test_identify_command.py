@@ -27,7 +27,7 @@ from hindrax_bringup.clone import clone_root
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.data import identify
-from hindrax_control.allocation.applied_wrench import AppliedWrench
+from hindrax_control.allocation.thrust_curve import AppliedWrench
 from hindrax_core.topics import MANEUVER, resolved
 from hindrax_core.vehicle import Drag, Vehicle, load_vehicle
 from hindrax_ident.arrays import Array

@@ -16,7 +16,7 @@ from hindrax_cli.commands.machine import vehicle
 from hindrax_cli.vehicle_questions import QUESTIONS, ask
 from hindrax_cli.vehicle_review import DOWN, UP, findings, picture
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.servable import largest_wrench
+from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import AXES, Vehicle, load_vehicle, parse_vehicle
 

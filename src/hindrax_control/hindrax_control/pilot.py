@@ -14,16 +14,14 @@ from hindrax_control.allocation.thruster_fault_detector import FaultDetectorKnob
 from hindrax_control.allocation.wrench_guard import WrenchGuard, WrenchGuardKnobs
 from hindrax_control.hold.holds import STATION, HoldKnobs, Holds, HoldState, Setpoint
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import BUSY, SENSELESS, Goal, require_flyable, require_ready
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards, Situation
 from hindrax_control.maneuver.plan import MOTIONS, Plan, PlanKnobs, Planner
-from hindrax_control.maneuver.refusal import BUSY, require_flyable, require_ready
-from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pool_bounds import GuardedPlace, PoolBounds, PoolBoundsKnobs
 from hindrax_core.errors import UsageError
 from hindrax_core.events import Stamp, seconds_between, to_s
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import NAN, ZERO6, Allocation, Navigation
 from hindrax_core.vehicle import Vehicle
 
@@ -154,7 +152,7 @@ class Pilot:
 
     def plans(self) -> dict[str, Plan | str]:
         """What each motion would fly now, or a sentence that says why it cannot; first word: its name."""
-        planner = Planner(self._vehicle, self._allocator, self._knobs.plan, self._disabled)
+        planner = self._planner()
         pool = PoolBounds(self._vehicle, 0.0, self._knobs.pool_bounds)
         found: dict[str, Plan | str] = {}
         for motion in MOTIONS:
@@ -163,6 +161,9 @@ class Pilot:
             except UsageError as error:
                 found[motion] = str(error)
         return found
+
+    def _planner(self) -> Planner:
+        return Planner(self._vehicle, self._allocator, self._knobs.plan, self._disabled)
 
     def disable(self, disabled: frozenset[str]) -> None:
         """Set the thrusters that must not be used."""
@@ -174,15 +175,7 @@ class Pilot:
         require_ready(flying=self.flying, armed=self._armed, guards=self._guards, heading_known=pool is not None)
         assert pool is not None
         self._maneuver = Maneuver(
-            self._vehicle,
-            self._allocator,
-            goal,
-            pool,
-            knobs=knobs.maneuver,
-            plan_knobs=knobs.plan,
-            station_knobs=knobs.station,
-            safety_knobs=knobs.guards,
-            disabled=self._disabled,
+            self._planner(), goal, pool, knobs=knobs.maneuver, station_knobs=knobs.station, safety_knobs=knobs.guards
         )
         self._station = None
         return self._maneuver
@@ -292,27 +285,15 @@ class Pilot:
             # Until it is armed for the first time, the vehicle lies in the pool as the knobs say.
             if self._origin_m is None and math.isfinite(sum(navigation.position_m)):
                 self._origin_m = navigation.position_m
-            self.pool = PoolBounds(
-                self._vehicle,
-                navigation.attitude_rad[2],
-                self._knobs.pool_bounds,
-                origin_m=self._origin_m or (0.0, 0.0),
-            )
+            heading_rad, origin_m = navigation.attitude_rad[2], self._origin_m or (0.0, 0.0)
+            self.pool = PoolBounds(self._vehicle, heading_rad, self._knobs.pool_bounds, origin_m=origin_m)
         place, walls_m = None, {}
         if self.pool is not None:
             place = self.pool.place(navigation)
             walls_m = self.pool.walls_m(place)
-        self._guards = self._maneuver_guards.step(
-            Situation(
-                navigation,
-                place,
-                walls_m,
-                to_s(stamp),
-                battery_V,
-                self.water_in_hull,
-                unplaced=self._unplaced,
-            )
-        )
+        where, when = (navigation, place, walls_m), to_s(stamp)
+        situation = Situation(*where, when, battery_V, self.water_in_hull, unplaced=self._unplaced)
+        self._guards = self._maneuver_guards.step(situation)
         if self._armed and not armed:
             self._keeping_station, self._station = False, None
             self._operator_wrench = None
@@ -367,5 +348,4 @@ class Pilot:
 
 
 def _sum(one: Vec6, other: Vec6) -> Vec6:
-    X, Y, Z, K, M, N = (a + b for a, b in zip(one, other, strict=True))
-    return (X, Y, Z, K, M, N)
+    return vec6(a + b for a, b in zip(one, other, strict=True))

@@ -76,13 +76,6 @@ def guessed(vehicle: Vehicle) -> Hydrodynamics:
         "pitch": width * (length / 2.0) ** 4 / 2.0,
         "yaw": height * (length / 2.0) ** 4 / 2.0,
     }
-    drags = {axis: Drag(k_q=half_density * value) for axis, value in (faces | turning).items()}
-    return Hydrodynamics(
-        added_mass=(entrained, entrained, entrained, 0.5 * ix, 0.5 * iy, 0.5 * iz),
-        surge=drags["surge"],
-        sway=drags["sway"],
-        heave=drags["heave"],
-        roll=drags["roll"],
-        pitch=drags["pitch"],
-        yaw=drags["yaw"],
-    )
+    surge, sway, heave, roll, pitch, yaw = (Drag(k_q=half_density * (faces | turning)[axis]) for axis in AXES)
+    added_mass = (entrained, entrained, entrained, 0.5 * ix, 0.5 * iy, 0.5 * iz)
+    return Hydrodynamics(added_mass, surge, sway, heave, roll, pitch, yaw)

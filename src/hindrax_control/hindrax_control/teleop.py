@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hindrax_core.knobs import knob
-from hindrax_core.readings import Vec3, Vec6
+from hindrax_core.readings import Vec3, Vec6, vec6
 from hindrax_core.signals import ZERO6
 
 UNUSED = -1
@@ -75,11 +75,10 @@ class Teleop:
     def _wrench(self, parts: Vec6) -> Vec6:
         """Parts of the share of the limits; what is not finite stays so, for the vehicle to refuse by name."""
         share = self._knobs.share
-        X, Y, Z, K, M, N = (
+        return vec6(
             share * limit * (max(-1.0, min(1.0, part)) if math.isfinite(part) else part)
             for part, limit in zip(parts, self._limits, strict=True)
         )
-        return (X, Y, Z, K, M, N)
 
     def _deflection(self, axes: Sequence[float], axis: int) -> float:
         """Way of a stick beyond its dead zone, -1 to 1; one that is not there, or not a number, is at rest."""

@@ -9,12 +9,8 @@ from typing import Any
 import pytest
 
 from hindrax_control.navigation.aiding import Aiding
-from hindrax_control.navigation.attitude_filter import AttitudeFilter
-from hindrax_control.navigation.heading_filter import HeadingFilter
-from hindrax_control.navigation.horizontal_filter import HorizontalFilter
 from hindrax_control.navigation.navigator import NavigatorKnobs
-from hindrax_control.navigation.sensor_mount import SensorMount, sensor_mount
-from hindrax_control.navigation.vertical_filter import VerticalFilter
+from hindrax_control.sensors import SensorMount, sensor_mount
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
 from hindrax_core.rotation import Matrix3, matrix, rotate
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, Vehicle
@@ -37,17 +33,10 @@ class Rig:
     def __init__(self, vehicle: Vehicle, attitude_rad: Vec3 = (0.0, 0.0, 0.0), **knobs: Any) -> None:
         given = NavigatorKnobs(**knobs)
         self.turn, self.vehicle, self.time_s = matrix(attitude_rad), vehicle, 0.0
-        self.attitude, self.vertical = AttitudeFilter(given), VerticalFilter(given)
-        self.horizontal, self.heading = HorizontalFilter(given), HeadingFilter(given, 0)
+        self.aiding = Aiding(replace(vehicle, thrusters=()), given)
+        self.attitude, self.vertical = self.aiding.attitude, self.aiding.vertical
+        self.horizontal, self.heading = self.aiding.horizontal, self.aiding.heading
         self.attitude.align(rotate_back(self.turn, (0.0, 0.0, -GRAVITY_mps2)), 1.0, attitude_rad[2])
-        self.aiding = Aiding(
-            vehicle,
-            given,
-            attitude=self.attitude,
-            heading=self.heading,
-            vertical=self.vertical,
-            horizontal=self.horizontal,
-        )
 
     @property
     def heading_rad(self) -> float:

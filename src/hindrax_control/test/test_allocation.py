@@ -21,8 +21,7 @@ from hindrax_control.allocation.allocator import (
     _unchecked,
     bounded_axes,
 )
-from hindrax_control.allocation.deadband_bias import NullPattern
-from hindrax_control.allocation.effectiveness import effectiveness
+from hindrax_control.allocation.effectiveness import NullPattern, effectiveness
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
@@ -249,7 +248,7 @@ def test_voltages_are_told_apart_by_a_tenth_of_a_volt_and_a_few_of_them_are_kept
     assert allocator._kept(nobody, 14.0) is kept
     for tenths in range(100):
         allocator._kept(nobody, 5.0 + tenths / 10.0)
-        assert len(allocator._setups) <= KEPT_LAYOUTS
+        assert allocator._kept.cache_info().currsize <= KEPT_LAYOUTS
 
 
 def test_limits_of_a_thruster_are_checked_at_the_end_unless_exactly_one_pattern_has_checked_them() -> None:

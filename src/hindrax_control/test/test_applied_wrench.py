@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
 
-from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels, unfit_pulses
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, check_pulses, pulses_of_channels
 from hindrax_core.vehicle import Vehicle
 
 PULSES = (1600.0, 1400.0, 1500.0, 1700.0, 1550.0, 1450.0, 1300.0, 1650.0)
@@ -45,7 +46,8 @@ def test_too_few_channels_are_told(hindrax: Vehicle) -> None:
 @pytest.mark.parametrize("pulse", [499.0, 2501.0, math.nan, 65535.0])
 def test_what_is_no_servo_pulse_is_told(hindrax: Vehicle, pulse: float) -> None:
     pulses = [*PULSES[:5], pulse, *PULSES[6:]]
-    assert f"found a pulse of {pulse:g} us" in unfit_pulses(pulses, 8)
+    with pytest.raises(ValueError, match=f"found a pulse of {re.escape(f'{pulse:g}')} us"):
+        check_pulses(pulses, 8)
     channels = channels_of(hindrax)
     channels[hindrax.thrusters[5].channel] = pulse
     with pytest.raises(ValueError, match="found a pulse of"):
@@ -53,8 +55,9 @@ def test_what_is_no_servo_pulse_is_told(hindrax: Vehicle, pulse: float) -> None:
 
 
 def test_servo_pulses_of_all_thrusters_are_fit_and_those_of_fewer_are_not() -> None:
-    assert unfit_pulses([500.0, 2500.0, 1500.0], 3) == ""
-    assert unfit_pulses([1500.0] * 3, 4) == "found 3 pulses, wanted 4"
+    check_pulses([500.0, 2500.0, 1500.0], 3)
+    with pytest.raises(ValueError, match="found 3 pulses, wanted 4"):
+        check_pulses([1500.0] * 3, 4)
 
 
 def test_the_wrench_of_pulses_is_force_times_arm(hindrax: Vehicle) -> None:

@@ -20,9 +20,8 @@ from scipy.sparse import block_diag
 
 from hindrax_control.allocation.allocator import AllocationKnobs, Allocator
 from hindrax_control.allocation.bounded_allocation import AttainableSet, facets
-from hindrax_control.allocation.effectiveness import effectiveness, served_axes
+from hindrax_control.allocation.effectiveness import effectiveness, served_axes, thruster_layout
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.allocation.thruster_layout import thruster_layout
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from hindrax_control.allocation.deadband_bias import DeadbandBias, NullPattern, patterns
+from hindrax_control.allocation.deadband_bias import DeadbandBias
+from hindrax_control.allocation.effectiveness import NullPattern, patterns
 from hindrax_ident.arrays import Array
 
 SHARES = (1.0, -0.5, 0.8)

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.maneuver.excitation import EXCITATIONS, Bounds, Excite, signal
+from hindrax_control.maneuver.excitation import Bounds, Excite, signal
+from hindrax_control.maneuver.goal import EXCITATIONS
 from hindrax_control.prior_dynamics import PriorDynamics
 from hindrax_core.vehicle import Drag
 

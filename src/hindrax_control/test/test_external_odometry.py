@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_control.navigation.estimator_health import FASTEST, EstimatorHealth
-from hindrax_control.navigation.external_odometry import ExternalOdometry
+from hindrax_control.navigation.estimator_health import FASTEST, EstimatorHealth, ExternalOdometry
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import Consistency, Navigation
 from hindrax_core.vehicle import load_vehicle

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hindrax_control.navigation.gyro_bias import SPANS, FINEST_radps, Offset, RestWindow
+from hindrax_control.navigation.attitude_filter import SPANS, FINEST_radps, Offset, Span, mean, offset_at_rest
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import GRAVITY_mps2
 
@@ -21,26 +21,25 @@ OFFSETS = st.tuples(*[st.floats(-0.08, 0.08)] * 3)
 
 def shown(rate: Callable[[Any], float], roll: Callable[[Any], float], *, noise: float = 0.0, seed: int = 0) -> Offset:
     """What a window shows of a vehicle with this roll rate [rad/s] at this roll [rad], both told of time."""
-    draw, window = random.Random(seed), RestWindow()
+    draw = random.Random(seed)
+    window: list[Span] = []
     for number in range(SPANS):
         instants = [(number + (k + 0.5) / 20) * SPAN_S for k in range(20)]
         p = sum(map(rate, instants)) / 20
         y, z = (sum(trig(roll(t)) for t in instants) / 20 for trig in (math.sin, math.cos))
-        window.add(
-            (p + draw.gauss(0.0, noise), draw.gauss(0.0, noise), draw.gauss(0.0, noise)),
-            (0.0, -GRAVITY_mps2 * y, -GRAVITY_mps2 * z),
-        )
-    assert window.full
-    return window.offset(SPAN_S)
+        rate_radps = (p + draw.gauss(0.0, noise), draw.gauss(0.0, noise), draw.gauss(0.0, noise))
+        window.append((rate_radps, (0.0, -GRAVITY_mps2 * y, -GRAVITY_mps2 * z)))
+    return offset_at_rest(window, SPAN_S)
 
 
 @given(OFFSETS, st.integers(0, 1000))
 def test_the_offset_of_a_still_sensor_is_found_within_its_error(offset: Vec3, seed: int) -> None:
-    draw, window = random.Random(seed), RestWindow()
+    draw = random.Random(seed)
+    window: list[Span] = []
     for _ in range(SPANS):
         x, y, z = (one + draw.gauss(0.0, 3.5e-4) for one in offset)
-        window.add((x, y, z), (0.0, 0.0, -GRAVITY_mps2))
-    found = window.offset(SPAN_S)
+        window.append(((x, y, z), (0.0, 0.0, -GRAVITY_mps2)))
+    found = offset_at_rest(window, SPAN_S)
     assert found.rate_radps == pytest.approx(offset, abs=1e-3)
     assert FINEST_radps <= found.sigma_radps < math.radians(0.1)
 
@@ -58,21 +57,18 @@ def test_a_swing_is_never_taken_for_an_offset_with_confidence(
 
 
 def test_turning_to_and_fro_about_the_vertical_shows_nothing() -> None:
-    window = RestWindow()
-    for number in range(SPANS):
-        window.add((0.0, 0.0, 0.1 * (-1) ** number), (0.0, 0.0, -GRAVITY_mps2))
-    assert window.offset(SPAN_S).sigma_radps > 0.09
+    window: list[Span] = [((0.0, 0.0, 0.1 * (-1) ** number), (0.0, 0.0, -GRAVITY_mps2)) for number in range(SPANS)]
+    assert offset_at_rest(window, SPAN_S).sigma_radps > 0.09
 
 
 def test_gravity_that_turns_steadily_is_a_turn_whatever_the_rates_say() -> None:
-    window = RestWindow()
+    window: list[Span] = []
     for number in range(SPANS):
         roll_rad = 0.02 * number
         force = (0.0, -GRAVITY_mps2 * math.sin(roll_rad), -GRAVITY_mps2 * math.cos(roll_rad))
-        window.add((0.0, 0.0, 0.0), force)
-    assert window.offset(SPAN_S).sigma_radps == pytest.approx(0.02 / SPAN_S, rel=0.01)
-    assert window.last_force_mps2 == force
-    assert window.force_mps2[1] == pytest.approx(-GRAVITY_mps2 * 0.04, rel=0.01)
+        window.append(((0.0, 0.0, 0.0), force))
+    assert offset_at_rest(window, SPAN_S).sigma_radps == pytest.approx(0.02 / SPAN_S, rel=0.01)
+    assert mean(force for _, force in window)[1] == pytest.approx(-GRAVITY_mps2 * 0.04, rel=0.01)
 
 
 @given(OFFSETS, st.floats(1e-4, 1.0), st.floats(1e-4, 1.0))

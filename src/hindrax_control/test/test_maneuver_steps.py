@@ -11,10 +11,9 @@ import pytest
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import Setpoint
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import Goal, check_goal
 from hindrax_control.maneuver.maneuver import Maneuver, ManeuverKnobs, ManeuverOutput, abandoned
-from hindrax_control.maneuver.plan import CHARACTERS
-from hindrax_control.maneuver.refusal import check_goal
+from hindrax_control.maneuver.plan import CHARACTERS, PlanKnobs, Planner
 from hindrax_control.maneuver.stages import RELEASED
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import prior_dynamics
@@ -42,7 +41,8 @@ Make = Callable[..., Maneuver]
 @pytest.fixture
 def make(hindrax: Vehicle) -> Make:
     def maneuver(*motions: str, knobs: ManeuverKnobs | None = None, **goal: Any) -> Maneuver:
-        return Maneuver(hindrax, Allocator(hindrax), Goal(motions, **goal), PoolBounds(hindrax, 0.0), knobs=knobs)
+        planner = Planner(hindrax, Allocator(hindrax), PlanKnobs())
+        return Maneuver(planner, Goal(motions, **goal), PoolBounds(hindrax, 0.0), knobs=knobs)
 
     return maneuver
 

@@ -12,11 +12,9 @@ from ideal_vehicle import IdealVehicle
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import HOLDS, STATION, Setpoint
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import SENSELESS, Goal, check_goal
 from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
 from hindrax_control.maneuver.plan import PlanKnobs
-from hindrax_control.maneuver.refusal import check_goal
-from hindrax_control.maneuver.stages import SENSELESS
 from hindrax_control.pilot import Pilot, PilotKnobs, PilotOutput
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
 from hindrax_core.errors import HindraxError, UsageError

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
+from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
 from hindrax_control.navigation.navigator import Navigator
-from hindrax_control.navigation.position_uncertainty import PositionKnobs, PositionUncertainty
 from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.readings import BottomVelocity, Inertial
 from hindrax_core.signals import Navigation

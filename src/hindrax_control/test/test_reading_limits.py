@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hindrax_control.navigation.reading_limits import unfit
+from hindrax_control.sensors import unfit
 from hindrax_core.events import Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Reading
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hindrax_control.navigation.sensor_mount import NOWHERE, sensor_mount
+from hindrax_control.sensors import NOWHERE, sensor_mount
 from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Mount
 

@@ -8,12 +8,12 @@ import pytest
 
 from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.refusal import require_flyable
-from hindrax_control.maneuver.servable import (
+from hindrax_control.maneuver.goal import (
+    Goal,
     ServableMotions,
     largest_wrench,
     motions_to_fly,
+    require_flyable,
     require_servable,
     servable_motions,
 )

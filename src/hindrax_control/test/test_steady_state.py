@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_control.maneuver.steady_state import SteadyStateTest, line
+from hindrax_control.maneuver.leg import SteadyStateTest, line
 
 
 def pushed(

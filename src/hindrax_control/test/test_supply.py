@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
+from hindrax_control.allocation.allocation_cycle import SupplyKnobs, SupplyVoltage
 from hindrax_core.events import Stamp, stamp_from_s
 
 

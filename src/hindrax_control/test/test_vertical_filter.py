@@ -134,7 +134,7 @@ def test_it_keeps_no_more_than_a_thousand_lengths_of_ticks() -> None:
     ours = VerticalFilter(VerticalKnobs())
     for number in range(2100):
         ours.predict(0.0, 0.01 + 1e-5 * number)
-        assert len(ours._models) == number % 1000 + 1
+        assert ours._model_of.cache_info().currsize == min(number + 1, 1000)
 
 
 def test_before_the_first_depth_and_echo_nothing_is_known() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -9,6 +10,12 @@ Vec3: TypeAlias = tuple[float, float, float]
 Vec6: TypeAlias = tuple[float, float, float, float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 """w, x, y, z; rotates a vector from the body into the reference frame."""
+
+
+def vec6(values: Iterable[float]) -> Vec6:
+    """Six values as a tuple; ValueError if there are more or fewer."""
+    X, Y, Z, K, M, N = values
+    return (X, Y, Z, K, M, N)
 
 
 @dataclass(frozen=True, slots=True)

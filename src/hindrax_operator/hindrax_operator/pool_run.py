@@ -21,9 +21,8 @@ from hindrax_bringup.processes import RECORDER, modules
 from hindrax_bringup.stack import MockOptions, Stack, adopted, own_domain, presence_of, stack_environment
 from hindrax_bringup.stack_lock import announced
 from hindrax_bringup.supervisor import Supervisor, stop_signals
-from hindrax_control.maneuver.goal import PLATEAUS, Goal
+from hindrax_control.maneuver.goal import PLATEAUS, Goal, motions_to_fly
 from hindrax_control.maneuver.plan import plans_of
-from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import INTERRUPTED, HindraxError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import Vehicle, load_vehicle

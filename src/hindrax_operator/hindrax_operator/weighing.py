@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hindrax_analysis.experiments.known_weight import Hold, Span, holds_of
-from hindrax_control.maneuver.servable import servable_motions
+from hindrax_control.maneuver.goal import servable_motions
 from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.signals import UNKNOWN6, IdentEvent, Thrust, Velocity
 from hindrax_core.vehicle import AXES, Vehicle

@@ -27,8 +27,7 @@ from hindrax_bringup.share_files import default_vehicle
 from hindrax_bringup.stack_lock import FOLDER
 from hindrax_cli.command_line import main
 from hindrax_cli.commands.operate.web import page_url, qr_code, startup_text
-from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.goal import Goal
+from hindrax_control.maneuver.goal import EXCITATIONS, Goal
 from hindrax_control.maneuver.maneuver_guards import ManeuverGuardKnobs, ManeuverGuards
 from hindrax_control.maneuver.plan import MOTIONS
 from hindrax_control.pool_bounds import PoolBounds

@@ -12,11 +12,9 @@ from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport
 from hindrax_bag.read.bag_reader import BagMessage, stamp_of
-from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle, PulseCommand
+from hindrax_control.allocation.allocation_cycle import NO_PLAN, AllocationCycle, PulseCommand, SupplyKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
-from hindrax_control.allocation.supply_voltage import SupplyKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
-from hindrax_control.nodes.allocation_messages import AllocationMessages
 from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.signals import Allocation
 from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH, resolved
@@ -25,7 +23,13 @@ from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import Samples, compare_lazily
 from hindrax_ros.graph import message_class
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
-from hindrax_ros.messages.fast_serialization import ThrusterStateFields, applied_from_bytes, command_from_bytes
+from hindrax_ros.messages.fast_serialization import (
+    ThrusterStateFields,
+    allocation_writer,
+    applied_from_bytes,
+    command_from_bytes,
+    command_writer,
+)
 from hindrax_ros.messages.serialization import current_bytes, deserialized
 
 WRENCH_NAME, COMMAND_NAME, STATE_NAME = map(resolved, (WRENCH, THRUSTER_COMMAND, THRUSTER_STATE))
@@ -44,7 +48,9 @@ class AllocationStage:
     def __init__(self, vehicle: Vehicle, parameters: Parameters, ledger: ComparisonReport, samples: Samples) -> None:
         self._ledger, self._samples = ledger, samples
         knobs = (knobs_of(kind, parameters, "allocator") for kind in (AllocationKnobs, WrenchGuardKnobs, SupplyKnobs))
-        self._cycle, self._messages = AllocationCycle(vehicle, *knobs), AllocationMessages(vehicle)
+        self._cycle = AllocationCycle(vehicle, *knobs)
+        names = [thruster.name for thruster in vehicle.thrusters]
+        self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
         self._wrenches: deque[tuple[Stamp, Any]] = deque()
         self._commands: dict[int, BagMessage] = {}
         self._states: dict[tuple[int, int], list[ThrusterStateFields]] = {}
@@ -124,7 +130,7 @@ class AllocationStage:
         if made is None:
             self._ledger.unmatched(COMMAND_NAME, stamp, "recorded, not replayed", "a message", "none")
         elif known and self._settled(recorded):
-            data = self._messages.command(stamp, made)
+            data = self._command_bytes(stamp, made.sequence, made.pulses_us)
             compare_lazily(self._ledger, recorded, stamp, data)
             if self._samples.due(COMMAND_NAME, stamp):
                 self._samples.keep(COMMAND_NAME, stamp, deserialized(data, message_class(THRUSTER_COMMAND.type)))
@@ -155,7 +161,7 @@ class AllocationStage:
                     self._cycle.remember(state.sequence, _plan_of(status))
                 achieved = self._cycle.achieved(state.sequence, state.pulses_us)
                 if self._settled(message):
-                    made = self._messages.status(state, achieved, self._cycle.supply_V)
+                    made = self._status_bytes(state, achieved, self._cycle.supply_V)
                     compare_lazily(self._ledger, message, state.stamp, made)
             self._states = {key: kept for key, kept in self._states.items() if kept and key[0] > stamp - LATE_NS}
 

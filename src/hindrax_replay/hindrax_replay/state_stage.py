@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from hindrax_bag.message_comparison import ComparisonReport, flat
@@ -22,7 +22,8 @@ from hindrax_ident.tuning import Tuning
 from hindrax_replay.recorded_devices import Parameters, knobs_of
 from hindrax_replay.wire_stage import Samples
 from hindrax_ros.graph import message_class
-from hindrax_ros.messages.convert import estimate_to_msg, navigation_to_msg, odometry_to_msg, stamp_from_msg
+from hindrax_ros.messages.convert import estimate_to_msg, stamp_from_msg
+from hindrax_ros.messages.fast_serialization import navigation_writer, odometry_writer
 from hindrax_ros.messages.serialization import deserialized, serialized
 
 NEAR_NS = NS_PER_S // 50
@@ -39,10 +40,7 @@ READERS = {resolved(topic): (read, topic.name.partition("/")[0]) for topic, read
 BYTES_LISTENERS = {resolved(topic): one for topic, one in measurement_messages.AS_BYTES.items()}
 SESSION_INPUTS = {resolved(topic): one for topic, one in measurement_messages.LISTENERS.items()}
 NAVIGATION_NAME, ESTIMATE_NAME, ALLOCATION_NAME = resolved(NAVIGATION), resolved(ESTIMATE), resolved(ALLOCATION)
-STATES: dict[str, Callable[[Stamped[Navigation]], Any]] = {
-    NAVIGATION_NAME: navigation_to_msg,
-    resolved(ODOMETRY): odometry_to_msg,
-}
+STATES = {NAVIGATION_NAME: navigation_writer(), resolved(ODOMETRY): odometry_writer()}
 DIAGNOSTICS_NAME = resolved(DIAGNOSTICS)
 INPUTS = READERS.keys() | SESSION_INPUTS.keys() | STATES.keys() | {ESTIMATE_NAME, ALLOCATION_NAME, DIAGNOSTICS_NAME}
 """Input topics of this stage."""
@@ -135,7 +133,7 @@ class StateStage:
         if not states or abs(states[0].stamp - stamp) > NEAR_NS:
             self._ledger.unmatched(topic, stamp, "recorded, not replayed", "a message", "none")
             return
-        made = STATES[topic](states[0])
+        made = deserialized(STATES[topic](states[0]), message_class(message.type))
         self._ledger.compare_values(topic, stamp, dict(flat(message.decoded())), dict(flat(made)))
         if self._samples.due(topic, stamp):
             self._samples.keep(topic, stamp, made)

@@ -3,14 +3,17 @@
 Waking a Python process costs far more than reading a message does. Most of what travels here comes in bursts (a FIFO
 of inertial samples, all outputs of one control cycle), and no reader has anything to do before the burst is complete.
 So a process sleeps until its leading topic says that there is something new, or for a while, and then takes all that
-waits. Services, actions and timers stay with the executor.
+waits. Services, actions and timers stay with the executor. What is published within one cycle is serialized at once and
+sent back to back at the end of it: its readers wake once and find all of it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +22,12 @@ from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from hindrax_core.topics import NAMESPACE, Topic
-from hindrax_ros.checked_node import CheckedNode
-from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.messages.serialization import serialized
+from hindrax_ros.parameters import CheckedNode
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -31,6 +35,37 @@ if TYPE_CHECKING:
 
 TURN_S = 0.05
 """Longest wait between two turns of a process [wall time]."""
+
+
+class PublishQueue:
+    """Holds serialized messages until `flush`; both may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._held: deque[tuple[Callable[[bytes], None], bytes]] = deque()
+        self._sending = threading.Lock()
+
+    def flush(self) -> None:
+        """Send the queued messages in the order of publication."""
+        with self._sending:
+            while self._held:
+                send, data = self._held.popleft()
+                send(data)
+
+    def add(self, send: Callable[[bytes], None], message: Any) -> None:
+        """Serialize a message now and queue it for the next flush."""
+        self._held.append((send, serialized(message)))
+
+
+class DeferredPublisher:
+    """A publisher whose messages wait in a publish queue."""
+
+    def __init__(self, publisher: Publisher, publish_queue: PublishQueue) -> None:
+        self._enqueue, self._send = publish_queue.add, publisher.publish
+        self.get_subscription_count = publisher.get_subscription_count
+
+    def publish(self, message: Any) -> None:
+        """Serialize a message now; it is sent when the queue is flushed."""
+        self._enqueue(self._send, message)
 
 
 class BatchedNode(CheckedNode):

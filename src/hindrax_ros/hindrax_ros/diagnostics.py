@@ -10,9 +10,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from hindrax_core.events import Rejected, Stamp, seconds_between
-from hindrax_core.topics import DIAGNOSTICS
+from hindrax_core.input_checks import Refusals
+from hindrax_core.topics import DIAGNOSTICS, Topic
 from hindrax_ros.graph import publisher
-from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.convert import header
 
 
 @dataclass(slots=True)
@@ -84,11 +85,16 @@ def status(name: str, level: bytes, message: str, values: Mapping[str, str], *, 
 
 
 class DiagnosticsPublisher:
-    """Publishes statuses of one node on /diagnostics."""
+    """Publishes statuses of one node on /diagnostics, with the `refusals` of what others sent."""
 
-    def __init__(self, node: Node) -> None:
-        self._name = f"hindrax: {node.get_name()}"
+    def __init__(self, node: Node, refusals: Refusals | None = None) -> None:
+        self._name, self._node = f"hindrax: {node.get_name()}", node
+        self.refusals = refusals or Refusals()
         self._publisher = publisher(node, DIAGNOSTICS)
+
+    def refuse(self, topic: Topic, why: str) -> None:
+        """Count a refused message and log it; the next report shows the count."""
+        self._node.get_logger().warning(f"refused: {self.refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
 
     def report(
         self,
@@ -99,11 +105,10 @@ class DiagnosticsPublisher:
         level: bytes = DiagnosticStatus.WARN,
     ) -> None:
         """Publish the status of the node itself: of this level with what is wrong, or `well` in a word."""
-        text = "; ".join(wrong)
-        self.publish(now, status(self._name, level if wrong else DiagnosticStatus.OK, text or well, values))
+        text = "; ".join([*wrong, *self.refusals.new_refusals()])
+        values = {**values, **self.refusals.values()}
+        self.publish(now, status(self._name, level if text else DiagnosticStatus.OK, text or well, values))
 
     def publish(self, now: Stamp, *statuses: DiagnosticStatus) -> None:
         """Publish them with this stamp."""
-        array = DiagnosticArray(status=list(statuses))
-        array.header.stamp = stamp_to_msg(now)
-        self._publisher.publish(array)
+        self._publisher.publish(DiagnosticArray(header=header(now), status=list(statuses)))

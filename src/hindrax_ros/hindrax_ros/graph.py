@@ -15,8 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from hindrax_core.topics import Quality, Topic
-from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.deferred_publisher import DeferredPublisher
+from hindrax_ros.batched_node import BatchedNode, DeferredPublisher
 
 QUEUE = 200
 """Messages that may wait for a reader that takes them when its turn comes."""

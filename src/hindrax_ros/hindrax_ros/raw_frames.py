@@ -8,7 +8,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.topics import RAW_FRAMES
 from hindrax_msgs.msg import RawFrames
 from hindrax_ros.graph import publisher
-from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.messages.convert import header
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
 UNHEARD_S = 10.0
@@ -50,13 +50,13 @@ class FrameTap:
         if not self._stamps:
             return
         message = RawFrames(
+            header=header(stamp),
             source=self._source,
             stamps=self._stamps,
             directions=bytes(self._directions),
             lengths=self._lengths,
             data=bytes(self._data),
         )
-        message.header.stamp = stamp_to_msg(stamp)
         self._publisher.publish(message)
         self._begin = None
         self._stamps, self._lengths = [], []

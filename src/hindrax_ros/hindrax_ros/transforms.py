@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from geometry_msgs.msg import Quaternion, TransformStamped
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -14,29 +13,23 @@ from hindrax_core.topics import ROBOT_DESCRIPTION, TF, TF_STATIC
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import publisher
-from hindrax_ros.messages.convert import odometry_to_msg, xyzw
+from hindrax_ros.messages.convert import header, quaternion_from_sname, vector_to_msg, xyzw
 from hindrax_ros.messages.frames import Frame, frames_of, urdf_of
 
 
-def base_of(odometry: Odometry) -> TransformStamped:
-    """Pose of the child frame of an odometry in its parent frame, as a transform of the same stamp."""
-    found = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
-    position = odometry.pose.pose.position
-    found.transform.translation.x, found.transform.translation.y = position.x, position.y
-    found.transform.translation.z = position.z
-    found.transform.rotation = odometry.pose.pose.orientation
-    return found
+def base_of(stamped: Stamped[Navigation]) -> TransformStamped:
+    """Pose of `base_link` in `odom`, as the odometry has it."""
+    (north, east), depth_m = stamped.reading.position_m, stamped.reading.depth_m
+    rotation = quaternion_from_sname(*stamped.reading.attitude_rad)
+    pose = Transform(translation=vector_to_msg((east, north, -depth_m)), rotation=rotation)
+    return TransformStamped(header=header(stamped.stamp, "odom"), child_frame_id=FLU, transform=pose)
 
 
 def fixed(frame: Frame) -> TransformStamped:
     """From base_link to a frame that is fixed to it."""
-    found = TransformStamped(child_frame_id=frame.name)
-    found.header.frame_id = FLU
-    place = found.transform.translation
-    place.x, place.y, place.z = frame.position_m
     x, y, z, w = xyzw(*frame.rpy_rad)
-    found.transform.rotation = Quaternion(x=x, y=y, z=z, w=w)
-    return found
+    pose = Transform(translation=vector_to_msg(frame.position_m), rotation=Quaternion(x=x, y=y, z=z, w=w))
+    return TransformStamped(header=header(0, FLU), child_frame_id=frame.name, transform=pose)
 
 
 class Transforms:
@@ -51,4 +44,4 @@ class Transforms:
 
     def publish(self, found: Stamped[Navigation]) -> None:
         """Publish the pose of base_link."""
-        self._moving.publish(TFMessage(transforms=[base_of(odometry_to_msg(found))]))
+        self._moving.publish(TFMessage(transforms=[base_of(found)]))

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_ros.deferred_publisher import DeferredPublisher
+from hindrax_ros.batched_node import DeferredPublisher
 
 pytest.importorskip("rclpy", reason="needs the ROS environment")
 
@@ -17,8 +17,7 @@ from rclpy.context import Context
 
 from hindrax_core.topics import BATTERY, HOLD_STATUS, THRUSTER_COMMAND
 from hindrax_msgs.msg import HoldStatus, ThrusterCommand
-from hindrax_ros.batched_node import BatchedNode, SpinLoop, events_executor
-from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.batched_node import BatchedNode, PublishQueue, SpinLoop, events_executor
 from hindrax_ros.graph import publisher, subscription
 
 

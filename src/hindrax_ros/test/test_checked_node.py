@@ -11,7 +11,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.context import Context
 
-from hindrax_ros.checked_node import CheckedNode, CheckedParameterService
+from hindrax_ros.parameters import CheckedNode, CheckedParameterService
 
 DOMAIN = 101
 """No stack uses it: those take 1 to 100."""

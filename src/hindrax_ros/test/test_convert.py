@@ -14,6 +14,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
+from state_messages import navigation_to_msg, odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
@@ -67,7 +68,7 @@ def test_orientation_is_rep_103_in_east_north_up(
 
 def test_orientation_there_and_back() -> None:
     angles = (0.3, -0.4, -2.0)
-    assert convert.sname_from_quaternion(convert.quaternion_from_sname(*angles)) == pytest.approx(angles)
+    assert convert.sname_from_xyzw(*convert.xyzw_from_sname(*angles)) == pytest.approx(angles)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +89,7 @@ def test_no_velocity_is_no_message() -> None:
 
 
 def test_odometry_is_rep_105() -> None:
-    message = convert.odometry_to_msg(Stamped(STAMP, NAVIGATION))
+    message = odometry_to_msg(Stamped(STAMP, NAVIGATION))
     position = message.pose.pose.position
     assert (position.x, position.y, position.z) == (-2.5, 1.5, -0.9)
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
@@ -98,7 +99,7 @@ def test_odometry_is_rep_105() -> None:
 
 
 def test_navigation_there_and_back() -> None:
-    assert convert.navigation_from_msg(convert.navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
+    assert convert.navigation_from_msg(navigation_to_msg(Stamped(STAMP, NAVIGATION))).reading == NAVIGATION
 
 
 def test_sensors_there_and_back() -> None:
@@ -152,7 +153,7 @@ def test_a_place_says_whether_a_gps_gives_it() -> None:
 
 
 def test_odometry_comes_back_with_all_that_it_holds() -> None:
-    found = convert.odometry_from_msg(convert.odometry_to_msg(Stamped(STAMP, NAVIGATION)))
+    found = convert.odometry_from_msg(odometry_to_msg(Stamped(STAMP, NAVIGATION)))
     assert found.stamp == STAMP
     state = found.reading
     for name in ("attitude_rad", "rate_radps", "velocity_mps", "position_m", "velocity_sigma_mps"):
@@ -164,13 +165,13 @@ def test_odometry_comes_back_with_all_that_it_holds() -> None:
 
 
 def test_the_doubt_of_a_position_travels_in_the_covariance_of_east_and_north() -> None:
-    message = convert.odometry_to_msg(Stamped(STAMP, replace(NAVIGATION, position_sigma_m=0.3)))
+    message = odometry_to_msg(Stamped(STAMP, replace(NAVIGATION, position_sigma_m=0.3)))
     assert [index for index, variance in enumerate(message.pose.covariance) if variance == 0.09] == [0, 7]
     assert convert.odometry_from_msg(message).reading.position_sigma_m == pytest.approx(0.3)
 
 
 def test_the_covariance_of_an_odometry_is_the_doubt_of_its_tilt() -> None:
-    message = convert.odometry_to_msg(Stamped(STAMP, NAVIGATION))
+    message = odometry_to_msg(Stamped(STAMP, NAVIGATION))
     message.pose.covariance[21], message.pose.covariance[28] = 0.01, 0.04
     assert convert.odometry_from_msg(message).reading.consistency.tilt_sigma_rad == pytest.approx(0.2)
 

@@ -18,8 +18,7 @@ from rclpy.parameter import Parameter
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import knob
 from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.checked_node import CheckedNode, CheckedParameterService
-from hindrax_ros.parameters import SAFETY, knobs, unknown_parameters
+from hindrax_ros.parameters import SAFETY, CheckedNode, CheckedParameterService, knobs, unknown_parameters
 from hindrax_ros.process import spin
 
 DECLARED = ("use_sim_time", "pool_bounds.start_along", "guards.wall_m", "holds.turn_radps")

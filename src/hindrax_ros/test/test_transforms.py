@@ -12,12 +12,12 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 from ament_index_python.packages import get_package_share_directory
 from geometry_msgs.msg import Quaternion
+from state_messages import odometry_to_msg
 
 from hindrax_core.events import Stamp, Stamped
 from hindrax_core.signals import Navigation
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_ros import transforms
-from hindrax_ros.messages.convert import odometry_to_msg
 from hindrax_ros.messages.frames import frames_of, urdf_of
 from hindrax_ros.transforms import fixed
 
@@ -32,7 +32,8 @@ STATE = Navigation(
     dvl_locked=True,
     ages_s={},
 )
-ODOMETRY = odometry_to_msg(Stamped(Stamp(3_000_000_007), STATE))
+STAMPED = Stamped(Stamp(3_000_000_007), STATE)
+ODOMETRY = odometry_to_msg(STAMPED)
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 FORWARD, LEFT, UP = X, Y, Z
 
@@ -69,7 +70,7 @@ def mounted(name: str, *rotation_deg: float) -> Vehicle:
 
 
 def test_the_vehicle_stands_in_the_transform_where_it_stands_in_the_odometry() -> None:
-    found = transforms.base_of(ODOMETRY)
+    found = transforms.base_of(STAMPED)
     assert (found.header.frame_id, found.child_frame_id) == ("odom", "base_link")
     assert found.header.stamp == ODOMETRY.header.stamp
     place = found.transform.translation

@@ -13,10 +13,9 @@ import pytest
 
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.goal import ENDINGS, Goal
+from hindrax_control.maneuver.goal import ENDINGS, Goal, motions_to_fly
 from hindrax_control.maneuver.maneuver import Maneuver
-from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs
-from hindrax_control.maneuver.servable import motions_to_fly
+from hindrax_control.maneuver.plan import MOTIONS, PlanKnobs, Planner
 from hindrax_control.pilot import PilotKnobs
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_core.events import after
@@ -163,7 +162,8 @@ def test_a_current_that_begins_to_run_is_held_against(seed: int) -> None:
 def test_a_cancel_at_any_moment_ends_neutral_or_in_the_hold_as_asked(motion: str, seed: int) -> None:
     ending = ENDINGS[(MOTIONS.index(motion) + seed) % 2]
     goal = Goal((motion,), on_cancel=ending)
-    planned = Maneuver(VEHICLE, Allocator(VEHICLE), goal, PoolBounds(VEHICLE, 0.0), plan_knobs=KNOBS.plan)
+    planner = Planner(VEHICLE, Allocator(VEHICLE), KNOBS.plan)
+    planned = Maneuver(planner, goal, PoolBounds(VEHICLE, 0.0))
     at_s = random.Random(f"{motion} {seed}").uniform(0.0, 0.8 * planned.seconds)
     pilot = GoalPilot(VEHICLE, goal, KNOBS, cancel_at_s=at_s)
     step = Lockstep(VEHICLE, pilot, seed)

@@ -11,8 +11,8 @@ from typing import Any
 
 from hindrax_bag.write.limits import BagLimits
 from hindrax_bringup.network.link_monitor import SafetyMonitorKnobs
+from hindrax_control.allocation.allocation_cycle import SupplyKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
-from hindrax_control.allocation.supply_voltage import SupplyKnobs
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
 from hindrax_control.navigation.estimator_health import EstimatorHealthKnobs
 from hindrax_control.navigation.navigator import NavigatorKnobs

@@ -21,7 +21,7 @@ import numpy as np
 from hindrax_analysis.records import px4_log
 from hindrax_analysis.records.px4_log import Quantity, Tables
 from hindrax_analysis.records.recording import Recording
-from hindrax_control.allocation.applied_wrench import AppliedWrench, pulses_of_channels
+from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array

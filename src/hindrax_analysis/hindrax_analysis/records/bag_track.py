@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hindrax_bag.read.bag_reader import BagMessage
-from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array

@@ -23,7 +23,7 @@ from hindrax_analysis.records.bag_track import (
 from hindrax_analysis.records.poses import compare_frames, to_body, velocities_from_poses
 from hindrax_analysis.records.recording import HALF_TURN, Recording
 from hindrax_bag.read.bag_reader import messages
-from hindrax_control.allocation.applied_wrench import PULSE_FIELDS
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
 from hindrax_core.errors import UsageError
 from hindrax_core.topics import ALLOCATION, MANEUVER, resolved
 from hindrax_core.vehicle import Vehicle

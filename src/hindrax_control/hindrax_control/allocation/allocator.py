@@ -8,20 +8,20 @@ is left. See `bounded_allocation.py` for how that part is found. A failed thrust
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from hindrax_control.allocation.bounded_allocation import AttainableSet
 from hindrax_control.allocation.deadband_bias import ROUNDING_N, DeadbandBias, Interval
-from hindrax_control.allocation.effectiveness import checked_effectiveness
-from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_control.allocation.thruster_layout import ThrusterLayout, thruster_layout
+from hindrax_control.allocation.effectiveness import ThrusterLayout, checked_effectiveness, thruster_layout
+from hindrax_control.allocation.thrust_curve import ThrustCurve, thrust_curves
 from hindrax_control.allocation.wrench_guard import finite_axes
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import knob
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.signals import ZERO6, Allocation
 from hindrax_core.vehicle import AXES, Vehicle
 
@@ -77,9 +77,9 @@ class Allocator:
         self.B = checked_effectiveness(vehicle)
         self.names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._none_us = (0.0,) * len(self.names)
-        self._setups: dict[tuple[frozenset[str], float], _Setup] = {}
-        self._asked = (frozenset[str](), vehicle.supply_V)
-        self._latest = self._kept(*self._asked)
+        self._kept = lru_cache(KEPT_LAYOUTS)(self._worked_out)
+        self._asked = (frozenset[str](), math.nan)
+        self._latest = self._setup(frozenset(), vehicle.supply_V)
 
     def allocate(
         self,
@@ -104,8 +104,7 @@ class Allocator:
             ]
         )
         applied = tuple([curve.force(pulse) for curve, pulse in zip(setup.true, pulses, strict=True)])
-        X, Y, Z, K, M, N = self.B.dot(applied).tolist()
-        achieved = (X, Y, Z, K, M, N)
+        achieved = vec6(self.B.dot(applied).tolist())
         return Allocation(
             wanted=accepted,
             achieved=achieved,
@@ -131,8 +130,8 @@ class Allocator:
     def reach(self, axis: str, sign: float, disabled: frozenset[str] = frozenset()) -> float:
         """Largest wrench [N, Nm] along one axis alone, in the direction of `sign`."""
         index = AXES.index(axis)
-        wanted = tuple(sign * LARGEST if one == index else 0.0 for one in range(6))
-        given = self.B @ np.array(self.forces(_wrench(wanted), disabled))
+        wanted = vec6(sign * LARGEST if one == index else 0.0 for one in range(6))
+        given = self.B @ np.array(self.forces(wanted, disabled))
         return abs(float(given[index]))
 
     def lost_axes(self, disabled: frozenset[str]) -> tuple[str, ...]:
@@ -155,26 +154,17 @@ class Allocator:
     def _setup(self, disabled: frozenset[str], supply_V: float) -> _Setup:
         asked = (disabled, supply_V)
         if asked != self._asked:
-            self._latest = self._kept(disabled, supply_V)
+            if not (math.isfinite(supply_V) and supply_V > 0.0):
+                raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
+            self._latest = self._kept(disabled, round(supply_V, 1))
             self._asked = asked
         return self._latest
-
-    def _kept(self, disabled: frozenset[str], supply_V: float) -> _Setup:
-        if not (math.isfinite(supply_V) and supply_V > 0.0):
-            raise UsageError(f"supply voltage: found {supply_V:g} V, wanted more than zero")
-        key = (disabled, round(supply_V, 1))
-        found = self._setups.get(key)
-        if found is None:
-            if len(self._setups) >= KEPT_LAYOUTS:
-                self._setups.clear()
-            found = self._setups[key] = self._worked_out(*key)
-        return found
 
     def _worked_out(self, disabled: frozenset[str], supply_V: float) -> _Setup:
         knobs = self.knobs
         used = tuple(index for index, name in enumerate(self.names) if name not in disabled)
         mine = thruster_layout(self.B, used, knobs.priority)
-        true, running = self._curves(supply_V, 0.0), self._curves(supply_V, knobs.dead_band_margin_us)
+        true, running = (thrust_curves(self.vehicle, supply_V, us) for us in (0.0, knobs.dead_band_margin_us))
         limits = tuple(curve.range_N for curve in true)
         avoided = [running[i].gap_N if knobs.idle_bias_N else (0.0, 0.0) for i in used]
         own_limits = [limits[i] for i in used]
@@ -184,18 +174,6 @@ class Allocator:
         out = tuple(name for name in self.names if name in disabled)
         unknown = tuple(f"{name}: no such thruster" for name in sorted(disabled - set(self.names)))
         return _Setup(mine, running, true, inside, _unchecked(mine, own_limits), spreads, attainable, out, unknown)
-
-    def _curves(self, supply_V: float, margin_us: float) -> tuple[ThrustCurve, ...]:
-        return tuple(
-            ThrustCurve(
-                replace(curve, dead_band_us=curve.dead_band_us + margin_us),
-                supply_V,
-                mirrored=thruster.reversed,
-                name=f"curves.{thruster.curve} ({thruster.name})",
-            )
-            for thruster in self.vehicle.thrusters
-            for curve in (self.vehicle.curves[thruster.curve],)
-        )
 
 
 def _unchecked(mine: ThrusterLayout, limits_N: Sequence[Interval]) -> tuple[tuple[int, float, float], ...]:
@@ -247,12 +225,7 @@ def bounded_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
     if math.isfinite(sum(wrench)) and max(wrench) < LARGEST and min(wrench) > -LARGEST:
         return wrench, ()
     finite, refused = finite_axes(wrench)
-    return _wrench(max(-LARGEST, min(LARGEST, value)) for value in finite), refused
-
-
-def _wrench(values: Iterable[float]) -> Vec6:
-    X, Y, Z, K, M, N = (float(value) for value in values)
-    return (X, Y, Z, K, M, N)
+    return vec6(max(-LARGEST, min(LARGEST, value)) for value in finite), refused
 
 
 def difference(wanted: Vec6, achieved: Vec6) -> Vec6:

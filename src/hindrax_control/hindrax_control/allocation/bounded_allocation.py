@@ -20,8 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hindrax_control.allocation.deadband_bias import Interval
-from hindrax_control.allocation.effectiveness import Matrix
-from hindrax_control.allocation.thruster_layout import ThrusterLayout
+from hindrax_control.allocation.effectiveness import Matrix, ThrusterLayout
 
 DEPENDENT = 1e-9
 """Thrusters whose shares in the patterns depend on each other up to this make no facet of their own: others decide the

@@ -9,54 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import numpy as np
-
-from hindrax_control.allocation.effectiveness import Matrix
+from hindrax_control.allocation.effectiveness import NullPattern
 
 Interval = tuple[float, float]
 
 ROUNDING_N = 1e-8
 """Forces that differ by less are the same. Pulses come in steps of 1e-2 N; sums of forces round by 1e-12 N."""
-
-
-@dataclass(frozen=True, slots=True)
-class NullPattern:
-    """Forces without wrench, as (thruster, share) pairs; the largest share is one."""
-
-    shares: tuple[tuple[int, float], ...]
-
-    def size_in(self, forces_N: Sequence[float]) -> float:
-        """How much of the pattern there is in given forces [N]."""
-        energy = sum(share * share for _, share in self.shares)
-        return sum(share * forces_N[index] for index, share in self.shares) / energy
-
-
-def patterns(B: Matrix) -> tuple[NullPattern, ...]:
-    """Sparse null vectors of B (rows, m): each involves as few thrusters as elimination finds."""
-    if B.shape[1] == 0:
-        return ()
-    _, singular, rows = np.linalg.svd(B)
-    rank = int(np.sum(singular > 1e-9 * max(1.0, float(singular[0]))))
-    found = []
-    for vector in _reduced(rows[rank:].copy()):
-        scaled = vector / vector[int(np.argmax(np.abs(vector)))]
-        found.append(
-            NullPattern(tuple((index, float(share)) for index, share in enumerate(scaled) if abs(share) > 1e-9))
-        )
-    return tuple(found)
-
-
-def _reduced(rows: Matrix) -> Matrix:
-    """Rows (r, m) [-] reduced by Gauss-Jordan with the largest pivot of each row, which makes them sparse."""
-    for turn in range(len(rows)):
-        pivot = int(np.argmax(np.abs(rows[turn])))
-        rows[turn] /= rows[turn, pivot]
-        for other in range(len(rows)):
-            if other != turn:
-                rows[other] -= rows[other, pivot] * rows[turn]
-    return rows
 
 
 class DeadbandBias:

@@ -1,16 +1,17 @@
-"""What thrusters can do: the effectiveness matrix, its condition, and the axes that they serve."""
+"""What thrusters can do: the effectiveness matrix, its condition, the axes that they serve, forces that cancel."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from hindrax_core.errors import UsageError
-from hindrax_core.vehicle import Vehicle
+from hindrax_core.vehicle import AXES, Vehicle
 
 Matrix: TypeAlias = npt.NDArray[np.float64]
 
@@ -82,3 +83,74 @@ def checked_effectiveness(vehicle: Vehicle) -> Matrix:
             f" wanted at most {WORST_CONDITION:g}; check positions and angles"
         )
     return B
+
+
+@dataclass(frozen=True, slots=True)
+class NullPattern:
+    """Forces without wrench, as (thruster, share) pairs; the largest share is one."""
+
+    shares: tuple[tuple[int, float], ...]
+
+    def size_in(self, forces_N: Sequence[float]) -> float:
+        """How much of the pattern there is in given forces [N]."""
+        energy = sum(share * share for _, share in self.shares)
+        return sum(share * forces_N[index] for index, share in self.shares) / energy
+
+
+def patterns(B: Matrix) -> tuple[NullPattern, ...]:
+    """Sparse null vectors of B (rows, m): each involves as few thrusters as elimination finds."""
+    if B.shape[1] == 0:
+        return ()
+    _, singular, rows = np.linalg.svd(B)
+    rank = int(np.sum(singular > 1e-9 * max(1.0, float(singular[0]))))
+    found = []
+    for vector in _reduced(rows[rank:].copy()):
+        scaled = vector / vector[int(np.argmax(np.abs(vector)))]
+        found.append(
+            NullPattern(tuple((index, float(share)) for index, share in enumerate(scaled) if abs(share) > 1e-9))
+        )
+    return tuple(found)
+
+
+def _reduced(rows: Matrix) -> Matrix:
+    """Rows (r, m) [-] reduced by Gauss-Jordan with the largest pivot of each row, which makes them sparse."""
+    for turn in range(len(rows)):
+        pivot = int(np.argmax(np.abs(rows[turn])))
+        rows[turn] /= rows[turn, pivot]
+        for other in range(len(rows)):
+            if other != turn:
+                rows[other] -= rows[other, pivot] * rows[turn]
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class ThrusterLayout:
+    """The thrusters in use (m of n) and what they can do, as far as it does not depend on the wrench.
+
+    `used`: their indices; `pseudo_inverse` (m, 6): least forces for a wrench, zero for lost axes;
+    `groups`: axes of equal priority, highest first, without lost ones; `patterns`: sparse, all that has no wrench.
+    """
+
+    used: tuple[int, ...]
+    pseudo_inverse: Matrix
+    groups: tuple[tuple[int, ...], ...]
+    patterns: tuple[NullPattern, ...]
+    lost_axes: tuple[str, ...]
+
+
+def thruster_layout(B: Matrix, used: Sequence[int], priority: Sequence[int]) -> ThrusterLayout:
+    """Work out the layout of the thrusters `used` out of the full B (6, n); lower priority numbers are served first."""
+    mine = B[:, list(used)]
+    served = served_axes(mine)
+    mine = np.where(np.isin(np.arange(6), served)[:, None], mine, 0.0)
+    groups = tuple(
+        tuple(axis for axis in served if priority[axis] == level)
+        for level in sorted({priority[axis] for axis in served})
+    )
+    return ThrusterLayout(
+        used=tuple(used),
+        pseudo_inverse=np.ascontiguousarray(np.linalg.pinv(mine)),
+        groups=groups,
+        patterns=patterns(mine),
+        lost_axes=tuple(name for index, name in enumerate(AXES) if index not in served),
+    )

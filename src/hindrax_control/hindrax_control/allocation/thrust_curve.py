@@ -1,4 +1,4 @@
-"""Thrust curves: force from pulse, pulse from force, both exact, checked when they are made.
+"""Thrust curves: force from pulse, pulse from force, both exact, checked when they are made; wrench of applied pulses.
 
 COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction. Around the stop pulse lies the dead
 band of the speed controller; the cubics do not pass through zero at its edges, so the smallest forces cannot be had.
@@ -7,14 +7,25 @@ band of the speed controller; the cubics do not pass through zero at its edges, 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
+from hindrax_control.allocation.effectiveness import effectiveness
 from hindrax_core.curves import cubic
 from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.vehicle import Vehicle
 
 HYSTERESIS = 0.1
 """Half width of the hysteresis at the dead band, as a fraction of the smallest running force."""
+SERVO_US = (500.0, 2500.0)
+"""What is outside is not a servo pulse at all but a sign of garbage."""
+PULSE_FIELDS = {"mavros_msgs/msg/RCOut": "channels", "mavros_msgs/msg/OverrideRCIn": "channels"}
+PULSE_FIELDS |= {
+    f"std_msgs/msg/{kind}MultiArray": "data" for kind in ("UInt16", "Int16", "Int32", "Float32", "Float64")
+}
+"""Types of messages that may hold the pulse [us] of each output channel, and their field."""
 
 
 class ThrustCurve:
@@ -26,20 +37,6 @@ class ThrustCurve:
 
     `range_N` holds the largest force in each direction, `gap_N` the smallest running one.
     """
-
-    __slots__ = (
-        "_back",
-        "_dead_us",
-        "_forth",
-        "_high_N",
-        "_low_N",
-        "_lower",
-        "_upper",
-        "gap_N",
-        "range_N",
-        "stop_us",
-        "supply_V",
-    )
 
     def __init__(self, curve: Curve, supply_V: float | None = None, *, mirrored: bool = False, name: str = "") -> None:
         label = f"thrust curve {name}".rstrip()
@@ -103,10 +100,55 @@ class ThrustCurve:
         return self.stop_us
 
 
-def thrust_curves(vehicle: Vehicle, supply_V: float | None = None) -> tuple[ThrustCurve, ...]:
-    """Return the curve of each thruster in the order of the vehicle file, at a supply voltage (None: the nominal)."""
+def thrust_curves(vehicle: Vehicle, supply_V: float | None = None, margin_us: float = 0.0) -> tuple[ThrustCurve, ...]:
+    """Return the curve of each thruster in the order of the vehicle file, at a supply voltage (None: the nominal).
+
+    `margin_us` widens their dead bands.
+    """
     volts = vehicle.supply_V if supply_V is None else supply_V
     return tuple(
-        ThrustCurve(vehicle.curves[one.curve], volts, mirrored=one.reversed, name=f"curves.{one.curve} ({one.name})")
+        ThrustCurve(
+            replace(curve, dead_band_us=curve.dead_band_us + margin_us),
+            volts,
+            mirrored=one.reversed,
+            name=f"curves.{one.curve} ({one.name})",
+        )
         for one in vehicle.thrusters
+        for curve in (vehicle.curves[one.curve],)
     )
+
+
+def pulses_of_channels(vehicle: Vehicle, channels: Sequence[float]) -> list[float]:
+    """Pulses of the thrusters [us] out of those of all output channels, where 0 means stop; ValueError if unfit."""
+    wanted = max((thruster.channel + 1 for thruster in vehicle.thrusters), default=0)
+    if len(channels) < wanted:
+        raise ValueError(f"holds {len(channels)} channels, wanted {wanted} for {vehicle.name}")
+    pulses = [float(channels[one.channel]) or float(vehicle.curves[one.curve].stop_us) for one in vehicle.thrusters]
+    check_pulses(pulses, len(pulses))
+    return pulses
+
+
+def check_pulses(pulses_us: Sequence[float], thrusters: int) -> None:
+    """ValueError that says why pulses cannot be those of a vehicle with so many thrusters."""
+    if len(pulses_us) != thrusters:
+        raise ValueError(f"found {len(pulses_us)} pulses, wanted {thrusters}")
+    low, high = SERVO_US
+    for pulse in pulses_us:
+        if not low <= pulse <= high:
+            raise ValueError(f"found a pulse of {pulse:g} us, wanted {low:g} to {high:g} us")
+
+
+class AppliedWrench:
+    """Forces and wrench of pulses [us], in the order of the vehicle file, at one supply voltage."""
+
+    def __init__(self, vehicle: Vehicle, supply_V: float | None = None) -> None:
+        self._curves = thrust_curves(vehicle, supply_V)
+        self._rows = tuple(tuple(float(entry) for entry in row) for row in effectiveness(vehicle))
+
+    def forces_N(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
+        """Steady thrust of each thruster."""
+        return tuple(curve.force(pulse) for curve, pulse in zip(self._curves, pulses_us, strict=True))
+
+    def wrench(self, forces_N: Sequence[float]) -> Vec6:
+        """Wrench about the center of mass [N, Nm], SNAME."""
+        return vec6(sum(a * b for a, b in zip(row, forces_N, strict=True)) for row in self._rows)

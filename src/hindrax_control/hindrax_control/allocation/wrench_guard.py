@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
-from hindrax_core.readings import Vec6
+from hindrax_core.readings import Vec6, vec6
 from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import WRENCH_SYMBOLS, Vehicle
@@ -50,7 +50,9 @@ class WrenchGuard:
 
     def step(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> Accepted:
         """Judge a wrench [N, Nm] about the center of mass, made at `stamp` in the axes of `frame`."""
-        reason = self._untimely(stamp, now) or _foreign(frame)
+        reason = self._untimely(stamp, now)
+        if not reason and frame not in (FSD, FLU):
+            reason = f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
         if reason:
             return Accepted(None, (reason,))
         self._last = stamp
@@ -62,21 +64,14 @@ class WrenchGuard:
         untimely = self._window.judge(stamp, now)
         if untimely is not None:
             return f"wrench: {untimely.sentence}"
-        if self._last is not None and stamp < self._last:
-            return (
-                f"wrench: {seconds_between(stamp, self._last):.2f} s older than the one before it, wanted a newer one"
-            )
-        return ""
+        older_s = 0.0 if self._last is None else seconds_between(stamp, self._last)
+        return f"wrench: {older_s:.2f} s older than the one before it, wanted a newer one" if older_s > 0.0 else ""
 
 
 def half_turn(wrench: Vec6) -> Vec6:
     """Between base_link (x forward, y left, z up) and base_link_fsd: half a turn about x, its own inverse."""
     X, Y, Z, K, M, N = wrench
     return (X, -Y, -Z, K, -M, -N)
-
-
-def _foreign(frame: str) -> str:
-    return "" if frame in (FSD, FLU) else f"wrench: found frame {frame!r}, wanted {FSD} or {FLU}"
 
 
 def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
@@ -86,8 +81,7 @@ def finite_axes(wrench: Vec6) -> tuple[Vec6, tuple[str, ...]]:
         for symbol, value in zip(WRENCH_SYMBOLS, wrench, strict=True)
         if not math.isfinite(value)
     )
-    X, Y, Z, K, M, N = (value if math.isfinite(value) else 0.0 for value in wrench)
-    return (X, Y, Z, K, M, N), refused
+    return vec6(value if math.isfinite(value) else 0.0 for value in wrench), refused
 
 
 def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[str, ...]]:
@@ -98,5 +92,4 @@ def _limited(wrench: Vec6, limits: Vec6) -> tuple[Vec6, tuple[str, ...]]:
             values[axis] = wrench[axis] * kept
         over = [axis for axis in axes if abs(wrench[axis]) > limits[axis]]
         notes += [f"{WRENCH_SYMBOLS[i]}: found {wrench[i]:.4g}, limited to {limits[i]:.4g}" for i in over]
-    X, Y, Z, K, M, N = values
-    return (X, Y, Z, K, M, N), tuple(notes)
+    return vec6(values), tuple(notes)

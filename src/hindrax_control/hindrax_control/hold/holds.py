@@ -8,12 +8,12 @@ altitude hold whose sonar falls silent holds the depth it has, says so, and retu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from hindrax_control.hold.regulator import LoopTuning, Regulator, reference_speed
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
+from hindrax_control.sensors import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec3, Vec6
@@ -78,26 +78,24 @@ class _Loop:
     """What one axis keeps between steps."""
 
     regulator: Regulator
-    limit: float
-    """Shortfall below which the integral goes on."""
     setpoint: float = NAN
     engaged: bool = False
     started: bool = False
-    note: str = field(default="")
+    note: str = ""
 
 
-def _tunings(knobs: HoldKnobs, vehicle: Vehicle) -> Iterator[tuple[str, LoopTuning, float]]:
-    """Axis of each loop, its tuning, and the shortfall [N, Nm] below which its integral goes on."""
-    tilt, heading = knobs.tilt_bandwidth_radps, knobs.heading_bandwidth_radps
-    for axis, bandwidth in (("yaw", heading), ("roll", tilt), ("pitch", tilt)):
-        yield axis, _tuning(knobs, bandwidth, knobs.turn_radps, knobs.integral_Nm), knobs.shortfall_Nm
-    climb_mps = reference_speed(knobs.climb_mps, vehicle)
-    vertical = _tuning(knobs, knobs.vertical_bandwidth_radps, climb_mps, knobs.integral_N)
-    yield "heave", vertical, knobs.shortfall_N
-
-
-def _tuning(knobs: HoldKnobs, bandwidth: float, rate: float, authority: float) -> LoopTuning:
-    return LoopTuning(bandwidth, knobs.damping, knobs.integral_s, rate, authority)
+def _tunings(knobs: HoldKnobs, vehicle: Vehicle) -> dict[str, LoopTuning]:
+    """Tuning of each loop, by axis."""
+    shared, turning = (knobs.damping, knobs.integral_s), (knobs.turn_radps, knobs.integral_Nm, knobs.shortfall_Nm)
+    climbing = (reference_speed(knobs.climb_mps, vehicle), knobs.integral_N, knobs.shortfall_N)
+    tilt = LoopTuning(knobs.tilt_bandwidth_radps, *shared, *turning)
+    heading = LoopTuning(knobs.heading_bandwidth_radps, *shared, *turning)
+    return {
+        "yaw": heading,
+        "roll": tilt,
+        "pitch": tilt,
+        "heave": LoopTuning(knobs.vertical_bandwidth_radps, *shared, *climbing),
+    }
 
 
 class Holds:
@@ -107,10 +105,8 @@ class Holds:
         self._knobs, self._vehicle = knobs or HoldKnobs(), vehicle
         self._altimeters = sensors_of(vehicle, ALTITUDE)
         self._freedoms = prior_dynamics(vehicle)
-        self._loops = {
-            axis: _Loop(Regulator(self._freedoms[axis], one), limit)
-            for axis, one, limit in _tunings(self._knobs, vehicle)
-        }
+        tunings = _tunings(self._knobs, vehicle)
+        self._loops = {axis: _Loop(Regulator(self._freedoms[axis], one)) for axis, one in tunings.items()}
         self._vertical = self._loops["heave"]
         self._mode = "depth"
         self._measured = "depth"
@@ -120,10 +116,8 @@ class Holds:
     def tune(self, knobs: HoldKnobs) -> None:
         """Use other knobs from now on; engaged holds keep their setpoints, references and integrals."""
         self._knobs = knobs
-        for axis, tuning, limit in _tunings(knobs, self._vehicle):
-            loop = self._loops[axis]
-            loop.regulator.tune(tuning)
-            loop.limit = limit
+        for axis, tuning in _tunings(knobs, self._vehicle).items():
+            self._loops[axis].regulator.tune(tuning)
 
     # ---- events
 
@@ -193,8 +187,8 @@ class Holds:
         K_munk, M_munk, N_munk = self._overturning(navigation)
         Z = self._climb(navigation, dt, shortfall[2])
         values = {"heading": yaw, "roll": roll, "pitch": pitch}
+        values |= {"depth": navigation.depth_m, "altitude": navigation.altitude_m}
         states = [self._state(axis, value) for axis, value in values.items()]
-        states += [self._vertical_state("depth", navigation), self._vertical_state("altitude", navigation)]
         return HoldsOutput((0.0, 0.0, Z, K - K_munk, M - M_munk, N - N_munk), tuple(states))
 
     def _overturning(self, navigation: Navigation) -> Vec3:
@@ -213,7 +207,6 @@ class Holds:
         if not self._ready(loop, value, rate):
             return 0.0
         regulator = loop.regulator
-        shortfall = shortfall if abs(shortfall) > loop.limit else 0.0
         to_goal = wrapped(loop.setpoint - regulator.ramp.value)
         effort = regulator.step(to_goal, wrapped(regulator.ramp.value - value), rate, dt, shortfall)
         return effort + self._freedoms[axis].restoring * math.sin(regulator.ramp.value)
@@ -227,7 +220,6 @@ class Holds:
         goal = -loop.setpoint if self._measured == "altitude" else loop.setpoint
         if self._measured != self._mode:
             goal = regulator.ramp.value
-        shortfall = shortfall if abs(shortfall) > loop.limit else 0.0
         effort = regulator.step(goal - regulator.ramp.value, regulator.ramp.value - value, rate, dt, shortfall)
         roll, pitch, _ = navigation.attitude_rad
         return (effort + self._freedoms["heave"].bias) / max(0.5, math.cos(roll) * math.cos(pitch))
@@ -270,16 +262,11 @@ class Holds:
 
     def _state(self, axis: str, value: float) -> HoldState:
         loop = self._loops[SNAME_OF[axis]]
-        if not loop.engaged:
+        vertical = loop is self._vertical
+        if not loop.engaged or (vertical and axis != self._mode):
             return HoldState(axis, engaged=False)
-        return HoldState(axis, True, loop.setpoint, wrapped(loop.setpoint - value), loop.note)
-
-    def _vertical_state(self, axis: str, navigation: Navigation) -> HoldState:
-        loop = self._vertical
-        if not loop.engaged or self._mode != axis:
-            return HoldState(axis, engaged=False)
-        value = navigation.depth_m if axis == "depth" else navigation.altitude_m
-        return HoldState(axis, True, loop.setpoint, loop.setpoint - value, loop.note)
+        error = loop.setpoint - value
+        return HoldState(axis, True, loop.setpoint, error if vertical else wrapped(error), loop.note)
 
 
 def silence_s(ages_s: Mapping[str, float], names: Sequence[str]) -> float:

@@ -28,6 +28,8 @@ class LoopTuning:
     """Largest rate of the reference [m/s, rad/s]."""
     authority: float
     """Largest size of the integral part [N, Nm]."""
+    shortfall: float = 0.0
+    """Shortfall of the allocator up to which the integral part goes on [N, Nm]."""
 
 
 class Ramp:
@@ -92,7 +94,7 @@ class Regulator:
         dt = min(max(dt, 0.0), LONGEST_STEP_S)
         acceleration = self.ramp.step(to_goal, dt)
         error += self.ramp.rate * dt
-        if shortfall * error > 0.0:
+        if abs(shortfall) > self._tuning.shortfall and shortfall * error > 0.0:
             error = self._let_go(error)
         else:
             integral = self.integral + self._integral_gain * error * dt

@@ -16,7 +16,6 @@ from hindrax_control.maneuver.leg import LegOutput
 
 Signal: TypeAlias = Callable[[float], float]
 
-EXCITATIONS = ("steps", "doublets", "chirp", "multisine")
 SINES = 9
 EDGE = 0.5
 """Share of the room, about its middle, in which the signal rules alone."""
@@ -43,7 +42,7 @@ class Bounds:
 
 
 def signal(kind: str, seed: int, seconds: float, slowest_Hz: float) -> Signal:
-    """Make one of EXCITATIONS for a duration; nothing in it is slower than `slowest_Hz`."""
+    """Make one of the excitations of a goal for a duration; nothing in it is slower than `slowest_Hz`."""
     makers = {"steps": _steps, "doublets": _doublets, "chirp": _chirp, "multisine": _multisine}
     return makers[kind](random.Random(seed), seconds, slowest_Hz)  # noqa: S311  # a test signal, not a secret
 
@@ -108,8 +107,8 @@ class Excite:
         self._stiffness = MOST * bounds.force / self._margin
         self._damping = 2.0 * math.sqrt(self._stiffness * bounds.inertia)
 
-    def step(self, coordinate: float, rate: float, time_s: float) -> LegOutput:
-        """Drive on, given where the vehicle is along the motion and how fast."""
+    def step(self, coordinate: float, rate: float, time_s: float, *, trusted: bool = True) -> LegOutput:  # noqa: ARG002
+        """Drive on, given where the vehicle is along the motion and how fast; a leg asks whether that is measured."""
         if self._begun_s is None:
             self._begun_s = time_s
         elapsed_s = time_s - self._begun_s

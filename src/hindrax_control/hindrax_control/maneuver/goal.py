@@ -1,11 +1,32 @@
-"""What a maneuver is asked to fly."""
+"""Goals of maneuvers: what is asked for, which motions a vehicle can fly, and why a goal is refused.
+
+A vehicle flies the motions that its thrusters serve independently. A plan that does not fit the pool is refused by the
+planner, and an order that comes late by the node.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+
+from hindrax_control.allocation.effectiveness import Matrix, effectiveness, served_axes
+from hindrax_control.allocation.thrust_curve import thrust_curves
+from hindrax_core.errors import HindraxError, UsageError
+from hindrax_core.vehicle import AXES, Vehicle
 
 ENDINGS = ("hold", "neutral")
 PLATEAUS = "plateaus"
+EXCITATIONS = ("steps", "doublets", "chirp", "multisine")
+MOST_MOTIONS, MOST_LEVELS = 12, 20
+"""Limits per goal: planning blocks the control cycle."""
+BUSY = "a maneuver is being flown; `./hindrax stop` ends it"
+SENSELESS = "see which sensor is silent (`./hindrax doctor`), then fly again"
+LATE = "late"
+"""Guard of goals that arrive late; the client may send them again."""
+SHARE = 0.05
+"""A lost axis counts as bound to a served one that makes at least this share of its row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,3 +41,153 @@ class Goal:
     seed: int = 0
     on_cancel: str = "hold"
     levels: tuple[float, ...] = ()
+
+
+def require_flyable(goal: Goal, vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
+    """UsageError that says why a goal can never be flown by this vehicle without the disabled thrusters."""
+    check_goal(goal)
+    require_servable(goal.motions, vehicle, disabled)
+    require_lift(vehicle)
+
+
+def require_ready(*, flying: bool, armed: bool, guards: Sequence[str], heading_known: bool) -> None:
+    """HindraxError that says why no maneuver can begin now; `guards`: what is wrong, the first thing first."""
+    if flying:
+        raise HindraxError(BUSY)
+    if not armed:
+        raise HindraxError("the vehicle is not armed; `./hindrax arm` first")
+    if guards:
+        raise HindraxError(guards[0])
+    if not heading_known:
+        raise HindraxError(f"the heading is unknown; {SENSELESS}")
+
+
+def check_goal(goal: Goal) -> None:
+    """UsageError that names what is invalid in a goal."""
+    if not goal.motions:
+        raise UsageError(f"goal: no motion, wanted some of {', '.join(AXES)}")
+    if len(goal.motions) > MOST_MOTIONS:
+        raise UsageError(f"goal: {len(goal.motions)} motions, wanted at most {MOST_MOTIONS}; fly the rest after them")
+    for motion in goal.motions:
+        if motion not in AXES:
+            raise UsageError(f"goal: motion {motion!r} unknown, wanted one of {', '.join(AXES)}")
+    if goal.excitation not in (PLATEAUS, *EXCITATIONS):
+        raise UsageError(f"goal: excitation {goal.excitation!r} unknown, wanted {PLATEAUS} or {', '.join(EXCITATIONS)}")
+    if goal.on_cancel not in ENDINGS:
+        raise UsageError(f"goal: ending {goal.on_cancel!r} unknown, wanted {' or '.join(ENDINGS)}")
+    _check_levels(goal)
+
+
+def _check_levels(goal: Goal) -> None:
+    if goal.levels and (len(goal.motions) > 1 or goal.excitation != PLATEAUS):
+        found = f"{', '.join(goal.motions)} by {goal.excitation}"
+        raise UsageError(f"goal: levels of {found}, wanted those of one motion by {PLATEAUS}")
+    if len(goal.levels) > MOST_LEVELS:
+        raise UsageError(f"goal: {len(goal.levels)} levels, wanted at most {MOST_LEVELS}; fly the rest after them")
+    for level in goal.levels:
+        if not 0.0 <= level <= 1.0:
+            raise UsageError(f"goal: level {level:g}, wanted 0 (the slowest plateau) to 1 (the fastest)")
+
+
+@dataclass(frozen=True, slots=True)
+class ServableMotions:
+    """Motions that can be flown, in the order they were asked for, and those left out, each with its reason."""
+
+    flown: tuple[str, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        """One line: what is flown, what not, and why."""
+        flown = f"can fly {', '.join(self.flown) or 'nothing'}"
+        reasons = "; ".join(f"{motion}: {reason}" for motion, reason in self.left_out)
+        return f"{flown}; cannot fly {reasons}" if reasons else flown
+
+
+def servable_motions(
+    motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()
+) -> ServableMotions:
+    """Split motions (names of AXES) into those that the vehicle's enabled thrusters serve and those they do not."""
+    whole = effectiveness(vehicle)
+    B = whole[:, [thruster.name not in disabled for thruster in vehicle.thrusters]]
+    reasons = _reasons(B)
+    # A motion that no thruster of the vehicle serves is not lost to the disabled ones.
+    lost_for_good = _reasons(whole)
+    out = f"without {', '.join(sorted(disabled))} "
+    left_out = {
+        motion: ("" if lost_for_good[motion] else out) + reasons[motion]
+        for motion in dict.fromkeys(motions)
+        if reasons[motion]
+    }
+    return ServableMotions(tuple(one for one in dict.fromkeys(motions) if one not in left_out), tuple(left_out.items()))
+
+
+def require_servable(motions: Sequence[str], vehicle: Vehicle, disabled: frozenset[str] = frozenset()) -> None:
+    """UsageError that names the first motion that cannot be flown, why, and what can be flown instead."""
+    left_out = servable_motions(motions, vehicle, disabled).left_out
+    if not left_out:
+        return
+    motion, reason = left_out[0]
+    flown = servable_motions(AXES, vehicle, disabled).flown
+    wanted = f"some of {', '.join(flown)}" if flown else "thrusters that do"
+    disables = reason.startswith("without ")
+    mend = "`./hindrax thruster enable` what works" if disables else "correct `thrusters` in the vehicle file"
+    raise UsageError(f"{motion}: {reason}, wanted {wanted}; {mend}{', or fly those' if flown else ''}")
+
+
+def largest_wrench(vehicle: Vehicle) -> dict[str, float]:
+    """Largest force [N] or moment [Nm] of each axis alone, the weaker direction; 0 where the axis is not served."""
+    if not vehicle.thrusters:
+        return dict.fromkeys(AXES, 0.0)
+    B = effectiveness(vehicle)
+    served = servable_motions(AXES, vehicle).flown
+    ranges = [min(-curve.range_N[0], curve.range_N[1]) for curve in thrust_curves(vehicle)]
+    alone = np.linalg.pinv(B)
+    found = {}
+    for axis, name in enumerate(AXES):
+        shares = np.abs(alone[:, axis]) / np.array(ranges)
+        found[name] = 1.0 / float(np.max(shares)) if name in served else 0.0
+    return found
+
+
+def require_lift(vehicle: Vehicle) -> None:
+    """UsageError for a vehicle that its thrusters cannot hold at a depth."""
+    net_N, reach_N = vehicle.net_buoyancy_N, largest_wrench(vehicle)["heave"]
+    if abs(net_N) >= reach_N > 0.0:
+        pull = "net buoyancy" if net_N > 0.0 else "net weight"
+        raise UsageError(
+            f"{vehicle.name}: found {abs(net_N):.0f} N of {pull}, wanted less than the {reach_N:.0f} N that its "
+            "thrusters give in heave; trim it, or correct mass_kg and volume_m3 in the vehicle file"
+        )
+
+
+def motions_to_fly(dof: Sequence[str], vehicle: Vehicle) -> ServableMotions:
+    """Motions that `--dof` asks for: `all` flies what can be flown; UsageError when a named one cannot be."""
+    wanted = AXES if "all" in dof else tuple(dof)
+    found = servable_motions(wanted, vehicle)
+    if "all" not in dof or not found.flown:
+        require_servable(wanted, vehicle)
+    require_lift(vehicle)
+    return found
+
+
+def _reasons(B: Matrix) -> dict[str, str]:
+    """For each axis, why thrusters with the effectiveness B (6, n) cannot fly it; empty when they can."""
+    served = served_axes(B)
+    return {name: _reason(B, axis, served) for axis, name in enumerate(AXES)}
+
+
+def _reason(B: Matrix, axis: int, served: Sequence[int]) -> str:
+    heave = AXES.index("heave")
+    if axis in served:
+        return "" if heave in served else "no thruster serves heave, which holds the depth meanwhile"
+    row = B[axis]
+    length = float(np.linalg.norm(row))
+    if length == 0.0:
+        return "no thruster serves it"
+    shares, *_ = np.linalg.lstsq(B[list(served)].T, row, rcond=None)
+    bound = [
+        AXES[other]
+        for share, other in zip(shares, served, strict=True)
+        if abs(share) * float(np.linalg.norm(B[other])) >= SHARE * length
+    ]
+    return f"no thruster serves it independently of {' and '.join(bound)}"

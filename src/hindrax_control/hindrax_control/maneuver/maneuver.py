@@ -9,15 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_control.allocation.allocator import Allocator
 from hindrax_control.hold.holds import Setpoint, silence_s
 from hindrax_control.hold.station_keeping import StationKeeping, StationKeepingKnobs
 from hindrax_control.maneuver.excitation import Bounds, Excite, signal
-from hindrax_control.maneuver.goal import PLATEAUS, Goal
+from hindrax_control.maneuver.goal import PLATEAUS, Goal, require_flyable
 from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.maneuver_guards import REMEDIES, ManeuverGuardKnobs, ManeuverGuards, Situation, nearest
-from hindrax_control.maneuver.plan import CHARACTERS, Plan, PlanKnobs, Planner
-from hindrax_control.maneuver.refusal import require_flyable
+from hindrax_control.maneuver.plan import CHARACTERS, Plan, Planner
 from hindrax_control.maneuver.stages import (
     RELEASED,
     BrakeAndHold,
@@ -30,12 +28,11 @@ from hindrax_control.maneuver.stages import (
     StageOutput,
 )
 from hindrax_control.pool_bounds import PoolBounds, PoolPosition
-from hindrax_control.sensor_kinds import ALTITUDE, sensors_of
+from hindrax_control.sensors import ALTITUDE, sensors_of
 from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import BLOCKED, NAN, ZERO6, Navigation, Phase
-from hindrax_core.vehicle import Vehicle
 
 SETTLING_s = 2.5
 """Time to come to rest at a place, beside the way to it."""
@@ -86,28 +83,27 @@ class Maneuver:
 
     def __init__(
         self,
-        vehicle: Vehicle,
-        allocator: Allocator,
+        planner: Planner,
         goal: Goal,
         pool: PoolBounds,
         *,
         knobs: ManeuverKnobs | None = None,
-        plan_knobs: PlanKnobs | None = None,
         station_knobs: StationKeepingKnobs | None = None,
         safety_knobs: ManeuverGuardKnobs | None = None,
-        disabled: frozenset[str] = frozenset(),
     ) -> None:
-        require_flyable(goal, vehicle, disabled)
-        self.goal, self._pool = goal, pool
+        vehicle = planner.vehicle
+        require_flyable(goal, vehicle, planner.disabled)
+        self.goal, self._pool, self._planner = goal, pool, planner
         self._knobs = knobs or ManeuverKnobs()
         self.station = StationKeeping(vehicle, station_knobs)
         self._altimeters = sensors_of(vehicle, ALTITUDE)
-        self._planner = Planner(vehicle, allocator, plan_knobs or PlanKnobs(), disabled)
         self._safety = ManeuverGuards(vehicle, safety_knobs)
         self.plans = tuple(self._planner.plan(motion, pool, goal.levels) for motion in goal.motions)
         self._stages: list[Stage] = self._all_stages()
         self._stages.append(BrakeAndHold(goal.motions[-1], self.station, neutral=False))
         self._seconds = [stage.seconds for stage in self._stages]
+        self.seconds = sum(self._seconds)
+        """Planned duration [s]."""
         self._at = -1
         self._entered_s = 0.0
         self._begun: Stamp | None = None
@@ -116,23 +112,14 @@ class Maneuver:
         self._passed = 0.0
         self._aborted = ""
         self._stopping = self._neutral = False
-        self._said: ManeuverOutput | None = None
+        self.last: ManeuverOutput | None = None
+        """Its last output; None before its first step."""
         self._thrust_N = (0.0, 0.0)
-
-    @property
-    def seconds(self) -> float:
-        """Planned duration [s]."""
-        return sum(self._seconds)
 
     @property
     def done(self) -> bool:
         """Whether it is over."""
-        return self._said is not None and self._said.done
-
-    @property
-    def last(self) -> ManeuverOutput | None:
-        """Its last output; None before its first step."""
-        return self._said
+        return self.last is not None and self.last.done
 
     def keep(self, navigation: Navigation, stamp: Stamp) -> Vec6:
         """Station-keeping wrench after the end [N, Nm], in surge and sway."""
@@ -159,11 +146,12 @@ class Maneuver:
         battery_V: float = NAN,
     ) -> ManeuverOutput:
         """Fly one cycle, given the state at `stamp` and the shortfall of the last wrench [N, Nm]."""
-        if self._said is not None and self._said.done:
-            return self._said
+        last = self.last
+        if last is not None and last.done:
+            return last
         moment = self._moment(navigation, stamp, shortfall)
-        if self._said is not None:
-            X, Y, *_ = (wanted - missing for wanted, missing in zip(self._said.wrench, shortfall, strict=True))
+        if last is not None:
+            X, Y, *_ = (wanted - missing for wanted, missing in zip(last.wrench, shortfall, strict=True))
             self._thrust_N = (X, Y)
         if not self._stopping:
             wrong = self._safety.step(self._situation(moment, tuple(lost_axes), battery_V))
@@ -190,7 +178,7 @@ class Maneuver:
         flown = act.phase if self._stopping or not self._safety.is_blocked(moment.time_s) else BLOCKED
         phase = ("aborted" if self._aborted else "done") if done else flown
         progress, remaining_s = self._progress(moment.time_s)
-        self._said = ManeuverOutput(
+        self.last = ManeuverOutput(
             wrench=act.wrench,
             setpoints=setpoints,
             phase=Phase("" if done else motion, phase),
@@ -203,7 +191,7 @@ class Maneuver:
             aborted=self._aborted if done else "",
             neutral=neutral,
         )
-        return self._said
+        return self.last
 
     def _next(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Begin the stage that follows, or stop where its end may be too near to a wall."""

@@ -7,13 +7,13 @@ find the same for a while before they count.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from hindrax_control.maneuver.plan import LAG_S
 from hindrax_control.pool_bounds import GuardedPlace, PoolPosition
 from hindrax_control.prior_dynamics import prior_dynamics
-from hindrax_control.sensor_kinds import DEPTH, INERTIAL, VELOCITY, sensors_of
+from hindrax_control.sensors import DEPTH, INERTIAL, VELOCITY, sensors_of
 from hindrax_core.knobs import knob
 from hindrax_core.signals import NAN, Navigation
 from hindrax_core.vehicle import Vehicle
@@ -93,30 +93,38 @@ class ManeuverGuards:
         self._depth = sensors_of(vehicle, DEPTH)
         self._velocity = sensors_of(vehicle, VELOCITY)
         self._freedoms = prior_dynamics(vehicle)
-        self._patience_s = {"dvl_lock": self._knobs.unlocked_s, "blocked": self._knobs.blocked_s}
+        self._patience_s = dict.fromkeys(("attitude", "speed", "sensor_age"), self._knobs.patience_s)
+        """The other guards act at once."""
+        self._patience_s |= {"dvl_lock": self._knobs.unlocked_s, "blocked": self._knobs.blocked_s}
         self._wrong_since_s: dict[str, float] = {}
 
     def step(self, situation: Situation) -> tuple[str, ...]:
         """Return "guard: what is wrong; what to do" for everything that is wrong now; nothing when all is well."""
-        at_once = {
-            "pool_box": situation.unplaced or self._pool_box(situation.place, situation.walls_m),
-            "depth_band": self._depth_band(situation.navigation),
-            "altitude_band": self._altitude_band(situation.navigation),
-            "battery": self._battery(situation.battery_V),
-            "leak": "found water in the hull, wanted it dry" if situation.water_in_hull else "",
-            "time_out": self._time_out(situation),
-            "thrusters": self._thrusters(situation),
-        }
-        lasting = {
-            "attitude": self._attitude(situation.navigation),
-            "speed": self._speed(situation.navigation),
-            "sensor_age": self._sensor_age(situation.navigation),
-            "blocked": self._blocked(situation),
-            "dvl_lock": self._dvl_lock(situation),
-        }
-        found = {name: text for name, text in at_once.items() if text}
-        found |= {name: text for name, text in lasting.items() if self._lasts(name, text, situation.time_s)}
-        return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in found.items())
+        wrong = ((name, text) for name, text in self._guards(situation) if self._lasts(name, text, situation.time_s))
+        return tuple(f"{name}: {text}; {REMEDIES[name]}" for name, text in wrong)
+
+    def _guards(self, situation: Situation) -> Iterator[tuple[str, str]]:
+        """Yield the name of each guard, and what it found and wanted: nothing where all is well."""
+        navigation, limits = situation.navigation, self._vehicle.limits
+        yield "pool_box", situation.unplaced or self._pool_box(situation.place, situation.walls_m)
+        yield "depth_band", self._depth_band(navigation.depth_m)
+        under_m, least_m = navigation.altitude_m - self._half_height_m, self._knobs.floor_m
+        low = under_m < least_m
+        yield "altitude_band", f"{under_m:.2f} m of water under the hull, wanted {least_m:.2f} m" if low else ""
+        found, least = situation.battery_V, limits.battery_V
+        yield "battery", f"{found:.1f} V, wanted at least {least:.1f} V" if found < least else ""
+        yield "leak", "found water in the hull, wanted it dry" if situation.water_in_hull else ""
+        late_s = situation.time_s - situation.deadline_s
+        yield "time_out", f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
+        lost = [axis for axis in dict.fromkeys(situation.needed_axes) if axis in situation.lost_axes]
+        yield "thrusters", f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
+        yield "attitude", self._attitude(navigation)
+        found = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
+        most = limits.speed_mps
+        yield "speed", f"{found:.2f} m/s, wanted at most {most:.2f} m/s" if found > most else ""
+        yield "sensor_age", self._sensor_age(navigation)
+        yield "blocked", self._blocked(situation)
+        yield "dvl_lock", self._dvl_lock(situation)
 
     def is_blocked(self, time_s: float) -> bool:
         """Whether thrust has not moved it for a while, even if not yet long enough for the guard."""
@@ -126,8 +134,7 @@ class ManeuverGuards:
         if not text:
             self._wrong_since_s.pop(name, None)
             return False
-        patience_s = self._patience_s.get(name, self._knobs.patience_s)
-        return time_s - self._wrong_since_s.setdefault(name, time_s) >= patience_s
+        return time_s - self._wrong_since_s.setdefault(name, time_s) >= self._patience_s.get(name, 0.0)
 
     def _pool_box(self, place: PoolPosition | None, walls_m: Mapping[str, float]) -> str:
         """Walls, with the way that braking takes: a fast vehicle is stopped earlier than a slow one."""
@@ -148,18 +155,11 @@ class ManeuverGuards:
         said = f" and {doubt_m:.2f} m of doubt" if doubt_m >= LEAST_DOUBT_m else ""
         return self._knobs.wall_m + doubt_m, f"{self._knobs.wall_m:.2f} m{said}"
 
-    def _depth_band(self, navigation: Navigation) -> str:
-        depth_m, rating_m = navigation.depth_m, self._vehicle.depth_rating_m
-        top_m = depth_m - self._half_height_m
+    def _depth_band(self, depth_m: float) -> str:
+        top_m, rating_m = depth_m - self._half_height_m, self._vehicle.depth_rating_m
         if top_m < self._knobs.surface_m:
             return f"{top_m:.2f} m of water above the hull, wanted {self._knobs.surface_m:.2f} m"
         return f"{depth_m:.2f} m deep, wanted at most {rating_m:.2f} m" if depth_m > rating_m else ""
-
-    def _altitude_band(self, navigation: Navigation) -> str:
-        under_m = navigation.altitude_m - self._half_height_m
-        if under_m < self._knobs.floor_m:
-            return f"{under_m:.2f} m of water under the hull, wanted {self._knobs.floor_m:.2f} m"
-        return ""
 
     def _attitude(self, navigation: Navigation) -> str:
         tilt_deg = math.degrees(max(abs(navigation.attitude_rad[0]), abs(navigation.attitude_rad[1])))
@@ -167,11 +167,6 @@ class ManeuverGuards:
         if tilt_deg > limit_deg:
             return f"tilted by {tilt_deg:.0f} deg, wanted at most {limit_deg:.0f} deg"
         return "" if math.isfinite(sum(navigation.attitude_rad)) else "unknown, wanted roll, pitch and heading"
-
-    def _speed(self, navigation: Navigation) -> str:
-        speed = math.sqrt(sum(v * v for v in navigation.velocity_mps if math.isfinite(v)))
-        limit = self._vehicle.limits.speed_mps
-        return f"{speed:.2f} m/s, wanted at most {limit:.2f} m/s" if speed > limit else ""
 
     def _sensor_age(self, navigation: Navigation) -> str:
         limits = dict.fromkeys(self._inertial, self._knobs.inertial_age_s)
@@ -197,18 +192,6 @@ class ManeuverGuards:
             return ""
         since_s = situation.time_s - self._wrong_since_s.get("dvl_lock", situation.time_s)
         return f"no bottom lock for {since_s:.1f} s, wanted at most {self._knobs.unlocked_s:.1f} s"
-
-    def _battery(self, battery_V: float) -> str:
-        limit_V = self._vehicle.limits.battery_V
-        return f"{battery_V:.1f} V, wanted at least {limit_V:.1f} V" if battery_V < limit_V else ""
-
-    def _time_out(self, situation: Situation) -> str:
-        late_s = situation.time_s - situation.deadline_s
-        return f"{late_s:.0f} s later than it should long be over" if late_s > 0.0 else ""
-
-    def _thrusters(self, situation: Situation) -> str:
-        lost = [axis for axis in dict.fromkeys(situation.needed_axes) if axis in situation.lost_axes]
-        return f"{', '.join(lost)} cannot be served without the disabled ones" if lost else ""
 
 
 def nearest(walls_m: Mapping[str, float]) -> tuple[str, float]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hindrax_control.allocation.allocator import Allocator
-from hindrax_control.maneuver.servable import require_servable
+from hindrax_control.maneuver.goal import require_servable
 from hindrax_control.pool_bounds import PoolBounds
 from hindrax_control.prior_dynamics import PriorDynamics, prior_dynamics
 from hindrax_core.errors import UsageError
@@ -162,7 +162,7 @@ class Planner:
     ) -> None:
         self.vehicle, self.knobs = vehicle, knobs
         self.freedoms = prior_dynamics(vehicle)
-        self._allocator, self._disabled = allocator, disabled
+        self._allocator, self.disabled = allocator, disabled
 
     def plan(self, motion: str, pool: PoolBounds, levels: Sequence[float] = ()) -> Plan:
         """Plan one of MOTIONS; UsageError when pool, limits or thrusters leave no room for it.
@@ -171,7 +171,7 @@ class Planner:
         """
         if motion not in MOTIONS:
             raise UsageError(f"motion {motion!r}: unknown, wanted one of {', '.join(MOTIONS)}")
-        require_servable((motion,), self.vehicle, self._disabled)
+        require_servable((motion,), self.vehicle, self.disabled)
         low, high = self._span(motion, pool)
         if high <= low:
             raise UsageError(
@@ -200,7 +200,7 @@ class Planner:
 
     def force_limit(self, axis: str, sign: float) -> float:
         """Largest force [N, Nm] that a plan may ask for along an axis: thrusters with reserve, vehicle limit."""
-        reach = self._allocator.reach(axis, sign, self._disabled)
+        reach = self._allocator.reach(axis, sign, self.disabled)
         return min(self.knobs.reserve * reach, self.vehicle.limits.wrench[AXES.index(axis)])
 
     def _span(self, motion: str, pool: PoolBounds) -> tuple[float, float]:

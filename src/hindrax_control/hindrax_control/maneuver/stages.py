@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from hindrax_control.hold.holds import Setpoint, down_rate
 from hindrax_control.hold.station_keeping import StationKeeping
 from hindrax_control.maneuver.excitation import Excite
-from hindrax_control.maneuver.leg import LegController, LegOutput
+from hindrax_control.maneuver.goal import SENSELESS
+from hindrax_control.maneuver.leg import LegController
 from hindrax_control.maneuver.plan import ALONG, motion_name
 from hindrax_control.pool_bounds import PoolPosition
 from hindrax_control.prior_dynamics import PriorDynamics
-from hindrax_core.readings import Vec6
-from hindrax_core.signals import Navigation
+from hindrax_core.readings import Vec6, vec6
+from hindrax_core.signals import ZERO6, Navigation
 from hindrax_core.vehicle import AXES
 
 HOLD_OF = {"heave": ("depth", "altitude"), "roll": ("roll",), "pitch": ("pitch",), "yaw": ("heading",)}
@@ -56,19 +56,27 @@ class StageOutput:
     """Why the maneuver cannot go on; empty while it can."""
 
 
-class Stage(Protocol):
-    """One part of a maneuver."""
+class Stage:
+    """One part of a maneuver, as long as planned; `ends`: where in the pool it comes to rest."""
 
-    motion: str
-    seconds: float
-    ends: tuple[PoolPosition, ...]
-    """Where in the pool it comes to rest."""
+    def __init__(
+        self, motion: str, station: StationKeeping, seconds: float, ends: tuple[PoolPosition, ...] = ()
+    ) -> None:
+        self.motion, self.seconds, self.ends = motion, seconds, ends
+        self._station, self._begun_s = station, 0.0
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
-        """Return the hold setpoints that this stage wants."""
+        """Return the hold setpoints that this stage wants: every hold stays as it is."""
+        self._begun_s = moment.time_s
+        return ()
 
     def step(self, moment: StageInput) -> StageOutput:
         """Act on one moment."""
+        raise NotImplementedError
+
+    def _keep_station(self, moment: StageInput, left_free: str = "") -> Vec6:
+        X, Y = self._station.step(moment.place, moment.dt, left_free=left_free, held_back=moment.held_back)
+        return (X, Y, 0.0, 0.0, 0.0, 0.0)
 
 
 def along(axis: str, moment: StageInput) -> tuple[float, float]:
@@ -108,31 +116,21 @@ class Pose:
         return math.remainder(navigation.attitude_rad[2] - self.heading_rad, math.tau)
 
 
-@dataclass(frozen=True, slots=True)
-class RestCriterion:
-    """How still the vehicle must be, and for how long, before a stage of rest is over."""
-
-    position_m: float = 0.15
-    depth_m: float = 0.05
-    heading_rad: float = math.radians(2.0)
-    speed_mps: float = 0.04
-    turn_radps: float = math.radians(3.0)
-    lasting_s: float = 0.8
-    patience_s: float = 75.0
-
-
-REST = RestCriterion()
+REST_m, REST_DEPTH_m, REST_HEADING_rad = 0.15, 0.05, math.radians(2.0)
+REST_mps, REST_radps = 0.04, math.radians(3.0)
+"""How still the vehicle must be before a stage of rest is over."""
+LASTING_s, PATIENCE_s = 0.8, 75.0
+"""For how long it must be so, and how long that may take."""
 UNSETTLED = "look for a current, a cable that pulls, or a thruster that does not push (`./hindrax monitor`)"
 
 
-class SettleAtPose:
+class SettleAtPose(Stage):
     """Comes to rest at a place in the pool, at a heading and an altitude or depth, upright."""
 
     def __init__(self, motion: str, station: StationKeeping, pose: Pose, *, seconds: float) -> None:
-        self.motion, self.seconds = motion, seconds
-        self.ends: tuple[PoolPosition, ...] = (pose.place,)
-        self._station, self._goal_m, self._pose = station, (pose.place.x_m, pose.place.y_m), pose
-        self._begun_s = self._still_since_s = 0.0
+        super().__init__(motion, station, seconds, (pose.place,))
+        self._goal_m, self._pose = (pose.place.x_m, pose.place.y_m), pose
+        self._still_since_s = 0.0
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Engage every hold; the station keeps what it knows of the current."""
@@ -151,78 +149,59 @@ class SettleAtPose:
         """Keep station; over when nothing is far off any more for a while."""
         if self._station.goal_m is not None:
             self._station.goal_m = self._goal_m
-        X, Y = self._station.step(moment.place, moment.dt, held_back=moment.held_back)
-        off = self._off(moment)
+        wrench, off = self._keep_station(moment), self._off(moment)
         if off:
             self._still_since_s = moment.time_s
         waited_s = moment.time_s - self._begun_s
-        trouble = f"settle: {off} after {waited_s:.0f} s; {UNSETTLED}" if off and waited_s > REST.patience_s else ""
-        finished = moment.time_s - self._still_since_s >= REST.lasting_s
-        return StageOutput((X, Y, 0.0, 0.0, 0.0, 0.0), "settle", finished=finished, trouble=trouble)
+        trouble = f"settle: {off} after {waited_s:.0f} s; {UNSETTLED}" if off and waited_s > PATIENCE_s else ""
+        finished = moment.time_s - self._still_since_s >= LASTING_s
+        return StageOutput(wrench, "settle", finished=finished, trouble=trouble)
 
     def _off(self, moment: StageInput) -> str:
         """What is not at rest yet, in words."""
         navigation, place = moment.navigation, moment.place
         far_m = math.hypot(place.x_m - self._goal_m[0], place.y_m - self._goal_m[1])
-        hold, high_m, turned_rad = (
-            self._pose.vertical[0],
-            self._pose.off_m(navigation),
-            self._pose.turned_rad(navigation),
-        )
+        hold, high_m = self._pose.vertical[0], self._pose.off_m(navigation)
+        turned_rad = self._pose.turned_rad(navigation)
         speed = math.sqrt(sum(v * v for v in navigation.velocity_mps))
         turning = max(map(abs, navigation.rate_radps))
         wrong = {
-            f"{far_m:.2f} m from its place": not far_m <= REST.position_m,
+            f"{far_m:.2f} m from its place": not far_m <= REST_m,
             # A sonar that falls silent now leaves the altitude unknown; the hold keeps the depth, which is as good.
-            f"{hold} off by {high_m:.2f} m": abs(high_m) > REST.depth_m,
-            f"heading off by {math.degrees(turned_rad):.1f} deg": not abs(turned_rad) <= REST.heading_rad,
-            f"moving at {speed:.2f} m/s": not speed <= REST.speed_mps,
-            f"turning at {math.degrees(turning):.0f} deg/s": not turning <= REST.turn_radps,
+            f"{hold} off by {high_m:.2f} m": abs(high_m) > REST_DEPTH_m,
+            f"heading off by {math.degrees(turned_rad):.1f} deg": not abs(turned_rad) <= REST_HEADING_rad,
+            f"moving at {speed:.2f} m/s": not speed <= REST_mps,
+            f"turning at {math.degrees(turning):.0f} deg/s": not turning <= REST_radps,
         }
         return next((words for words, is_wrong in wrong.items() if is_wrong), "")
 
 
-class Hover:
+class Hover(Stage):
     """Stays where it has come to rest, on the holds' setpoints: the thrust that this takes is the net buoyancy.
 
     Thrusters that hardly push are hardly unsteady, so it is weighed better here than by any leg.
     """
 
-    ends: tuple[PoolPosition, ...] = ()
-
-    def __init__(self, motion: str, station: StationKeeping, seconds: float) -> None:
-        self.motion, self.seconds = motion, seconds
-        self._station = station
-        self._begun_s = 0.0
-
-    def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
-        """Leave every hold as it is."""
-        self._begun_s = moment.time_s
-        return ()
-
     def step(self, moment: StageInput) -> StageOutput:
         """Keep station until the time is over."""
-        X, Y = self._station.step(moment.place, moment.dt, held_back=moment.held_back)
         finished = moment.time_s - self._begun_s >= self.seconds
-        return StageOutput((X, Y, 0.0, 0.0, 0.0, 0.0), "hover", finished=finished)
+        return StageOutput(self._keep_station(moment), "hover", finished=finished)
 
 
-SENSELESS = "see which sensor is silent (`./hindrax doctor`), then fly again"
 STEADY_m, STEADY_rad = 0.08, math.radians(4.0)
 """A plateau along the pool counts only while altitude and heading are this near to their setpoints."""
 
 
-class ExciteMotion:
+class ExciteMotion(Stage):
     """Drives one degree of freedom by a leg or an excitation; station and holds keep all others."""
 
     def __init__(
         self, axis: str, driver: LegController | Excite, freedom: PriorDynamics, station: StationKeeping, pose: Pose
     ) -> None:
-        self.motion = driver.leg.name if isinstance(driver, LegController) else motion_name(axis, 0.0)
-        self.seconds = driver.seconds
-        self.ends = tuple(replace(pose.place, x_m=x_m) for x_m in driver.ends) if axis in ALONG else ()
-        self._axis, self._driver, self._freedom, self._station = axis, driver, freedom, station
-        self._pose = pose
+        motion = driver.leg.name if isinstance(driver, LegController) else motion_name(axis, 0.0)
+        ends = tuple(replace(pose.place, x_m=x_m) for x_m in driver.ends) if axis in ALONG else ()
+        super().__init__(motion, station, driver.seconds, ends)
+        self._axis, self._driver, self._freedom, self._pose = axis, driver, freedom, pose
 
     def begin(self, _moment: StageInput) -> tuple[Setpoint, ...]:
         """Release the holds of the axis that is driven."""
@@ -232,24 +211,16 @@ class ExciteMotion:
         """Drive the axis, with what holds it against buoyancy and righting moment; keep station in the others."""
         coordinate, rate = along(self._axis, moment)
         if not all(map(math.isfinite, (coordinate, rate))):
-            return StageOutput((0.0,) * 6, "transient", trouble=f"navigation: {self._axis} unknown; {SENSELESS}")
-        drive = self._drive(coordinate, rate, moment)
+            return StageOutput(ZERO6, "transient", trouble=f"navigation: {self._axis} unknown; {SENSELESS}")
+        trusted = self._axis not in ALONG or self._straight(moment.navigation)
+        drive = self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
         if not isinstance(self._driver, LegController):
             self.motion = motion_name(self._axis, rate)
-        free = "x" if self._axis in ALONG else ""
-        X, Y = self._station.step(moment.place, moment.dt, left_free=free, held_back=moment.held_back)
-        wrench = [X, Y, 0.0, 0.0, 0.0, 0.0]
+        wrench = [*self._keep_station(moment, left_free="x" if self._axis in ALONG else "")]
         # The thrust that is asked for now comes a lag later, when the vehicle has turned on.
         righting = self._freedom.restoring * math.sin(coordinate + rate * THRUST_LAG_S)
         wrench[AXES.index(self._axis)] = drive.force + self._freedom.bias + righting
-        a, b, c, d, e, f = wrench
-        return StageOutput((a, b, c, d, e, f), drive.phase, drive.force, rate, drive.finished)
-
-    def _drive(self, coordinate: float, rate: float, moment: StageInput) -> LegOutput:
-        if isinstance(self._driver, LegController):
-            trusted = self._axis not in ALONG or self._straight(moment.navigation)
-            return self._driver.step(coordinate, rate, moment.time_s, trusted=trusted)
-        return self._driver.step(coordinate, rate, moment.time_s)
+        return StageOutput(vec6(wrench), drive.phase, drive.force, rate, drive.finished)
 
     def _straight(self, navigation: Navigation) -> bool:
         """Whether surge or sway is measured, and flown as it should be; an unknown altitude does not count."""
@@ -261,15 +232,12 @@ STOPPING_s, LEAST_s, PATIENT_s = 2.0, 1.0, 8.0
 """How long a stop usually takes, at least takes and may take."""
 
 
-class BrakeAndHold:
+class BrakeAndHold(Stage):
     """Brakes and holds where it is; ends in the hold, or neutral, as asked."""
 
-    ends: tuple[PoolPosition, ...] = ()
-
     def __init__(self, motion: str, station: StationKeeping, *, neutral: bool) -> None:
-        self.motion, self.seconds = motion, STOPPING_s
-        self._station, self._neutral = station, neutral
-        self._begun_s = 0.0
+        super().__init__(motion, station, STOPPING_s)
+        self._neutral = neutral
 
     def begin(self, moment: StageInput) -> tuple[Setpoint, ...]:
         """Hold heading and depth as they are, upright, and this place in the pool."""
@@ -279,12 +247,11 @@ class BrakeAndHold:
 
     def step(self, moment: StageInput) -> StageOutput:
         """Keep station until the vehicle is slow, or for a few seconds."""
-        X, Y = self._station.step(moment.place, moment.dt, held_back=moment.held_back)
+        wrench = self._keep_station(moment)
         speed = math.sqrt(sum(v * v for v in moment.navigation.velocity_mps if math.isfinite(v)))
         waited_s = moment.time_s - self._begun_s
-        finished = waited_s > PATIENT_s or (waited_s > LEAST_s and speed < REST.speed_mps)
-        wrench = (0.0,) * 6 if finished and self._neutral else (X, Y, 0.0, 0.0, 0.0, 0.0)
-        return StageOutput(wrench, "settle", finished=finished)
+        finished = waited_s > PATIENT_s or (waited_s > LEAST_s and speed < REST_mps)
+        return StageOutput(ZERO6 if finished and self._neutral else wrench, "settle", finished=finished)
 
 
 RELEASED = tuple(Setpoint(name, engaged=False) for name in ("heading", "roll", "pitch", "depth", "altitude"))

@@ -9,11 +9,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hindrax_control.navigation.attitude_filter import AttitudeFilter
-from hindrax_control.navigation.heading_filter import HeadingFilter
-from hindrax_control.navigation.horizontal_filter import HorizontalFilter
-from hindrax_control.navigation.sensor_mount import SensorMount
-from hindrax_control.navigation.vertical_filter import VerticalFilter
+from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
+from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
+from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
+from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
+from hindrax_control.sensors import SensorMount
 from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Magnetic, Pressure, Vec3
 from hindrax_core.rotation import cross, rotate
@@ -28,8 +28,8 @@ REMEMBERED_S = 5.0
 
 
 @dataclass(frozen=True)
-class AidingKnobs:
-    """How far the sensors beside the IMU are trusted."""
+class AidingKnobs(AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs):
+    """How far the sensors are trusted, those beside the IMU first."""
 
     heading_from: str = choice("magnetometer", ("magnetometer", "dvl", "both", "none"), "what the heading follows")
     compass_tilt_deg: float = knob(15.0, 1.0, 90.0, "tilt above which the magnetometer is not used [deg]")
@@ -48,24 +48,15 @@ class AidingKnobs:
 
 
 class Aiding:
-    """Compares measurements with what the three filters expect, and lets them learn.
+    """The filters of one state. Compares measurements with what they expect, and lets them learn.
 
     Each method says whether the measurement was used. `delay_s` is how long ago it was valid.
     """
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        knobs: AidingKnobs,
-        *,
-        attitude: AttitudeFilter,
-        heading: HeadingFilter,
-        vertical: VerticalFilter,
-        horizontal: HorizontalFilter,
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, knobs: AidingKnobs) -> None:
         self._knobs = knobs
-        self._attitude, self._heading = attitude, heading
-        self._vertical, self._horizontal = vertical, horizontal
+        self.attitude, self.heading = AttitudeFilter(knobs), HeadingFilter(knobs, len(vehicle.thrusters))
+        self.vertical, self.horizontal = VerticalFilter(knobs), HorizontalFilter(knobs)
         self._water = vehicle.water
         self._deepest_m = 2.0 * vehicle.depth_rating_m
         self.forces_N: Sequence[float] = ()
@@ -82,7 +73,7 @@ class Aiding:
         if reading.velocity_mps is None:
             return False
         half_s = 0.5 * max(reading.interval_s, SHORTEST_SPAN_S)
-        way = self._horizontal.way(valid_s - half_s, valid_s + half_s)
+        way = self.horizontal.way(valid_s - half_s, valid_s + half_s)
         u, v, w = mount.body(reading.velocity_mps)
         fastest = self._knobs.fastest_mps
         repeated_s = self._repeated_s(reading.velocity_mps, valid_s)
@@ -91,7 +82,7 @@ class Aiding:
         by_rotation = cross(way.rate_radps, mount.lever_m)
         u, v, w = u - by_rotation[0], v - by_rotation[1], w - by_rotation[2]
         self._compare_sinking((u, v, w), valid_s)
-        return self._horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
+        return self.horizontal.fuse(u, v, reading.sigma_mps, way, repeated=repeated_s > 0.0)
 
     def _repeated_s(self, velocity_mps: Vec3, valid_s: float) -> float:
         """Time for which a DVL says the very same: in motion its noise shows in the last digits, at rest it may not."""
@@ -101,11 +92,11 @@ class Aiding:
 
     def _compare_sinking(self, velocity_mps: Vec3, valid_s: float) -> None:
         """Compare what the DVL says of the way down with what pressure and accelerometer say."""
-        if self._vertical.knows_depth:
-            dx, dy, dz = self._attitude.rotation[2]
+        if self.vertical.knows_depth:
+            dx, dy, dz = self.attitude.rotation[2]
             u, v, w = velocity_mps
             span_s = min(valid_s - self._sunk_s, LONGEST_SPAN_S)
-            off_mps = dx * u + dy * v + dz * w - self._vertical.rate_mps
+            off_mps = dx * u + dy * v + dz * w - self.vertical.rate_mps
             self.sunk_off_m += span_s * (off_mps - self.sunk_off_m / REMEMBERED_S)
         self._sunk_s = valid_s
 
@@ -114,7 +105,7 @@ class Aiding:
         depth_m = self._water.depth_m(reading.pressure_Pa)
         if not abs(depth_m) <= self._deepest_m:
             return False
-        return self._vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)
+        return self.vertical.depth(depth_m - self._below(mount.lever_m), self._knobs.pressure_sigma_m, delay_s)
 
     def echo(self, reading: Echo, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the range of the sonar: the nearest point of the floor within its beam answers."""
@@ -125,21 +116,21 @@ class Aiding:
         return self._range(reading.range_m, sigma_m, 0.5 * math.radians(knobs.sonar_beam_deg), mount, delay_s)
 
     def _range(self, range_m: float, sigma_m: float, half_beam_rad: float, mount: SensorMount, delay_s: float) -> bool:
-        dx, dy, dz = self._attitude.rotation[2]
+        dx, dy, dz = self.attitude.rotation[2]
         ax, ay, az = mount.axis
         tilt = math.acos(min(1.0, max(-1.0, dx * ax + dy * ay + dz * az)))
         if not (tilt <= math.radians(self._knobs.sonar_tilt_deg) and 0.0 < range_m < math.inf):
             return False
         height_m = range_m * math.cos(max(0.0, tilt - half_beam_rad))
-        return self._vertical.altitude(height_m + self._below(mount.lever_m), sigma_m, delay_s)
+        return self.vertical.altitude(height_m + self._below(mount.lever_m), sigma_m, delay_s)
 
     def magnetic(self, reading: Magnetic, mount: SensorMount, delay_s: float) -> bool:
         """Fuse the heading that a magnetic field means."""
-        knobs, attitude = self._knobs, self._attitude
+        knobs, attitude = self._knobs, self.attitude
         if knobs.heading_from not in ("magnetometer", "both"):
             return False
         down = attitude.rotation[2]
-        if self._heading.known and down[2] < math.cos(math.radians(knobs.compass_tilt_deg)):
+        if self.heading.known and down[2] < math.cos(math.radians(knobs.compass_tilt_deg)):
             return False
         north, east, _ = rotate(attitude.rotation, mount.body(reading.field_T))
         heading_rad = attitude.heading_rad
@@ -149,7 +140,7 @@ class Aiding:
         then_rad = heading_rad - self.yaw_rate_radps * delay_s - math.radians(knobs.declination_deg)
         if not 0.0 < x * x + y * y < math.inf:
             return False
-        correction = self._heading.magnetic(x, y, then_rad, self.forces_N)
+        correction = self.heading.magnetic(x, y, then_rad, self.forces_N)
         if correction is None:
             return False
         attitude.steer(*correction)
@@ -162,15 +153,15 @@ class Aiding:
         calibrated = len(digits) != 4 or digits[3] in "23"
         steered = knobs.heading_from in ("dvl", "both") and calibrated and math.isfinite(reading.heading_rad)
         if steered:
-            off_rad = reading.heading_rad + self.yaw_rate_radps * delay_s - self._attitude.heading_rad
+            off_rad = reading.heading_rad + self.yaw_rate_radps * delay_s - self.attitude.heading_rad
             sigma_deg = knobs.dvl_heading_sigma_deg
-            self._attitude.steer(*self._heading.heading(math.remainder(off_rad, math.tau), sigma_deg))
+            self.attitude.steer(*self.heading.heading(math.remainder(off_rad, math.tau), sigma_deg))
         if reading.locked and reading.altitude_m is not None and sonar_age_s > knobs.dvl_altitude_after_s:
             return self._range(reading.altitude_m, knobs.dvl_altitude_sigma_m, 0.0, mount, delay_s)
         return steered
 
     def _below(self, lever_m: Vec3) -> float:
         """How much deeper a point of the vehicle is than its origin."""
-        dx, dy, dz = self._attitude.rotation[2]
+        dx, dy, dz = self.attitude.rotation[2]
         lx, ly, lz = lever_m
         return dx * lx + dy * ly + dz * lz

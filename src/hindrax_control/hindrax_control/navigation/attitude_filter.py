@@ -8,14 +8,20 @@ factor, and one covariance serves both axes.
     error of tilt:  d/dt e = -b - i r e + gyroscope noise      error of the offset:  d/dt b = walk
 
 Gravity says e, with the accelerations of the vehicle as noise. Once settled, the gains are those of the two time
-constants. Heading is corrected from outside, see `heading.py`.
+constants. Heading is corrected from outside, see `heading_filter.py`.
+
+Nobody says that the vehicle stands still at its start: it floats, rocks and is carried about. So the mean rate over a
+window counts only as far as the rates are alike, the forces are alike, and gravity keeps its direction: a vehicle in
+the middle of its swing turns steadily, but gravity turns with it.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from hindrax_core.knobs import knob
 from hindrax_core.readings import Quaternion, Vec3
@@ -25,6 +31,12 @@ from hindrax_core.vehicle import GRAVITY_mps2
 SMOOTHED_S = 0.25
 """A gyroscope that jumps by 40 deg/s is told in 0.75 s; full thrust of the strongest vehicle, back and forth, stays
 below the limit of the health check by a tenth."""
+SPANS = 5
+"""Spans in a window."""
+Span: TypeAlias = tuple[Vec3, Vec3]
+"""Mean rate [rad/s] and mean specific force [m/s^2] of one span."""
+FINEST_radps = math.radians(0.02)
+"""What the noise of a gyroscope leaves of a mean over a second."""
 
 
 @dataclass(frozen=True)
@@ -165,3 +177,39 @@ class AttitudeFilter:
             (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
             (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """An offset of the gyroscope and its standard deviation per axis [rad/s]."""
+
+    rate_radps: Vec3
+    sigma_radps: float
+
+    def combined(self, other: Offset) -> Offset:
+        """What two sources know together; one that cannot be true beside this one adds nothing."""
+        variance = self.sigma_radps**2
+        off = tuple(b - a for a, b in zip(self.rate_radps, other.rate_radps, strict=True))
+        total = variance + other.sigma_radps**2
+        if max(map(abs, off)) > 3.0 * math.sqrt(total):
+            return self
+        share = variance / total
+        x, y, z = (a + share * d for a, d in zip(self.rate_radps, off, strict=True))
+        return Offset((x, y, z), math.sqrt(share) * other.sigma_radps)
+
+
+def offset_at_rest(spans: Sequence[Span], span_s: float) -> Offset:
+    """The offset that spans of this length, one after the other, show."""
+    rates = [rate for rate, _ in spans]
+    offset = mean(rates)
+    scatter = math.sqrt(sum(math.dist(rate, offset) ** 2 for rate in rates) / len(rates))
+    turned_rad = math.dist(spans[0][1], spans[-1][1]) / GRAVITY_mps2
+    turning = turned_rad / ((len(rates) - 1) * span_s)
+    return Offset(offset, math.hypot(scatter, turning, FINEST_radps))
+
+
+def mean(vectors: Iterable[Vec3]) -> Vec3:
+    """Mean of vectors, axis by axis."""
+    rows = list(vectors)
+    x, y, z = (sum(column) / len(rows) for column in zip(*rows, strict=True))
+    return (x, y, z)

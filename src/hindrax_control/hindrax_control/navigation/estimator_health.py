@@ -4,19 +4,23 @@ A maneuver has guards of its own, which suppose that the state is true. These he
 where the attitude says, do pressure and DVL agree with what the accelerometer predicts, is the motion possible at all,
 and is it still the same state, or one that began anew while the thrusters were armed. What fails here leaves nothing to
 hold on to, so the answer is neutral and disarmed, whoever commands.
+
+Of a third-party odometry its maker judges the sensors behind it. It must be of now, unbroken, and possible for this
+vehicle: a state that came from another source, went back in time or jumped began anew, which is not accepted in flight.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
-from hindrax_control.sensor_kinds import DEPTH, sensors_of
-from hindrax_core.events import Stamp, seconds_between
+from hindrax_control.sensors import ALTITUDE, DEPTH, sensor_mount, sensors_of
+from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.input_checks import StampWindow
 from hindrax_core.knobs import knob
-from hindrax_core.signals import Consistency, Navigation
+from hindrax_core.rotation import matrix
+from hindrax_core.signals import NAN, NEVER, Navigation
 from hindrax_core.vehicle import Vehicle
 
 FASTEST = 3.0
@@ -28,6 +32,13 @@ SILENT_S = 1.0
 """Without pressure for longer, the depth is that of the accelerometer and of the floor."""
 AT_ONCE = ("gravity",)
 """Checks of what is smoothed already: an attitude that turns away at 40 deg/s leaves no time for patience."""
+WINDOW = StampWindow(0.5, 0.1)
+"""For the stamps of an odometry; those of a wrench have the same limits."""
+SHORTEST_s = 0.015
+"""States in between are left out: the pilot counts on 50 Hz."""
+JUMP_m = 0.3
+"""A position may be corrected by so much at once."""
+ALTITUDE_AGE_s = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +56,20 @@ class EstimatorHealthKnobs:
     recovery_s: float = knob(1.0, 0.0, 60.0, "time for which all checks must hold before arming [s]")
 
 
-Check: TypeAlias = Callable[[Navigation, Consistency], str]
+REMEDIES: Mapping[str, str] = {
+    "finite": "restart the control process; see /diagnostics",
+    "attitude": "let the vehicle float quietly for some seconds",
+    "gravity": "let the vehicle rest; look at the mount of the inertial sensor",
+    "depth": "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)",
+    "velocity": "let it rest; see whether the DVL tells the truth (`./hindrax monitor`)",
+    "sinking": "see whether pressure sensor and DVL tell the truth (`./hindrax monitor`)",
+    "floor": "bring it up; look at the pressure sensor (`./hindrax doctor`)",
+    "frozen": "look at the inertial sensor (`./hindrax doctor`)",
+    "rate": "look at the inertial sensor (`./hindrax doctor`)",
+    "speed": "let it come to rest; see what the sensors say (`./hindrax monitor`)",
+    "tilt": "bring it upright, and look at its trim",
+}
+"""What the operator can do about each check that fails."""
 
 
 class EstimatorHealth:
@@ -55,22 +79,9 @@ class EstimatorHealth:
         self._knobs = knobs or EstimatorHealthKnobs()
         self._limits = vehicle.limits
         self._depth_sensors = sensors_of(vehicle, DEPTH)
-        self._checks: dict[str, tuple[Check, str]] = {
-            "finite": (_finite, "restart the control process; see /diagnostics"),
-            "attitude": (self._attitude, "let the vehicle float quietly for some seconds"),
-            "gravity": (self._gravity, "let the vehicle rest; look at the mount of the inertial sensor"),
-            "depth": (self._depth, "let it rest at the surface; look at the pressure sensor (`./hindrax doctor`)"),
-            "velocity": (self._velocity, "let it rest; see whether the DVL tells the truth (`./hindrax monitor`)"),
-            "sinking": (self._sinking, "see whether pressure sensor and DVL tell the truth (`./hindrax monitor`)"),
-            "floor": (self._floor, "bring it up; look at the pressure sensor (`./hindrax doctor`)"),
-            "frozen": (self._frozen, "look at the inertial sensor (`./hindrax doctor`)"),
-            "rate": (self._rate, "look at the inertial sensor (`./hindrax doctor`)"),
-            "speed": (self._speed, "let it come to rest; see what the sensors say (`./hindrax monitor`)"),
-            "tilt": (self._tilt, "bring it upright, and look at its trim"),
-        }
         self._failing_since: dict[str, Stamp] = {}
         self._held: tuple[str, ...] = ()
-        self._failed_at: Stamp | None = None
+        self._failed_at = NEVER
         self._began: Stamp | None = None
 
     def step(self, navigation: Navigation, stamp: Stamp, *, armed: bool) -> tuple[str, ...]:
@@ -82,12 +93,9 @@ class EstimatorHealth:
         if found:
             self._failed_at = stamp
             self._held = found
-        elif not armed and not self._recovering(stamp):
+        elif not armed and seconds_between(self._failed_at, stamp) >= self._knobs.recovery_s:
             self._held = ()
         return self._held
-
-    def _recovering(self, stamp: Stamp) -> bool:
-        return self._failed_at is not None and seconds_between(self._failed_at, stamp) < self._knobs.recovery_s
 
     def _restarted(self, navigation: Navigation, *, armed: bool) -> tuple[str, ...]:
         """Say that this is not the state with which the thrusters were armed."""
@@ -99,65 +107,108 @@ class EstimatorHealth:
 
     def _failing(self, navigation: Navigation, stamp: Stamp) -> tuple[str, ...]:
         found = []
-        for name, (check, remedy) in self._checks.items():
-            text = check(navigation, navigation.consistency)
+        for name, text in self._checks(navigation):
             patience_s = 0.0 if name in AT_ONCE else self._knobs.patience_s
             if not text:
                 self._failing_since.pop(name, None)
             elif seconds_between(self._failing_since.setdefault(name, stamp), stamp) >= patience_s:
-                found.append(f"{name}: {text}; {remedy}")
+                found.append(f"{name}: {text}; {REMEDIES[name]}")
         return tuple(found)
 
-    def _attitude(self, _: Navigation, consistency: Consistency) -> str:
-        found, most = math.degrees(consistency.tilt_sigma_rad), self._knobs.tilt_sigma_deg
-        return f"tilt known to {found:.1f} deg, wanted {most:.1f} deg" if found > most else ""
-
-    def _gravity(self, _: Navigation, consistency: Consistency) -> str:
-        found, most = math.degrees(consistency.gravity_off_rad), self._knobs.gravity_deg
-        return f"{found:.0f} deg from where it is measured, wanted at most {most:.0f} deg" if found > most else ""
-
-    def _depth(self, _: Navigation, consistency: Consistency) -> str:
-        return self._refused(consistency.refused_depths, "depths by pressure contradict depth and heave velocity")
-
-    def _velocity(self, _: Navigation, consistency: Consistency) -> str:
-        return self._refused(consistency.refused_velocities, "velocities of the DVL contradict the accelerometer")
-
-    def _sinking(self, _: Navigation, consistency: Consistency) -> str:
-        found, most = abs(consistency.sunk_off_m), self._knobs.sunk_m
-        return f"DVL and pressure differ by {found:.2f} m, wanted at most {most:.2f} m" if found > most else ""
-
-    def _floor(self, navigation: Navigation, _: Consistency) -> str:
-        found, most = -navigation.altitude_m, self._knobs.below_floor_m
+    def _checks(self, navigation: Navigation) -> Iterator[tuple[str, str]]:
+        """Yield the name of each check, and what it found and wanted: nothing where it holds."""
+        knobs, limits, evidence = self._knobs, self._limits, navigation.consistency
+        roll, pitch, yaw = navigation.attitude_rad
+        # Attitude and rates are always known; velocity and depth may not be.
+        finite = all(map(math.isfinite, (roll, pitch, yaw, *navigation.rate_radps)))
+        yield "finite", "" if finite else "attitude or rates are no numbers, wanted finite ones"
+        found, most = math.degrees(evidence.tilt_sigma_rad), knobs.tilt_sigma_deg
+        yield "attitude", f"tilt known to {found:.1f} deg, wanted {most:.1f} deg" if found > most else ""
+        found, most = math.degrees(evidence.gravity_off_rad), knobs.gravity_deg
+        words = "deg from where it is measured, wanted at most"
+        yield "gravity", f"{found:.0f} {words} {most:.0f} deg" if found > most else ""
+        refused, fewest = evidence.refused_depths, knobs.refused
+        words = "depths by pressure contradict depth and heave velocity, wanted fewer than"
+        yield "depth", f"{refused} {words} {fewest}" if refused >= fewest else ""
+        refused = evidence.refused_velocities
+        words = "velocities of the DVL contradict the accelerometer, wanted fewer than"
+        yield "velocity", f"{refused} {words} {fewest}" if refused >= fewest else ""
+        found, most = abs(evidence.sunk_off_m), knobs.sunk_m
+        apart = found > most
+        yield "sinking", f"DVL and pressure differ by {found:.2f} m, wanted at most {most:.2f} m" if apart else ""
+        found, most = -navigation.altitude_m, knobs.below_floor_m
         silent_s = min((navigation.ages_s.get(name, 0.0) for name in self._depth_sensors), default=0.0)
         below = silent_s > SILENT_S and found > most
-        return f"{found:.2f} m below it without pressure, wanted at most {most:.2f} m" if below else ""
-
-    def _frozen(self, _: Navigation, consistency: Consistency) -> str:
-        found, most = consistency.frozen_s, self._knobs.frozen_s
-        return f"the inertial sensor has said the very same for {found:.1f} s, wanted noise" if found > most else ""
-
-    def _refused(self, count: int, text: str) -> str:
-        return f"{count} {text}, wanted fewer than {self._knobs.refused}" if count >= self._knobs.refused else ""
-
-    def _rate(self, navigation: Navigation, _: Consistency) -> str:
-        found, most = math.degrees(math.hypot(*navigation.rate_radps)), self._knobs.rate_dps
-        return f"{found:.0f} deg/s, wanted at most {most:.0f} deg/s" if found > most else ""
-
-    def _speed(self, navigation: Navigation, _: Consistency) -> str:
+        yield "floor", f"{found:.2f} m below it without pressure, wanted at most {most:.2f} m" if below else ""
+        found, most = evidence.frozen_s, knobs.frozen_s
+        words = "the inertial sensor has said the very same for"
+        yield "frozen", f"{words} {found:.1f} s, wanted noise" if found > most else ""
+        found, most = math.degrees(math.hypot(*navigation.rate_radps)), knobs.rate_dps
+        yield "rate", f"{found:.0f} deg/s, wanted at most {most:.0f} deg/s" if found > most else ""
         found = math.sqrt(sum(v * v for v in navigation.velocity_mps if not math.isnan(v)))
-        most = FASTEST * self._limits.speed_mps
-        return f"{found:.1f} m/s, wanted at most {most:.1f} m/s" if found > most else ""
-
-    def _tilt(self, navigation: Navigation, _: Consistency) -> str:
-        roll, pitch, _yaw = navigation.attitude_rad
-        if not all(map(math.isfinite, (roll, pitch))):
-            return ""
-        found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch)))
-        most = self._limits.tilt_deg + BEYOND_deg
-        return f"{found:.0f} deg, wanted at most {most:.0f} deg" if found > most else ""
+        most = FASTEST * limits.speed_mps
+        yield "speed", f"{found:.1f} m/s, wanted at most {most:.1f} m/s" if found > most else ""
+        leans = math.isfinite(roll) and math.isfinite(pitch)
+        found = math.degrees(math.acos(math.cos(roll) * math.cos(pitch))) if leans else 0.0
+        most = limits.tilt_deg + BEYOND_deg
+        yield "tilt", f"{found:.0f} deg, wanted at most {most:.0f} deg" if found > most else ""
 
 
-def _finite(navigation: Navigation, _: Consistency) -> str:
-    """Attitude and rates are always known; velocity and depth may not be."""
-    finite = all(map(math.isfinite, (*navigation.attitude_rad, *navigation.rate_radps)))
-    return "" if finite else "attitude or rates are no numbers, wanted finite ones"
+class ExternalOdometry:
+    """One vehicle's state, made complete: an odometry stands for all sensors but the altimeter."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._fastest_mps = FASTEST * vehicle.limits.speed_mps
+        self._altimeters = sensors_of(vehicle, ALTITUDE)
+        self._mount = sensor_mount(vehicle.sensors[self._altimeters[0]]) if self._altimeters else None
+        self._ages_s = {name: 0.0 for name in vehicle.sensors if name not in self._altimeters}
+        self._range: Stamped[float] | None = None
+        self._last: Stamped[Navigation] | None = None
+        self._source, self._began = "", NEVER
+        self.breaks = 0
+        """How often a state began anew, so that its position does not go on from the one before."""
+
+    def range(self, stamp: Stamp, range_m: float) -> None:
+        """Keep the distance to the bottom along the axis of the altimeter [m]."""
+        if 0.0 < range_m < math.inf:
+            self._range = Stamped(stamp, range_m)
+
+    def step(self, found: Stamped[Navigation], source: str, now: Stamp) -> tuple[Stamped[Navigation] | None, str]:
+        """The state to fly on, or None; and why an odometry of `source` was refused, empty when it was not."""
+        untimely = WINDOW.judge(found.stamp, now)
+        if untimely is not None:
+            return None, untimely.sentence
+        last = self._last
+        if last is not None and source == self._source and 0.0 <= seconds_between(last.stamp, found.stamp) < SHORTEST_s:
+            return None, ""
+        if last is None or source != self._source or self._broken(last, found):
+            self._began, self.breaks = found.stamp, self.breaks + (last is not None)
+        self._source, self._last = source, found
+        consistency = replace(found.reading.consistency, began=self._began)
+        altitude_m, age_s = self._altitude(found)
+        ages_s = self._ages_s | dict.fromkeys(self._altimeters, age_s)
+        state = replace(found.reading, consistency=consistency, altitude_m=altitude_m, ages_s=ages_s)
+        return Stamped(found.stamp, state), ""
+
+    def _broken(self, last: Stamped[Navigation], found: Stamped[Navigation]) -> bool:
+        dt_s = seconds_between(last.stamp, found.stamp)
+        moved_m = math.dist(_place(last.reading), _place(found.reading))
+        return dt_s < 0.0 or moved_m > JUMP_m + self._fastest_mps * dt_s
+
+    def _altitude(self, found: Stamped[Navigation]) -> tuple[float, float]:
+        """Height of the body origin above the bottom [m], NaN where unknown, and the age of the range [s]."""
+        if self._range is None or self._mount is None:
+            return NAN, math.inf
+        age_s = max(0.0, seconds_between(self._range.stamp, found.stamp))
+        if age_s > ALTITUDE_AGE_s:
+            return NAN, age_s
+        down = matrix(found.reading.attitude_rad)[2]
+        axis, lever = self._mount.axis, self._mount.lever_m
+        along = (self._range.reading * a + b for a, b in zip(axis, lever, strict=True))
+        return sum(part * way for part, way in zip(down, along, strict=True)), age_s
+
+
+def _place(state: Navigation) -> tuple[float, float, float]:
+    """North, east, depth; what is unknown is at zero [m]."""
+    north, east, down = (value if math.isfinite(value) else 0.0 for value in (*state.position_m, state.depth_m))
+    return (north, east, down)

@@ -159,11 +159,6 @@ class HeadingFilter:
             self._P[FIXED_Y, FIXED_Y] += off[1] ** 2
 
     @property
-    def sigma_rad(self) -> float:
-        """Standard deviation of the heading."""
-        return math.sqrt(max(0.0, float(self._P[HEADING, HEADING])))
-
-    @property
     def bias_sigma_radps(self) -> float:
         """Standard deviation of the gyroscope's offset about the vertical."""
         return math.sqrt(max(0.0, float(self._P[BIAS, BIAS])))

@@ -12,14 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hindrax_control.navigation.aiding import SHORTEST_SPAN_S, Aiding, AidingKnobs
-from hindrax_control.navigation.attitude_filter import AttitudeFilter, AttitudeKnobs
-from hindrax_control.navigation.gyro_bias import SPANS, Offset, RestWindow
-from hindrax_control.navigation.heading_filter import HeadingFilter, HeadingKnobs
-from hindrax_control.navigation.horizontal_filter import HorizontalFilter, HorizontalKnobs
-from hindrax_control.navigation.position_uncertainty import PositionKnobs, PositionUncertainty
-from hindrax_control.navigation.reading_limits import unfit
-from hindrax_control.navigation.sensor_mount import NOWHERE, SensorMount, sensor_mount
-from hindrax_control.navigation.vertical_filter import VerticalFilter, VerticalKnobs
+from hindrax_control.navigation.attitude_filter import SPANS, Offset, Span, mean, offset_at_rest
+from hindrax_control.navigation.horizontal_filter import PositionKnobs, PositionUncertainty
+from hindrax_control.sensors import NOWHERE, SensorMount, sensor_mount, unfit
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, after
 from hindrax_core.input_checks import Refusals
 from hindrax_core.knobs import knob
@@ -35,7 +30,7 @@ MOST_WAITING = 200
 
 
 @dataclass(frozen=True)
-class NavigatorKnobs(AidingKnobs, AttitudeKnobs, HeadingKnobs, VerticalKnobs, HorizontalKnobs, PositionKnobs):
+class NavigatorKnobs(AidingKnobs, PositionKnobs):
     """How the sensors are trusted; the vehicle file says where they sit."""
 
     rate_Hz: float = knob(50.0, 1.0, 500.0, "rate of the output [Hz]")
@@ -54,7 +49,7 @@ class Navigator:
     """Attitude, rates, velocity, depth, altitude and position of the body origin of one vehicle.
 
     The position is by dead reckoning, and its uncertainty grows from where it was last known: see
-    `position_uncertainty`.
+    `PositionUncertainty`.
 
     `step` takes every reading of every sensor under the name the vehicle file gives it; kinds it has no use for are
     ignored. Measurements that could not be used (not finite, far off, too late, too tilted) are counted in `refused`;
@@ -64,6 +59,7 @@ class Navigator:
     def __init__(self, vehicle: Vehicle, knobs: NavigatorKnobs = DEFAULT_KNOBS) -> None:
         self._vehicle = vehicle
         self._knobs = knobs
+        self._span_s = knobs.align_s / SPANS
         self._period_ns = round(NS_PER_S / knobs.rate_Hz)
         self._mounts = {name: sensor_mount(mount) for name, mount in vehicle.sensors.items()}
         self._forces_N: tuple[float, ...] = ()
@@ -77,31 +73,18 @@ class Navigator:
         self._imu = self._changed = LONG_AGO
         self._sample = ZERO6
 
-    @property
-    def _span_s(self) -> float:
-        return self._knobs.align_s / SPANS
-
     def _begin(self, stamp: Stamp) -> None:
         """Start anew: at the first sample, or after a gap in which anything may have happened."""
-        self._attitude = AttitudeFilter(self._knobs)
-        self._vertical = VerticalFilter(self._knobs)
-        self._horizontal = HorizontalFilter(self._knobs)
-        self._heading = HeadingFilter(self._knobs, len(self._vehicle.thrusters))
-        self._aiding = Aiding(
-            self._vehicle,
-            self._knobs,
-            attitude=self._attitude,
-            heading=self._heading,
-            vertical=self._vertical,
-            horizontal=self._horizontal,
-        )
-        self._aiding.forces_N = self._forces_N
+        self._aiding = aiding = Aiding(self._vehicle, self._knobs)
+        self._attitude, self._heading = aiding.attitude, aiding.heading
+        self._vertical, self._horizontal = aiding.vertical, aiding.horizontal
+        aiding.forces_N = self._forces_N
         self._waiting: deque[tuple[Stamp, Reading, str]] = deque(maxlen=MOST_WAITING)
         self._heard: dict[str, Stamp] = {}
         self._echo = self._locked = LONG_AGO
         self._rate_radps: Vec3 = (0.0, 0.0, 0.0)
         self._aligned = False
-        self._rest = RestWindow()
+        self._spans: deque[Span] = deque(maxlen=SPANS)
         self._imu = self._began = self._since = stamp
         self._due = after(stamp, self._span_s)
         self._clear_sums()
@@ -196,18 +179,18 @@ class Navigator:
 
     def _align(self, force: Vec3, rate: Vec3, stamp: Stamp) -> bool:
         """Begin when it rests, when the offset is known from before, or when patience is over, with honest doubt."""
-        rest, knobs = self._rest, self._knobs
-        rest.add(rate, force)
-        if not rest.full:
+        spans, knobs = self._spans, self._knobs
+        spans.append((rate, force))
+        if len(spans) < SPANS:
             return False
-        shown = rest.offset(self._span_s)
+        shown = offset_at_rest(spans, self._span_s)
         resting = shown.sigma_radps <= math.radians(knobs.still_dps)
         known = self._offset is not self._unknown
         if not (resting or known) and stamp < after(self._began, knobs.align_patience_s):
             return False
         offset = self._offset.combined(shown)
         # Swinging, gravity is where it was last, not where it was on the average.
-        gravity, span_s = (rest.force_mps2, knobs.align_s) if resting else (rest.last_force_mps2, self._span_s)
+        gravity, span_s = (mean(force for _, force in spans), knobs.align_s) if resting else (force, self._span_s)
         self._attitude.align(gravity, span_s, self._heading_rad)
         self._attitude.know_bias(offset.rate_radps, offset.sigma_radps)
         self._heading.doubt_bias(offset.sigma_radps)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hindrax_control.navigation.filter_parameters import FilterKnobs
 from hindrax_core.knobs import knob
 
 Matrix: TypeAlias = NDArray[np.float64]
@@ -26,6 +26,15 @@ IDENTITY = np.eye(4)
 MOST_MODELS = 1000
 JUMP_m, JUMP_COUNTS = 0.15, 2
 """A depth that jumps by more counts as so many times the refusals that it took; at the surface a sensor comes out."""
+
+
+@dataclass(frozen=True)
+class FilterKnobs:
+    """Noise and gates of all filters."""
+
+    accelerometer_noise: float = knob(0.01, 1e-4, 10.0, "noise of the acceleration [m/s^2/sqrt(Hz)]")
+    gate: float = knob(5.0, 1.0, 100.0, "innovation, in standard deviations, above which a measurement is refused [-]")
+    patience: int = knob(10, 1, 1000, "refusals in a row after which a filter lets go of its state [-]")
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,7 @@ class VerticalFilter:
         self._knobs = knobs
         self._x: Matrix = np.zeros((4, 1))
         self._P: Matrix = np.diag([1e4, 0.25, knobs.heave_bias_mps2**2, 1e4])
-        self._models: dict[float, Model] = {}
+        self._model_of = lru_cache(MOST_MODELS)(self._model)
         self._acceleration_mps2 = 0.0
         self._refused = {"depth": 0, "altitude": 0}
         self.refused_depths = 0
@@ -55,7 +64,7 @@ class VerticalFilter:
     def predict(self, acceleration_mps2: float, dt_s: float) -> None:
         """Advance by a mean acceleration (down is positive, gravity taken off)."""
         self._acceleration_mps2 = acceleration_mps2
-        F, B, Q = self._models.get(dt_s) or self._model(dt_s)
+        F, B, Q = self._model_of(dt_s)
         self._x = F @ self._x + B * acceleration_mps2
         self._P = F @ self._P @ F.T + Q
 
@@ -67,10 +76,7 @@ class VerticalFilter:
         a = knobs.accelerometer_noise**2
         Q = np.diag([a * dt**3 / 3.0, a * dt, knobs.heave_bias_walk**2 * dt, knobs.floor_walk**2 * dt])
         Q[0, 1] = Q[1, 0] = a * half
-        if len(self._models) >= MOST_MODELS:
-            self._models.clear()
-        found = self._models[dt] = (F, np.array([[half], [dt], [0.0], [0.0]]), Q)
-        return found
+        return F, np.array([[half], [dt], [0.0], [0.0]]), Q
 
     def depth(self, depth_m: float, sigma_m: float, delay_s: float) -> bool:
         """Fuse a depth that was valid `delay_s` ago; False when it is refused."""

@@ -5,31 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hindrax_control.allocation.allocation_cycle import AllocationCycle
+from hindrax_control.allocation.allocation_cycle import AllocationCycle, SupplyKnobs
 from hindrax_control.allocation.allocator import AllocationKnobs
-from hindrax_control.allocation.applied_wrench import unfit_pulses
-from hindrax_control.allocation.supply_voltage import SupplyKnobs, SupplyVoltage
+from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.wrench_guard import WrenchGuardKnobs
-from hindrax_control.nodes.allocation_messages import AllocationMessages
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks import Refusals, SinglePublisher, impossible
+from hindrax_core.input_checks import SinglePublisher, impossible
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6, Allocation
-from hindrax_core.topics import (
-    ALLOCATION,
-    BATTERY,
-    THRUSTER_COMMAND,
-    THRUSTER_HEALTH,
-    THRUSTER_STATE,
-    WRENCH,
-    Topic,
-)
+from hindrax_core.topics import ALLOCATION, BATTERY, THRUSTER_COMMAND, THRUSTER_HEALTH, THRUSTER_STATE, WRENCH
 from hindrax_core.vehicle import Vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_from_msg
-from hindrax_ros.messages.fast_serialization import applied_from_bytes
+from hindrax_ros.messages.fast_serialization import allocation_writer, applied_from_bytes, command_writer
 from hindrax_ros.parameters import SAFETY, knobs
 
 REPORT_S = 1.0
@@ -55,9 +45,11 @@ class AllocatorNode(BatchedNode):
             knobs(self, WrenchGuardKnobs, fixed={"": SAFETY}),
             knobs(self, SupplyKnobs, self._tune),
         )
-        self._messages = AllocationMessages(vehicle)
-        self._thrusters = len(vehicle.thrusters)
-        self._refusals = Refusals()
+        self.supply = self._cycle.supply
+        """Measured supply voltage, shared with the other nodes of the process."""
+        names = [thruster.name for thruster in vehicle.thrusters]
+        self._thrusters = len(names)
+        self._command_bytes, self._status_bytes = command_writer(len(names)), allocation_writer(names, vehicle.supply_V)
         self._command = publisher(self, THRUSTER_COMMAND)
         self._status = publisher(self, ALLOCATION)
         self._reporter = DiagnosticsPublisher(self)
@@ -74,16 +66,11 @@ class AllocatorNode(BatchedNode):
         else:
             self._cycle.tune(knobs)
 
-    @property
-    def supply(self) -> SupplyVoltage:
-        """Measured supply voltage, shared with the other nodes of the process."""
-        return self._cycle.supply
-
     def on_wrench(self, wrench: Vec6, frame: str, stamp: Stamp, now: Stamp) -> bool:
         """Allocate one wrench [N, Nm] and publish its command; False if it is refused."""
         command = self._cycle.command(ZERO6 if self.inhibited() else wrench, frame, stamp, now)
         if command is not None:
-            self._command.publish(self._messages.command(stamp, command))
+            self._command.publish(self._command_bytes(stamp, command.sequence, command.pulses_us))
         return command is not None
 
     def _on_wrench_message(self, message: Any) -> None:
@@ -93,24 +80,24 @@ class AllocatorNode(BatchedNode):
         if not unfit and not self.on_wrench(wrench_from_msg(message), message.header.frame_id, stamp, now):
             unfit = self._cycle.refused[0]
         if unfit:
-            self._refuse(WRENCH, unfit)
+            self._reporter.refuse(WRENCH, unfit)
 
     def _on_state(self, data: bytes) -> None:
         """Publish what the applied pulses achieve; pulses without a command have a wanted wrench of zero."""
         try:
             applied = applied_from_bytes(data)
+            check_pulses(applied.pulses_us, self._thrusters)
         except ValueError as error:
-            self._refuse(THRUSTER_STATE, str(error))
+            self._reporter.refuse(THRUSTER_STATE, str(error))
             return
-        unfit = unfit_pulses(applied.pulses_us, self._thrusters) or impossible(applied.stamp)
-        if unfit:
-            self._refuse(THRUSTER_STATE, unfit)
+        if unfit := impossible(applied.stamp):
+            self._reporter.refuse(THRUSTER_STATE, unfit)
             return
         self._armed = applied.armed
         achieved = self._cycle.achieved(applied.sequence, applied.pulses_us)
         for listener in self.allocation_listeners:
             listener(applied.stamp, achieved)
-        self._status.publish(self._messages.status(applied, achieved, self._cycle.supply_V))
+        self._status.publish(self._status_bytes(applied, achieved, self._cycle.supply_V))
 
     def _on_health(self, message: Any) -> None:
         self._cycle.disable(frozenset(message.disabled))
@@ -118,21 +105,16 @@ class AllocatorNode(BatchedNode):
     def _on_battery(self, message: Any) -> None:
         unfit = self._cycle.battery(float(message.voltage))
         if unfit:
-            self._refusals.add(BATTERY.name, unfit)
-
-    def _refuse(self, topic: Topic, why: str) -> None:
-        """Count a refused message and log it; diagnostics show the count."""
-        self.get_logger().warning(f"refused: {self._refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
+            self._reporter.refusals.add(BATTERY.name, unfit)
 
     def _report(self) -> None:
         cycle, now = self._cycle, self._cycle.now
         wrong = [f"axes lost: {', '.join(cycle.lost_axes)}"] if cycle.lost_axes else list(cycle.refused)
         if cycle.inexact:
             wrong.append(f"{cycle.inexact} wrenches without forces within limits; check the thrust curves")
-        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now), *self._refusals.new_refusals()])
+        wrong += filter(None, [self._uninvited(), cycle.supply.silence_warning(now)])
         values = {"supply [V]": cycle.supply.status_text(now), "disabled": ", ".join(sorted(cycle.disabled))}
         values["commander"] = self.pilot or self._commander.name or "none yet"
-        values |= self._refusals.values()
         self._reporter.report(now, wrong, "allocating", values)
 
     def _uninvited(self) -> str:

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Sequence
+from functools import partial
 
 from rclpy.node import Node
 
-from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.allocation.allocation_cycle import SupplyVoltage
 from hindrax_control.nodes.allocator_node import AllocatorNode
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.nodes.navigator_node import NavigatorNode
@@ -51,24 +52,13 @@ def make_nodes(wanted: Collection[str] = EVERY) -> Sequence[Node]:
     return [node for node in (reader, health, pilot, allocator, navigator) if node is not None]
 
 
-def main() -> int:
-    """Run all of them until a signal."""
-    return spin(make_nodes)
+def main(wanted: Collection[str] = EVERY) -> int:
+    """Run these nodes until a signal."""
+    return spin(lambda: make_nodes(wanted))
 
 
-def allocator() -> int:
-    """Run the allocator alone."""
-    return spin(lambda: make_nodes(("allocator",)))
-
-
-def pilot() -> int:
-    """Run the pilot and the health of its state alone."""
-    return spin(lambda: make_nodes(("pilot",)))
-
-
-def navigator() -> int:
-    """Run the navigator alone."""
-    return spin(lambda: make_nodes(("navigator",)))
+allocator, pilot, navigator = (partial(main, (name,)) for name in EVERY)
+"""Run one of them alone; the pilot with the health of its state."""
 
 
 if __name__ == "__main__":

@@ -66,13 +66,9 @@ class EstimatorHealthNode(BatchedNode):
         self._armed = state.armed or state.state == "arming"
         if self._armed and abs(seconds_between(self._asked, applied.stamp)) >= ASK_AGAIN_S:
             self._asked = applied.stamp
-            self._disarm()
-
-    def _disarm(self) -> None:
-        """Request disarming; the thrusters' state is the answer. A reason keeps it from outranking an operator."""
-        request = Arm.Request(arm=False, sequence=0, reason=self._failed[0])
-        request.stamp = stamp_to_msg(self._now())
-        self._arm.call_async(request)
+            # The thrusters' state is the answer. A reason keeps the request from outranking an operator.
+            stamp = stamp_to_msg(self._now())
+            self._arm.call_async(Arm.Request(arm=False, sequence=0, reason=self._failed[0], stamp=stamp))
 
     def _report(self, stamped: Stamped[Navigation]) -> None:
         found = stamped.reading.consistency
@@ -84,5 +80,5 @@ class EstimatorHealthNode(BatchedNode):
             "sunk off [m]": f"{found.sunk_off_m:.3f}",
             "inertial sensor frozen [s]": f"{found.frozen_s:.2f}",
         }
-        said = self._failed, "the state is believed"
-        self._reporter.report(stamped.stamp, *said, values, DiagnosticStatus.ERROR)
+        well = "the state is believed"
+        self._reporter.report(stamped.stamp, self._failed, well, values, DiagnosticStatus.ERROR)

@@ -66,11 +66,12 @@ class NavigatorNode(BatchedNode):
         self.on_state = on_state
         self._thrusters = len(vehicle.thrusters)
         self._navigator = Navigator(vehicle, knobs(self, NavigatorKnobs, fixed={"": "the state would start anew"}))
+        self.know_position = self._navigator.know_position
         self._status = publisher(self, NAVIGATION)
         self._odometry = publisher(self, ODOMETRY)
         self._status_bytes, self._odometry_bytes = navigation_writer(), odometry_writer()
         self._transforms = Transforms(self, vehicle)
-        self._reporter = DiagnosticsPublisher(self)
+        self._reporter = DiagnosticsPublisher(self, self._navigator.refusals)
         self._turn = 0
         subscription(self, ALLOCATION, self._on_allocation_message, raw=True)
         for topic, read in SOURCES.items():
@@ -91,10 +92,6 @@ class NavigatorNode(BatchedNode):
                 self._publish(found)
 
         return on_message
-
-    def know_position(self) -> None:
-        """Count the doubt of the position from here."""
-        self._navigator.know_position()
 
     def on_allocation(self, _: Stamp, allocation: Allocation) -> None:
         """Use the thrusters' forces for the compass correction."""
@@ -123,6 +120,4 @@ class NavigatorNode(BatchedNode):
         values = {f"age of {source} [s]": f"{age:.3f}" for source, age in found.reading.ages_s.items()}
         locked = found.reading.dvl_locked
         wrong = [] if locked else ["DVL has no bottom lock: position is dead reckoned without it"]
-        wrong += self._navigator.refusals.new_refusals()
-        values |= self._navigator.refusals.values()
         self._reporter.report(found.stamp, wrong, "navigating", values)

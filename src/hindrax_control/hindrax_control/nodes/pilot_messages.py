@@ -12,10 +12,12 @@ from hindrax_control.maneuver.maneuver import ManeuverOutput
 from hindrax_control.maneuver.plan import MOTIONS, Plan
 from hindrax_control.pool_bounds import GuardedPlace
 from hindrax_core.events import Stamp, Stamped, seconds_between
+from hindrax_core.readings import vec6
 from hindrax_core.signals import NAN, UNKNOWN6, Allocation, Estimate
 from hindrax_msgs.action import FlyManeuver
 from hindrax_msgs.msg import HoldStatus, ManeuverStatus, MotionPlans, PoolPlace
-from hindrax_ros.messages.convert import stamp_to_msg
+from hindrax_ros.graph import end_goal
+from hindrax_ros.messages.convert import header
 
 LEARNED = frozenset((*MOTIONS, "heave_down", "heave_up"))
 """Motions of which there may be an estimate."""
@@ -27,6 +29,12 @@ def goal_from_msg(message: Any) -> Goal:
     """Motions and how to fly them."""
     levels = tuple(map(float, message.levels))
     return Goal(tuple(message.motions), message.excitation, int(message.seed), message.on_cancel, levels)
+
+
+def result_of(aborted: str, handle: Any) -> Any:
+    """Bring the handle of a goal into its last state and return the result."""
+    end_goal(handle, aborted)
+    return FlyManeuver.Result(completed=not aborted, aborted=aborted)
 
 
 def unfit_estimate(message: Any) -> str:
@@ -47,34 +55,26 @@ def allocation_from_msg(message: Any, thrusters: int) -> Allocation:
     forces_N, shortfall = tuple(message.forces), tuple(map(float, message.shortfall))
     if len(forces_N) != thrusters or not all(map(math.isfinite, (*forces_N, *shortfall))):
         raise ValueError(f"found {len(forces_N)} forces and a shortfall, wanted {thrusters} finite ones")
-    X, Y, Z, K, M, N = shortfall
-    return Allocation(
-        wanted=UNKNOWN6,
-        achieved=UNKNOWN6,
-        shortfall=(X, Y, Z, K, M, N),
-        forces_N=forces_N,
-        pulses_us=(),
-        saturated=(),
-        lost_axes=tuple(message.lost_axes),
-    )
+    lost_axes = tuple(message.lost_axes)
+    return Allocation(UNKNOWN6, UNKNOWN6, vec6(shortfall), forces_N, (), (), lost_axes=lost_axes)
 
 
 def holds_to_msg(holds: Sequence[HoldState], stamp: Stamp) -> HoldStatus:
     """HoldStatus of every hold."""
-    message = HoldStatus(
+    return HoldStatus(
+        header=header(stamp),
         axes=[one.axis for one in holds],
         engaged=[one.engaged for one in holds],
         setpoints=[one.setpoint for one in holds],
         errors=[one.error for one in holds],
         notes=[one.note for one in holds],
     )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
 
 
 def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
     """ManeuverStatus of one cycle."""
-    message = ManeuverStatus(
+    return ManeuverStatus(
+        header=header(stamp),
         motion=output.phase.motion,
         phase=output.phase.phase,
         aborted=output.aborted,
@@ -84,13 +84,12 @@ def maneuver_to_msg(output: ManeuverOutput, stamp: Stamp) -> ManeuverStatus:
         force=output.force,
         velocity=output.velocity,
     )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
 
 
 def place_to_msg(found: GuardedPlace, stamp: Stamp) -> PoolPlace:
     """PoolPlace of a place."""
-    message = PoolPlace(
+    return PoolPlace(
+        header=header(stamp),
         along=found.place.x_m,
         across=found.place.y_m,
         heading=found.place.heading_rad,
@@ -100,19 +99,16 @@ def place_to_msg(found: GuardedPlace, stamp: Stamp) -> PoolPlace:
         margin=found.margin_m,
         unplaced=found.unplaced,
     )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
 
 
 def plans_to_msg(plans: Mapping[str, Plan | str], stamp: Stamp) -> MotionPlans:
     """MotionPlans of every motion."""
-    message = MotionPlans(
+    return MotionPlans(
+        header=header(stamp),
         motions=list(plans),
         plans=[str(one) for one in plans.values()],
         seconds=[one.seconds if isinstance(one, Plan) else NAN for one in plans.values()],
     )
-    message.header.stamp = stamp_to_msg(stamp)
-    return message
 
 
 def feedback_to_msg(output: ManeuverOutput, estimates: Mapping[str, Stamped[Estimate]], stamp: Stamp) -> Any:

@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.subscription import Subscription
 
-from hindrax_control.allocation.applied_wrench import unfit_pulses
-from hindrax_control.allocation.supply_voltage import SupplyVoltage
+from hindrax_control.allocation.allocation_cycle import SupplyVoltage
+from hindrax_control.allocation.thrust_curve import check_pulses
 from hindrax_control.allocation.thruster_fault_detector import SuspectedFault
 from hindrax_control.hold.holds import HOLDS, Setpoint
-from hindrax_control.maneuver.maneuver import ManeuverOutput, abandoned
-from hindrax_control.maneuver.refusal import BUSY, LATE
-from hindrax_control.maneuver.stages import SENSELESS
-from hindrax_control.navigation.external_odometry import ExternalOdometry
-from hindrax_control.nodes.active_goal import ActiveGoal, result_of
+from hindrax_control.maneuver.goal import BUSY, LATE, SENSELESS, Goal
+from hindrax_control.maneuver.maneuver import Maneuver, ManeuverOutput, abandoned
+from hindrax_control.navigation.estimator_health import ExternalOdometry
 from hindrax_control.nodes.estimator_health_node import EstimatorHealthNode
 from hindrax_control.nodes.pilot_messages import (
     allocation_from_msg,
+    feedback_to_msg,
     goal_from_msg,
     holds_to_msg,
     maneuver_to_msg,
     place_to_msg,
     plans_to_msg,
+    result_of,
     unfit_estimate,
 )
 from hindrax_control.pilot import SAFETY_GROUPS, Pilot, PilotKnobs, PilotOutput
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
-from hindrax_core.input_checks import EXPIRED, Refusals, SinglePublisher, order_window
+from hindrax_core.input_checks import EXPIRED, SinglePublisher, order_window
 from hindrax_core.readings import Vec6
 from hindrax_core.rotation import FSD
 from hindrax_core.signals import NAN, Allocation, Estimate, Navigation
@@ -50,7 +52,6 @@ from hindrax_core.topics import (
     THRUSTER_HEALTH_ORDER,
     THRUSTER_STATE,
     WRENCH,
-    Topic,
 )
 from hindrax_core.vehicle import Vehicle
 from hindrax_msgs.action import FlyManeuver
@@ -61,9 +62,9 @@ from hindrax_ros.diagnostics import DiagnosticsPublisher
 from hindrax_ros.graph import publisher, publishers_of, subscription
 from hindrax_ros.messages.convert import (
     estimate_from_msg,
+    header,
     odometry_from_msg,
     stamp_from_msg,
-    stamp_to_msg,
     wrench_from_msg,
 )
 from hindrax_ros.messages.fast_serialization import applied_from_bytes, echo_from_bytes, wrench_writer
@@ -84,10 +85,18 @@ GOAL, RECENTRE = "maneuver/fly", "maneuver/recentre"
 RESTARTED = "the vehicle was armed before this pilot began, and may have moved"
 UNTIMED = 16
 """Lists of thrusters out of use that are kept until the time is known."""
+ARMED_WITHIN = 25
+"""Cycles for which a goal waits: the message that the thrusters are armed may be on its way."""
 
 
-def unsent(_wrench: Vec6, _frame: str, _stamp: Stamp, _now: Stamp) -> None:
-    """Send a wrench nowhere: who obeys it listens to `control/wrench`."""
+@dataclass(slots=True)
+class ActiveGoal:
+    """A goal, the handle of its client, and the maneuver flown for it; None while the goal waits."""
+
+    handle: Any
+    goal: Goal
+    maneuver: Maneuver | None = None
+    patience: int = ARMED_WITHIN
 
 
 class PilotNode(BatchedNode):
@@ -98,7 +107,7 @@ class PilotNode(BatchedNode):
     and each cycle calls `send_wrench`. `health` checks every state before it is used.
     """
 
-    def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = unsent) -> None:
+    def __init__(self, vehicle: Vehicle, supply: SupplyVoltage, send_wrench: SendWrench = lambda *_: None) -> None:
         super().__init__("pilot")
         self.send_wrench = send_wrench
         self.health: EstimatorHealthNode | None = None
@@ -115,7 +124,6 @@ class PilotNode(BatchedNode):
         self._names = frozenset(one.name for one in vehicle.thrusters)
         self._goal: ActiveGoal | None = None
         self._window = order_window(mock=bool(self.get_parameter("use_sim_time").value))
-        self._refusals = Refusals()
         self._untimed: list[Any] = []
         self._setpoints: list[Setpoint] = []
         self._phase = ("", "")
@@ -127,6 +135,7 @@ class PilotNode(BatchedNode):
         self._place = publisher(self, PLACE)
         self._plans, self._planned = publisher(self, PLANS), False
         self._reporter = DiagnosticsPublisher(self)
+        self._refuse = self._reporter.refuse
         self._wrench_bytes = wrench_writer()
         subscription(self, THRUSTER_STATE, self._on_thrusters, raw=True)
         self._health = publisher(self, THRUSTER_HEALTH)
@@ -147,7 +156,8 @@ class PilotNode(BatchedNode):
             handle_accepted_callback=self._accept,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
-        self.every(CHECK_S, self._check)
+        self.every(CHECK_S, self._check_navigator)
+        self.every(CHECK_S, self._publish_plans)
 
     def _tune(self, tuned: PilotKnobs) -> None:
         self._pilot.tune(tuned)
@@ -170,12 +180,9 @@ class PilotNode(BatchedNode):
     def _on_thrusters(self, data: bytes) -> None:
         try:
             applied = applied_from_bytes(data)
+            check_pulses(applied.pulses_us, len(self._names))
         except ValueError as error:
             self._refuse(THRUSTER_STATE, str(error))
-            return
-        unfit = unfit_pulses(applied.pulses_us, len(self._names))
-        if unfit:
-            self._refuse(THRUSTER_STATE, unfit)
             return
         if not self._heard_thrusters and applied.armings:
             self._pilot.lose_place(RESTARTED)
@@ -262,18 +269,13 @@ class PilotNode(BatchedNode):
             self._refuse(THRUSTER_HEALTH_ORDER, f"found no thruster {strange[0][:40]!r}, wanted some of {wanted}")
         return {name: reason for name, reason in reasons.items() if name in self._names}
 
-    def _refuse(self, topic: Topic, why: str) -> None:
-        """Count a refused message and log it; diagnostics show the count."""
-        self.get_logger().warning(f"refused: {self._refusals.add(topic.name, why)}", throttle_duration_sec=1.0)
-
     def _publish_disabled(self, reasons: dict[str, str], stamp: Stamp) -> None:
         """Put a list of thrusters out of use in force and publish it; only the pilot does."""
         self._disabled, self._listed_at = reasons, stamp
         self._pilot.disable(frozenset(reasons))
         self._planned = False
-        message = ThrusterHealth(disabled=list(reasons), reasons=list(reasons.values()))
-        message.header.stamp = stamp_to_msg(stamp)
-        self._health.publish(message)
+        names, why = list(reasons), list(reasons.values())
+        self._health.publish(ThrusterHealth(header=header(stamp), disabled=names, reasons=why))
 
     def _disable_suspect(self, suspect: SuspectedFault, stamp: Stamp) -> None:
         """Add a suspected thruster to the list of those out of use; the operator may enable it again."""
@@ -286,17 +288,12 @@ class PilotNode(BatchedNode):
         if self.health is not None:
             self.health.on_navigation(stamped)
         self._last_state = stamped.stamp
-        if self._goal is not None:
-            self._goal.cancel_if_asked()
+        goal = self._goal
+        if goal is not None and goal.maneuver is not None and goal.handle.is_cancel_requested:
+            goal.maneuver.cancel()
         battery_V = self._supply.measured_V(stamped.stamp) or NAN
-        output = self._pilot.step(
-            stamped.reading,
-            stamped.stamp,
-            self._allocation,
-            armed=self._armed,
-            unarmed=self._unarmed,
-            battery_V=battery_V,
-        )
+        state, armed = (stamped.reading, stamped.stamp, self._allocation), self._armed
+        output = self._pilot.step(*state, armed=armed, unarmed=self._unarmed, battery_V=battery_V)
         if output.suspected_fault is not None:
             self._disable_suspect(output.suspected_fault, stamped.stamp)
         self._apply_setpoints()
@@ -327,9 +324,8 @@ class PilotNode(BatchedNode):
 
     def _on_operator_wrench(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp)
-        for refused in self._pilot.set_operator_wrench(
-            wrench_from_msg(message), message.header.frame_id, stamp, self.now()
-        ):
+        wrench, frame = wrench_from_msg(message), message.header.frame_id
+        for refused in self._pilot.set_operator_wrench(wrench, frame, stamp, self.now()):
             self._refuse(OPERATOR_WRENCH, refused)
 
     def _on_recentre(self, request: Any, response: Any) -> Any:
@@ -337,7 +333,7 @@ class PilotNode(BatchedNode):
         untimely = self._window.judge(stamp_from_msg(request.stamp), self.now())
         refused = untimely.sentence if untimely else self._pilot.recentre(request.x, request.y, request.turned)
         if refused:
-            self._refusals.add(RECENTRE, refused)
+            self._reporter.refusals.add(RECENTRE, refused)
         else:
             self.know_position()
         response.accepted, response.reason = not refused, refused
@@ -345,9 +341,9 @@ class PilotNode(BatchedNode):
 
     def _accept(self, handle: Any) -> None:
         """Keep a goal until the vehicle can begin it, or finish it at once: a rejection cannot carry a reason."""
-        goal, refused = ActiveGoal(handle), self._unflyable(handle.request)
+        goal, refused = ActiveGoal(handle, goal_from_msg(handle.request)), self._unflyable(handle.request)
         if refused:
-            self._refusals.add(GOAL, refused)
+            self._reporter.refusals.add(GOAL, refused)
             self._finish_goal(goal, refused)
         else:
             self._goal = goal
@@ -372,16 +368,17 @@ class PilotNode(BatchedNode):
             return
         if goal.maneuver is None:
             self._begin(goal)
-        elif goal.maneuver.done and goal.last is not None:
-            self._finish_goal(goal, goal.last.aborted)
-        elif self._turn % FEEDBACK_EVERY == 0:
-            goal.publish_feedback(self._estimates, stamp)
+        elif (last := goal.maneuver.last) is not None and last.done:
+            self._finish_goal(goal, last.aborted)
+        elif last is not None and self._turn % FEEDBACK_EVERY == 0:
+            goal.handle.publish_feedback(feedback_to_msg(last, self._estimates, stamp))
 
     def _begin(self, goal: ActiveGoal) -> None:
-        if goal.cancelled:
+        if goal.handle.is_cancel_requested:
             self._finish_goal(goal, "cancelled: by the operator")
             return
-        if goal.waits(armed=self._armed):
+        goal.patience -= 1
+        if not self._armed and goal.patience >= 0:
             return
         try:
             goal.maneuver = self._pilot.fly(goal.goal)
@@ -391,15 +388,15 @@ class PilotNode(BatchedNode):
         self.get_logger().info(f"flying {', '.join(goal.goal.motions)}: {goal.maneuver.seconds:.0f} s planned")
 
     def _finish_goal(self, goal: ActiveGoal, aborted: str) -> None:
-        """Send the result of a goal, with the reason if it was aborted; the next goal may come."""
+        """Send the result of a goal, with the reason if it was aborted; the next goal may come.
+
+        A goal is executed when it is over: a coroutine that waits would keep the events executor busy for the whole
+        maneuver.
+        """
         if goal is self._goal:
             self._goal = None
         self.get_logger().info(f"maneuver aborted by {aborted}" if aborted else "maneuver done")
-        goal.finish(aborted)
-
-    def _check(self) -> None:
-        self._check_navigator()
-        self._publish_plans()
+        goal.handle.execute(partial(result_of, aborted))
 
     def _check_navigator(self) -> None:
         """Abort a waiting or flown goal when the navigator is silent: no cycle would do it."""
@@ -445,7 +442,7 @@ class PilotNode(BatchedNode):
         refused = [f"by hand: {output.refused}"] if output.refused else []
         others = publishers_of(self, ODOMETRY) - {self.navigator} if self.navigator else ()
         unheard = [f"not heard: {', '.join(sorted(others))}, because {self.navigator} navigates"] if others else []
-        wrong = (*output.guards, *notes, *refused, *unheard, *self._refusals.new_refusals())
+        wrong = (*output.guards, *notes, *refused, *unheard)
         held = ", ".join(state.axis for state in output.holds if state.engaged)
-        values = {"holds": held, "state from": self.navigator or self._source.name} | self._refusals.values()
+        values = {"holds": held, "state from": self.navigator or self._source.name}
         self._reporter.report(stamp, wrong, "armed" if self._armed else "disarmed", values)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -19,10 +18,9 @@ from hindrax_core.events import to_s
 from hindrax_core.readings import Vec6
 from hindrax_core.topics import JOYSTICK, NAMESPACE, OPERATOR_WRENCH, TWIST
 from hindrax_core.vehicle import Vehicle, load_vehicle
-from hindrax_ros.checked_node import CheckedNode
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_from_msg, wrench_to_msg
-from hindrax_ros.parameters import knobs, text
+from hindrax_ros.parameters import CheckedNode, knobs, text
 from hindrax_ros.process import spin
 
 
@@ -33,13 +31,14 @@ class TeleopNode(CheckedNode):
         super().__init__("teleop", namespace=NAMESPACE)
         file = text(self, "vehicle", "", "vehicle file, for the limits of its wrench [-]")
         limits = (vehicle or load_vehicle(file)).limits.wrench
-        self._begin(limits, knobs(self, TeleopKnobs, partial(self._begin, limits)))
+
+        def begin(tuned: TeleopKnobs) -> None:
+            self._teleop = Teleop(limits, tuned)
+
+        begin(knobs(self, TeleopKnobs, begin))
         self._out = publisher(self, OPERATOR_WRENCH)
         subscription(self, JOYSTICK, self._on_joystick)
         subscription(self, TWIST, self._on_twist)
-
-    def _begin(self, limits: Vec6, tuned: TeleopKnobs) -> None:
-        self._teleop = Teleop(limits, tuned)
 
     def _on_joystick(self, message: Any) -> None:
         made_s = to_s(stamp_from_msg(message.header.stamp))

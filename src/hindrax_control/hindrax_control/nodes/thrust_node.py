@@ -6,9 +6,8 @@ import sys
 from dataclasses import replace
 from typing import Any
 
-from hindrax_control.allocation.applied_wrench import PULSE_FIELDS, AppliedWrench, pulses_of_channels
+from hindrax_control.allocation.thrust_curve import PULSE_FIELDS, AppliedWrench, pulses_of_channels
 from hindrax_core.events import Stamp
-from hindrax_core.input_checks import Refusals
 from hindrax_core.topics import Quality, Topic
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
@@ -30,7 +29,7 @@ class ThrustNode(BatchedNode):
         super().__init__("thrust")
         self._vehicle = load_vehicle(text(self, "vehicle", "", "vehicle file [-]"))
         self._applied = AppliedWrench(self._vehicle)
-        self._refusals, self._type = Refusals(), ""
+        self._type = ""
         self._out = publisher(self, ACHIEVED)
         self._reporter = DiagnosticsPublisher(self)
         self.every(LOOK_S, self._look)
@@ -42,20 +41,19 @@ class ThrustNode(BatchedNode):
                 break
             if kind not in PULSE_FIELDS or optional_class(kind) is None:
                 wanted = ", ".join(one for one in PULSE_FIELDS if optional_class(one) is not None)
-                self._refusals.add(PULSES.name, f"found {kind[:60]}, wanted one of {wanted}")
+                self._reporter.refusals.add(PULSES.name, f"found {kind[:60]}, wanted one of {wanted}")
                 continue
             self._type = kind
             self.lead = subscription(self, replace(PULSES, type=kind), self._on_pulses)
-        news = self._refusals.new_refusals()
         well = f"listening to {self._type}" if self._type else "waiting for pulses"
-        self._reporter.report(self.now(), news, well, self._refusals.values())
+        self._reporter.report(self.now(), (), well, {})
 
     def _on_pulses(self, message: Any) -> None:
         stamp = stamp_from_msg(message.header.stamp) if hasattr(message, "header") else Stamp(0)
         try:
             pulses_us = pulses_of_channels(self._vehicle, list(getattr(message, PULSE_FIELDS[self._type])))
         except ValueError as error:
-            self._refusals.add(PULSES.name, str(error))
+            self._reporter.refusals.add(PULSES.name, str(error))
             return
         wrench = self._applied.wrench(self._applied.forces_N(pulses_us))
         self._out.publish(wrench_to_msg(stamp or self.now(), wrench))

@@ -21,8 +21,7 @@ from hindrax_core.topics import TOPICS_OF, WATER_TEMPERATURE, Topic
 from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.lifecycle import State, Transition, next_transition, requested, why_not_active
 from hindrax_drivers.nodes.reading_messages import ReadingMessages, frame_of
-from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.batched_node import BatchedNode, PublishQueue
 from hindrax_ros.diagnostics import DiagnosticsPublisher, NodeDiagnostics
 from hindrax_ros.graph import publisher
 from hindrax_ros.parameters import text

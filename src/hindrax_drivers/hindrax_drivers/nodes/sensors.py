@@ -22,8 +22,7 @@ from hindrax_drivers.buses.port_threads import BusThread, SerialThread, ServingT
 from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.device_node import DeviceNode
-from hindrax_ros.batched_node import BatchedNode
-from hindrax_ros.deferred_publisher import PublishQueue
+from hindrax_ros.batched_node import BatchedNode, PublishQueue
 from hindrax_ros.parameters import knobs, text, whole
 from hindrax_ros.process import spin
 

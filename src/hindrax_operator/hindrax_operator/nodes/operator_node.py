@@ -16,8 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.refusal import LATE
+from hindrax_control.maneuver.goal import LATE, Goal
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp, Stamped, seconds_between
 from hindrax_core.signals import Estimate, Navigation

@@ -7,8 +7,7 @@ import hashlib
 import json
 from pathlib import Path
 
-from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.goal import PLATEAUS
+from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS
 from hindrax_control.maneuver.plan import MOTIONS
 
 NO_CHOICES = '{"motions": [], "excitations": []}'

@@ -11,8 +11,7 @@ from http import HTTPStatus
 from typing import Any, Protocol
 
 from hindrax_analysis.plain import plain
-from hindrax_control.maneuver.goal import Goal
-from hindrax_control.maneuver.refusal import check_goal
+from hindrax_control.maneuver.goal import Goal, check_goal
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.online.aim import Aim, ExperimentGoal, check_experiment

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion as QuaternionMsg
-from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, WrenchStamped
+from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import (
     BatteryState,
@@ -31,6 +31,7 @@ from sensor_msgs.msg import (
     RelativeHumidity,
     Temperature,
 )
+from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import (
@@ -61,6 +62,11 @@ def stamp_to_msg(stamp: int) -> Time:
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
+def header(stamp: int, frame: str = "") -> Header:
+    """Header of a message."""
+    return Header(stamp=stamp_to_msg(stamp), frame_id=frame)
+
+
 def stamp_from_msg(time: Time) -> Stamp:
     """Stamp of a ROS time message."""
     return Stamp(time.sec * NS_PER_S + time.nanosec)
@@ -71,7 +77,8 @@ def half_turn(vector: Sequence[float]) -> Vec3:
     return (vector[0], -vector[1], -vector[2])
 
 
-def _vector(vector: Sequence[float]) -> Vector3:
+def vector_to_msg(vector: Sequence[float]) -> Vector3:
+    """Message of a vector."""
     return Vector3(x=float(vector[0]), y=float(vector[1]), z=float(vector[2]))
 
 
@@ -85,11 +92,10 @@ def _diagonal(variance: float) -> list[float]:
 
 def inertial_to_msg(stamped: Stamped[Inertial], frame: str, sigma_force: float, sigma_rate: float) -> Imu:
     """REP-145 `data_raw`: no orientation; sigmas in m/s^2 and rad/s."""
-    message = Imu()
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message = Imu(header=header(stamped.stamp, frame))
     message.orientation_covariance[0] = UNKNOWN_COVARIANCE
-    message.linear_acceleration = _vector(stamped.reading.specific_force_mps2)
-    message.angular_velocity = _vector(stamped.reading.rate_radps)
+    message.linear_acceleration = vector_to_msg(stamped.reading.specific_force_mps2)
+    message.angular_velocity = vector_to_msg(stamped.reading.rate_radps)
     message.linear_acceleration_covariance = _diagonal(sigma_force * sigma_force)
     message.angular_velocity_covariance = _diagonal(sigma_rate * sigma_rate)
     return message
@@ -97,17 +103,15 @@ def inertial_to_msg(stamped: Stamped[Inertial], frame: str, sigma_force: float, 
 
 def magnetic_to_msg(stamped: Stamped[Magnetic], frame: str, sigma_T: float) -> MagneticField:
     """Magnetic field in the axes of the inertial sensor."""
-    message = MagneticField(magnetic_field=_vector(stamped.reading.field_T))
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message = MagneticField(header=header(stamped.stamp, frame), magnetic_field=vector_to_msg(stamped.reading.field_T))
     message.magnetic_field_covariance = _diagonal(sigma_T * sigma_T)
     return message
 
 
 def pressure_to_msg(stamped: Stamped[Pressure | Air], frame: str, sigma_Pa: float) -> FluidPressure:
     """Absolute pressure."""
-    message = FluidPressure(fluid_pressure=stamped.reading.pressure_Pa, variance=sigma_Pa * sigma_Pa)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
-    return message
+    pressure_Pa, variance = stamped.reading.pressure_Pa, sigma_Pa * sigma_Pa
+    return FluidPressure(header=header(stamped.stamp, frame), fluid_pressure=pressure_Pa, variance=variance)
 
 
 def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
@@ -117,50 +121,47 @@ def pressure_from_msg(message: FluidPressure) -> Stamped[Pressure]:
 
 def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temperature:
     """Temperature of the water or inside a device."""
-    message = Temperature(temperature=temperature_C, variance=0.0)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), frame
-    return message
+    return Temperature(header=header(stamp, frame), temperature=temperature_C, variance=0.0)
 
 
 def position_to_msg(stamped: Stamped[Position], frame: str) -> NavSatFix:
     """Place that the DVL reckons; its status says whether a GPS gives it at the moment. Its height is unknown (NaN)."""
     place = stamped.reading
-    message = NavSatFix(latitude=place.latitude_deg, longitude=place.longitude_deg, altitude=math.nan)
-    message.status.status = NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
-    message.status.service = NavSatStatus.SERVICE_GPS
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
-    return message
+    status = NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
+    return NavSatFix(
+        header=header(stamped.stamp, frame),
+        status=NavSatStatus(status=status, service=NavSatStatus.SERVICE_GPS),
+        latitude=place.latitude_deg,
+        longitude=place.longitude_deg,
+        altitude=math.nan,
+    )
 
 
 def humidity_to_msg(stamped: Stamped[Air], frame: str, sigma: float) -> RelativeHumidity | None:
     """Relative humidity, 0 to 1; None where the part measures none."""
-    if math.isnan(stamped.reading.humidity):
+    humidity, variance = stamped.reading.humidity, sigma * sigma
+    if math.isnan(humidity):
         return None
-    message = RelativeHumidity(relative_humidity=stamped.reading.humidity, variance=sigma * sigma)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
-    return message
+    return RelativeHumidity(header=header(stamped.stamp, frame), relative_humidity=humidity, variance=variance)
 
 
 def battery_to_msg(stamped: Stamped[Battery]) -> BatteryState:
     """Supply voltage and current, which is negative while the battery discharges; NaN is what nobody measures."""
     unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity", "percentage"), math.nan)
-    found = stamped.reading
-    message = BatteryState(voltage=found.voltage_V, current=-found.current_A, present=True, **unknown)
-    message.header.stamp = stamp_to_msg(stamped.stamp)
-    return message
+    voltage, current = stamped.reading.voltage_V, -stamped.reading.current_A
+    return BatteryState(header=header(stamped.stamp), voltage=voltage, current=current, present=True, **unknown)
 
 
 def echo_to_msg(stamped: Stamped[Echo], frame: str, limits_m: tuple[float, float], view_rad: float) -> Range:
     """Distance along the beam; the frame's x axis is the beam (sensor_msgs/Range)."""
-    message = Range(
+    return Range(
+        header=header(stamped.stamp, frame),
         radiation_type=Range.ULTRASOUND,
         field_of_view=view_rad,
         min_range=limits_m[0],
         max_range=limits_m[1],
         range=stamped.reading.range_m,
     )
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
-    return message
 
 
 def velocity_to_msg(stamped: Stamped[BottomVelocity], frame: str) -> TwistWithCovarianceStamped | None:
@@ -168,9 +169,8 @@ def velocity_to_msg(stamped: Stamped[BottomVelocity], frame: str) -> TwistWithCo
     velocity = stamped.reading.velocity_mps
     if velocity is None:
         return None
-    message = TwistWithCovarianceStamped()
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
-    message.twist.twist.linear = _vector(half_turn(velocity))
+    message = TwistWithCovarianceStamped(header=header(stamped.stamp, frame))
+    message.twist.twist.linear = vector_to_msg(half_turn(velocity))
     variance = stamped.reading.sigma_mps**2
     for axis in range(3):
         message.twist.covariance[7 * axis] = variance
@@ -202,13 +202,8 @@ def xyzw(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, fl
     )
 
 
-def sname_from_quaternion(q: QuaternionMsg) -> Vec3:
-    """SNAME roll, pitch, yaw of a REP-103 body in east, north, up."""
-    return sname_from_xyzw(q.x, q.y, q.z, q.w)
-
-
 def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
-    """`sname_from_quaternion` from numbers."""
+    """SNAME roll, pitch, yaw from the quaternion of a REP-103 body in east, north, up."""
     roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -218,8 +213,8 @@ def sname_from_xyzw(x: float, y: float, z: float, w: float) -> Vec3:
 def attitude_to_msg(stamped: Stamped[BottomTrack], frame: str, sigma_rad: float) -> Imu:
     """Attitude of the DVL's own IMU; rates and accelerations are unknown."""
     track = stamped.reading
-    message = Imu(orientation=quaternion_from_sname(track.roll_rad, track.pitch_rad, track.heading_rad))
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    orientation = quaternion_from_sname(track.roll_rad, track.pitch_rad, track.heading_rad)
+    message = Imu(header=header(stamped.stamp, frame), orientation=orientation)
     message.orientation_covariance = _diagonal(sigma_rad * sigma_rad)
     message.angular_velocity_covariance[0] = UNKNOWN_COVARIANCE
     message.linear_acceleration_covariance[0] = UNKNOWN_COVARIANCE
@@ -233,10 +228,10 @@ def dvl_to_msg(stamped: Stamped[BottomVelocity], track: BottomTrack | None, fram
     """
     velocity = stamped.reading
     message = Dvl(velocity_mode=Dvl.DVL_MODE_BOTTOM, dvl_type=Dvl.DVL_TYPE_PISTON, sound_speed=sound_mps)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), frame
+    message.header = header(stamped.stamp, frame)
     message.confidence, message.interval = velocity.confidence, velocity.interval_s
     message.device_time = velocity.device_us
-    message.velocity = _vector(velocity.velocity_mps or (math.nan, math.nan, math.nan))
+    message.velocity = vector_to_msg(velocity.velocity_mps or (math.nan, math.nan, math.nan))
     message.velocity_covar = [UNKNOWN_COVARIANCE] * 9
     message.altitude = math.nan
     if velocity.velocity_mps is not None:
@@ -278,26 +273,6 @@ def _beam(range_m: float | None, velocity_mps: float, gain_dB: float, locked: bo
     )
 
 
-def odometry_to_msg(stamped: Stamped[Navigation]) -> Odometry:
-    """Pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105).
-
-    Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
-    """
-    state = stamped.reading
-    message = Odometry(child_frame_id=FLU)
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), "odom"
-    north, east = state.position_m
-    position = message.pose.pose.position
-    position.x, position.y, position.z = east, north, -state.depth_m
-    message.pose.pose.orientation = quaternion_from_sname(*state.attitude_rad)
-    message.twist.twist.linear = _vector(half_turn(state.velocity_mps))
-    message.twist.twist.angular = _vector(half_turn(state.rate_radps))
-    for axis, sigma in enumerate(state.velocity_sigma_mps):
-        message.twist.covariance[7 * axis] = sigma * sigma
-    message.pose.covariance[0] = message.pose.covariance[7] = state.position_sigma_m**2
-    return message
-
-
 def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
     """State in anybody's odometry of `base_link` in a world with z up, as REP-105 has it; z = 0 is the surface.
 
@@ -314,7 +289,7 @@ def odometry_from_msg(message: Odometry) -> Stamped[Navigation]:
     tilt_variances = (message.pose.covariance[21], message.pose.covariance[28])
     velocity_mps = half_turn(_plain(twist.linear))
     state = Navigation(
-        attitude_rad=sname_from_quaternion(q),
+        attitude_rad=sname_from_xyzw(q.x, q.y, q.z, q.w),
         rate_radps=half_turn(_plain(twist.angular)),
         velocity_mps=velocity_mps,
         depth_m=-position.z,
@@ -332,32 +307,9 @@ def _sigma(variance: float) -> float:
     return math.sqrt(variance) if variance > 0.0 else math.nan
 
 
-def navigation_to_msg(stamped: Stamped[Navigation]) -> NavigationStatus:
-    """Full navigation state, SNAME; undone by `navigation_from_msg`."""
-    state = stamped.reading
-    ages = state.ages_s
-    message = NavigationStatus()
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), FSD
-    message.roll, message.pitch, message.heading = state.attitude_rad
-    message.roll_rate, message.pitch_rate, message.yaw_rate = state.rate_radps
-    message.surge_velocity, message.sway_velocity, message.heave_velocity = state.velocity_mps
-    sigmas = state.velocity_sigma_mps
-    message.surge_velocity_sigma, message.sway_velocity_sigma, message.heave_velocity_sigma = sigmas
-    message.depth, message.altitude = state.depth_m, state.altitude_m
-    message.position_north, message.position_east = state.position_m
-    message.dvl_locked = state.dvl_locked
-    message.depth_age = ages.get("ms5837", math.inf)
-    message.altitude_age = ages.get("ping1d", math.inf)
-    message.heave_velocity_age = min(message.depth_age, message.altitude_age)
-    message.depth_valid = math.isfinite(state.depth_m)
-    message.altitude_valid = math.isfinite(state.altitude_m)
-    message.heave_velocity_valid = math.isfinite(state.velocity_mps[2])
-    message.sources, message.ages = list(ages), list(ages.values())
-    return message
-
-
 def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
-    """Undo `navigation_to_msg`."""
+    """Full navigation state, SNAME."""
+    su, sv, sw = message.surge_velocity_sigma, message.sway_velocity_sigma, message.heave_velocity_sigma
     state = Navigation(
         attitude_rad=(message.roll, message.pitch, message.heading),
         rate_radps=(message.roll_rate, message.pitch_rate, message.yaw_rate),
@@ -367,22 +319,15 @@ def navigation_from_msg(message: NavigationStatus) -> Stamped[Navigation]:
         position_m=(message.position_north, message.position_east),
         dvl_locked=message.dvl_locked,
         ages_s=dict(zip(message.sources, message.ages, strict=True)),
-        velocity_sigma_mps=(
-            message.surge_velocity_sigma,
-            message.sway_velocity_sigma,
-            message.heave_velocity_sigma,
-        ),
+        velocity_sigma_mps=(su, sv, sw),
     )
     return Stamped(stamp_from_msg(message.header.stamp), state)
 
 
 def wrench_to_msg(stamp: Stamp, wrench: Vec6) -> WrenchStamped:
     """Wrench in the SNAME body frame."""
-    message = WrenchStamped()
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamp), FSD
-    message.wrench.force = _vector(wrench[:3])
-    message.wrench.torque = _vector(wrench[3:])
-    return message
+    made = Wrench(force=vector_to_msg(wrench[:3]), torque=vector_to_msg(wrench[3:]))
+    return WrenchStamped(header=header(stamp, FSD), wrench=made)
 
 
 def wrench_from_msg(message: WrenchStamped) -> Vec6:
@@ -393,7 +338,8 @@ def wrench_from_msg(message: WrenchStamped) -> Vec6:
 def estimate_to_msg(stamped: Stamped[Estimate]) -> ModelEstimate:
     """Coefficients and covariance of one motion."""
     estimate = stamped.reading
-    message = ModelEstimate(
+    return ModelEstimate(
+        header=header(stamped.stamp, FSD),
         motion=estimate.motion,
         names=list(estimate.names),
         units=list(estimate.units),
@@ -405,8 +351,6 @@ def estimate_to_msg(stamped: Stamped[Estimate]) -> ModelEstimate:
         reason=estimate.reason,
         last_innovation=estimate.innovation,
     )
-    message.header.stamp, message.header.frame_id = stamp_to_msg(stamped.stamp), FSD
-    return message
 
 
 def estimate_from_msg(message: ModelEstimate) -> Stamped[Estimate]:

@@ -1,6 +1,6 @@
 """The readings of the sensors and the topics of every control cycle as CDR bytes, without message objects.
 
-Writing the numbers into the bytes of the previous message (see `cdr_layout`) takes 3 us. Filling and serializing a
+Writing the numbers into the bytes of the previous message (see `serialization`) takes 3 us. Filling and serializing a
 message object takes 10 to 50 in a loop, and three times that in a process that has just woken (ADR 40). Each writer is
 tested against the function of `convert` that it replaces, each reader against it or against what was written.
 """
@@ -11,44 +11,31 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Range
-from std_msgs.msg import Header
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure, Vec6
-from hindrax_core.signals import Navigation, Thrust
+from hindrax_core.rotation import FLU, FSD
+from hindrax_core.signals import Allocation, Navigation, Thrust
 from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
-from hindrax_ros.messages.cdr_layout import CdrReader, CdrWriter
+from hindrax_ros.messages.serialization import CdrReader, CdrWriter
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-_ZERO3 = (0.0, 0.0, 0.0)
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
-_NOWHERE = Navigation(_ZERO3, _ZERO3, _ZERO3, 0.0, 0.0, (0.0, 0.0), dvl_locked=False)
 
 
 def _xyz(path: str) -> tuple[str, str, str]:
     return f"{path}.x", f"{path}.y", f"{path}.z"
 
 
-_IMU = (*_STAMP, *_xyz("angular_velocity"), *_xyz("linear_acceleration"))
-_ATTITUDE = (*_STAMP, *_xyz("orientation"), "orientation.w")
 _NAVIGATION = (
     *_STAMP,
     *("depth", "depth_age", "depth_valid", "altitude", "altitude_age", "altitude_valid"),
     *("heave_velocity", "heave_velocity_age", "heave_velocity_valid", "heading", "roll", "pitch"),
     *("surge_velocity", "sway_velocity", "surge_velocity_sigma", "sway_velocity_sigma", "heave_velocity_sigma"),
     *("roll_rate", "pitch_rate", "yaw_rate", "position_north", "position_east", "dvl_locked"),
-)
-_ODOMETRY = (
-    *_STAMP,
-    *_xyz("pose.pose.position"),
-    *_xyz("pose.pose.orientation"),
-    "pose.pose.orientation.w",
-    "pose.covariance",
-    *_xyz("twist.twist.linear"),
-    *_xyz("twist.twist.angular"),
-    "twist.covariance",
 )
 
 
@@ -74,14 +61,16 @@ def in_place(
 
 
 def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
-    """Make a writer: `convert.navigation_to_msg`."""
+    """Make a writer of NavigationStatus: full navigation state, SNAME."""
     writer = CdrWriter(*_NAVIGATION, "ages")
 
     def write(stamped: Stamped[Navigation]) -> bytes:
         state, ages = stamped.reading, stamped.reading.ages_s
         sources = tuple(ages)
         if writer.key != sources:
-            writer.learn(sources, convert.navigation_to_msg(stamped))
+            writer.learn(
+                sources, NavigationStatus(header=convert.header(0, FSD), sources=sources, ages=list(ages.values()))
+            )
         u, v, w = state.velocity_mps
         roll, pitch, heading = state.attitude_rad
         depth_age, altitude_age = ages.get("ms5837", math.inf), ages.get("ping1d", math.inf)
@@ -104,9 +93,14 @@ def navigation_writer() -> Callable[[Stamped[Navigation]], bytes]:
 
 
 def odometry_writer() -> Callable[[Stamped[Navigation]], bytes]:
-    """Make a writer: `convert.odometry_to_msg`."""
-    writer = CdrWriter(*_ODOMETRY)
-    writer.learn(None, convert.odometry_to_msg(Stamped(Stamp(0), _NOWHERE)))
+    """Make a writer of Odometry: pose in `odom` (east, north, up from the start), twist in `base_link` (REP-105).
+
+    Variances: of the velocities, and of east and north since the position was last known; NaN where unknown.
+    """
+    pose = (*_xyz("pose.pose.position"), *_xyz("pose.pose.orientation"), "pose.pose.orientation.w", "pose.covariance")
+    twist = (*_xyz("twist.twist.linear"), *_xyz("twist.twist.angular"), "twist.covariance")
+    writer = CdrWriter(*_STAMP, *pose, *twist)
+    writer.learn(None, Odometry(header=convert.header(0, "odom"), child_frame_id=FLU))
 
     def write(stamped: Stamped[Navigation]) -> bytes:
         state = stamped.reading
@@ -137,10 +131,10 @@ def wrench_writer() -> Callable[[Stamp, Vec6], bytes]:
     return lambda stamp, wrench: writer.write((*divmod(stamp, NS_PER_S), *wrench))
 
 
-def command_writer(thrusters: int, frame: str) -> Callable[[Stamp, int, Sequence[float]], bytes]:
+def command_writer(thrusters: int) -> Callable[[Stamp, int, Sequence[float]], bytes]:
     """Make a writer of ThrusterCommand: stamp, sequence, pulses [us]."""
     writer = CdrWriter(*_STAMP, "sequence", "pulses")
-    writer.learn(None, ThrusterCommand(header=Header(frame_id=frame), pulses=[0.0] * thrusters))
+    writer.learn(None, ThrusterCommand(header=convert.header(0, FSD), pulses=[0.0] * thrusters))
     return lambda stamp, sequence, pulses: writer.write((*divmod(stamp, NS_PER_S), sequence, *pulses))
 
 
@@ -154,6 +148,34 @@ def applied_writer(output: str) -> Callable[[ThrusterStateFields, str, str], byt
             writer.learn(shape, ThrusterState(state=state, reason=reason, pulses=applied.pulses_us, output=output))
         return writer.write(
             (*divmod(applied.stamp, NS_PER_S), applied.armed, *applied.pulses_us, applied.sequence, applied.armings),
+        )
+
+    return write
+
+
+def allocation_writer(
+    thrusters: Sequence[str], nominal_V: float
+) -> Callable[[ThrusterStateFields, Allocation, float | None], bytes]:
+    """Make a writer of AllocationStatus: what applied pulses achieve, by the measured supply, None: the nominal one."""
+    numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
+    writer = CdrWriter(*_STAMP, *numbers, "supply_voltage", "supply_measured")
+
+    def write(applied: ThrusterStateFields, found: Allocation, supply_V: float | None) -> bytes:
+        texts = (found.disabled, found.lost_axes, found.refused)
+        if writer.key != texts:
+            arrays = {"forces": found.forces_N, "pulses": applied.pulses_us, "saturated": found.saturated}
+            named = dict(zip(("disabled", "lost_axes", "refused"), texts, strict=True))
+            header = convert.header(0, FSD)
+            writer.learn(texts, AllocationStatus(header=header, thrusters=list(thrusters), **arrays, **named))
+        return writer.write(
+            (
+                *divmod(applied.stamp, NS_PER_S),
+                applied.sequence,
+                *(*found.wanted, *found.achieved, *found.shortfall),
+                *(*found.forces_N, *applied.pulses_us, *found.saturated),
+                nominal_V if supply_V is None else supply_V,
+                supply_V is not None,
+            )
         )
 
     return write
@@ -178,10 +200,10 @@ class ThrusterStateFields(NamedTuple):
     armings: int
 
 
-_inertial = CdrReader(Imu, *_IMU).read
+_inertial = CdrReader(Imu, *_STAMP, *_xyz("angular_velocity"), *_xyz("linear_acceleration")).read
 _magnetic = CdrReader(MagneticField, *_STAMP, *_xyz("magnetic_field")).read
 _echo = CdrReader(Range, *_STAMP, "range").read
-_attitude = CdrReader(Imu, *_ATTITUDE).read
+_attitude = CdrReader(Imu, *_STAMP, *_xyz("orientation"), "orientation.w").read
 _dvl = CdrReader(Dvl, *_STAMP, *_xyz("velocity"), "velocity_covar", "confidence", "device_time", "interval").read
 _pressure = CdrReader(FluidPressure, *_STAMP, "fluid_pressure").read
 _navigation = CdrReader(NavigationStatus, *_NAVIGATION).read
@@ -263,17 +285,3 @@ def thrust_from_bytes(data: bytes) -> Stamped[Thrust]:
     """Read the achieved wrench of an AllocationStatus, and the forces behind it."""
     s, ns, X, Y, Z, K, M, N, *forces, measured = _thrust(data)
     return Stamped(Stamp(s * NS_PER_S + ns), Thrust((X, Y, Z, K, M, N), tuple(forces), bool(measured)))
-
-
-class AllocationWriter:
-    """AllocationStatus, made by `make` whenever a text of it changes (`key`)."""
-
-    def __init__(self) -> None:
-        numbers = ("sequence", "wanted", "achieved", "shortfall", "forces", "pulses", "saturated")
-        self._writer = CdrWriter(*_STAMP, *numbers, "supply_voltage", "supply_measured")
-
-    def write(self, stamp: Stamp, key: object, make: Callable[[], Any], *numbers: Any) -> bytes:
-        """Bytes; `numbers` are those of the definition from `sequence` on, arrays flattened."""
-        if self._writer.key != key:
-            self._writer.learn(key, make())
-        return self._writer.write((*divmod(stamp, NS_PER_S), *numbers))

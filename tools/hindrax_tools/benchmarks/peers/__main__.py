@@ -15,10 +15,10 @@ from rclpy.signals import SignalHandlerOptions
 from hindrax_core.events import Stamp
 from hindrax_core.topics import NAMESPACE, RAW_FRAMES, TOPICS, resolved
 from hindrax_msgs.msg import RawFrames
-from hindrax_ros.checked_node import CheckedNode
 from hindrax_ros.graph import publisher, subscription
 from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.messages.serialization import serialized
+from hindrax_ros.parameters import CheckedNode
 
 READY_S = 20.0
 SETTLE_S = 1.0

@@ -19,7 +19,7 @@ from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report
 from hindrax_cli.argument_types import add_json, add_vehicle, positive, seed
 from hindrax_cli.vehicle_edit import require_editable, set_key
-from hindrax_control.maneuver.servable import largest_wrench
+from hindrax_control.maneuver.goal import largest_wrench
 from hindrax_control.prior_dynamics import prior_dynamics
 from hindrax_core.errors import UsageError
 from hindrax_core.events import after

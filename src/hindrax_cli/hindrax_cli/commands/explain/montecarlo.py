@@ -12,10 +12,8 @@ from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
-from hindrax_control.maneuver.excitation import EXCITATIONS
-from hindrax_control.maneuver.goal import PLATEAUS
+from hindrax_control.maneuver.goal import EXCITATIONS, PLATEAUS, motions_to_fly
 from hindrax_control.maneuver.plan import MOTIONS
-from hindrax_control.maneuver.servable import motions_to_fly
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.text.screen_text import print_fitted
 from hindrax_core.vehicle import load_vehicle

@@ -15,7 +15,7 @@ from hindrax_cli.argument_types import add_json
 from hindrax_cli.vehicle_questions import ask, file_text
 from hindrax_cli.vehicle_review import findings, picture
 from hindrax_control.allocation.thrust_curve import thrust_curves
-from hindrax_control.maneuver.servable import largest_wrench, servable_motions
+from hindrax_control.maneuver.goal import largest_wrench, servable_motions
 from hindrax_core.errors import UsageError
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.text.text_file import replace_text, require_place, writing

@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not 0 <= arguments.port < 1 << 16:
         raise UsageError(f"--port: found {arguments.port}, wanted 0 to 65535")
     access = Access(hosts_of(arguments.address), kept_token(read_only=arguments.read_only, new=arguments.new_token))
-    from hindrax_control.maneuver.servable import servable_motions  # noqa: PLC0415  # help must not wait for numpy
+    from hindrax_control.maneuver.goal import servable_motions  # noqa: PLC0415  # help must not wait for numpy
     from hindrax_operator.monitor.graph_link import GraphLink  # noqa: PLC0415  # as above
     from hindrax_operator.web.page_controller import PageController, ViewerHeartbeat  # noqa: PLC0415  # as above
     from hindrax_operator.web.reports import Reports  # noqa: PLC0415  # as above
