@@ -71,9 +71,7 @@ def test_what_systemd_runs_after_it_has_killed_everything_puts_neutral_on_the_wi
     assert not flying.neutral, "then nothing is to be shown"
     file = tmp_path / "vehicle.yaml"
     document = yaml.safe_load(default_vehicle().read_text())
-    ports = flying.stack.mock_facts["ports"]
-    assert isinstance(ports, dict)
-    document["output"]["port"] = ports["thrusters"]
+    document["output"]["port"] = flying.stack.mock_facts["ports"]["thrusters"]
     file.write_text(yaml.safe_dump(document))
     (line,) = [one for one in SERVICE.read_text().splitlines() if one.startswith("ExecStopPost=")]
     words = line.removeprefix("ExecStopPost=/opt/hindrax/hindrax ").split()

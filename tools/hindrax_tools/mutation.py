@@ -12,8 +12,6 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
-import importlib.abc
-import importlib.machinery
 import importlib.util
 import math
 import os
@@ -23,9 +21,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import CodeType
 
 import hypothesis
 import pytest
@@ -133,37 +129,14 @@ def mutated(source: str, number: int) -> ast.Module:
     return ast.fix_missing_locations(tree)
 
 
-class _Loader(importlib.machinery.SourceFileLoader):
-    """Loads a mutant, never from a cache."""
-
-    number = -1
-
-    def get_code(self, _name: str) -> CodeType:
-        """Code of the mutant."""
-        code: CodeType = compile(mutated(Path(self.path).read_text(encoding="utf-8"), self.number), self.path, "exec")
-        return code
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    """Finds one module as its mutant."""
-
-    def __init__(self, module: str, path: str, number: int) -> None:
-        self._module, self._loader = module, _Loader(module, path)
-        self._loader.number = number
-
-    def find_spec(self, fullname: str, _path: object = None, _target: object = None, /) -> ModuleSpec | None:
-        """Spec of the mutant; None for every other module."""
-        return importlib.util.spec_from_loader(fullname, self._loader) if fullname == self._module else None
-
-
 class Trial:
     """The tests of one module, run in a process of its own each time."""
 
     def __init__(self, module: str, tests: Sequence[str]) -> None:
-        place = importlib.util.find_spec(module)
-        if place is None or place.origin is None:
+        spec = importlib.util.find_spec(module)
+        if spec is None or spec.origin is None:
             raise LookupError(f"{module}: no such module")
-        self.module, self.path, self._tests = module, place.origin, tests
+        self.module, self.path, self._spec, self._tests = module, spec.origin, spec, tests
         self.source = Path(self.path).read_text(encoding="utf-8")
 
     def survives(self, number: int, patience_s: float) -> bool:
@@ -181,7 +154,8 @@ class Trial:
         silence = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silence, 1)
         os.dup2(silence, 2)
-        sys.meta_path.insert(0, _Finder(self.module, self.path, number))
+        sys.modules[self.module] = module = importlib.util.module_from_spec(self._spec)
+        exec(compile(mutated(self.source, number), self.path, "exec"), module.__dict__)  # noqa: S102  # our own code
         words = ["-x", "-q", "-p", "no:cacheprovider", f"--hypothesis-profile={PROFILE}", *self._tests]
         return pytest.main(words) == pytest.ExitCode.OK
 

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable, Shutdown
 from launch_ros.actions import Node
@@ -58,7 +59,7 @@ def stack(
 
         vehicle = str(vehicle_file(argument("vehicle")))
         tuning = Tuning(argument("namespace"), argument("params_file"))
-        wires: dict[str, object] | None = None
+        wires: dict[str, Any] | None = None
         tether = None if hardware else tether_setting()
         made = stack_environment(mock=hardware is not None, domain=None, tether=tether)
         started: list[Action] = [
@@ -142,7 +143,7 @@ def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
         options.vehicle,
         options.bag,
         graph_settings(made),
-        dict(options.wires["ports"]) if options.wires is not None else {},  # type: ignore[call-overload]  # a mapping
+        options.wires["ports"] if options.wires is not None else {},
         purpose=LAUNCHED,
         namespace=options.tuning.namespace,
         bag=options.bag,
@@ -152,7 +153,7 @@ def _announce(options: NodeOptions, made: Mapping[str, str]) -> None:
     until_the_end.enter_context(announced(presence))
 
 
-def ports(folder: Path, vehicle_file: str) -> dict[str, object]:
+def ports(folder: Path, vehicle_file: str) -> dict[str, Any]:
     """Ports of simulated hardware in a folder: serial devices as ptys, everything else on its bus."""
     bus = f"mock:{folder / 'i2c'}"
     sensors = load_vehicle(vehicle_file).sensors

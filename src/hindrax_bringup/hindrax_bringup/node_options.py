@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import yaml
 
@@ -47,7 +48,7 @@ class NodeOptions:
     bag: str = ""
     notes: str = ""
     without_operator: str = ""
-    wires: Mapping[str, object] | None = None
+    wires: Mapping[str, Any] | None = None
     """Ports of simulated hardware, its clock, and the truth about it where it is known; None for the real one."""
     more: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """Further ROS arguments by process."""
@@ -93,11 +94,9 @@ class NodeOptions:
         ]
 
 
-def wire_parameters(wires: Mapping[str, object]) -> Blocks:
+def wire_parameters(wires: Mapping[str, Any]) -> Blocks:
     """Ports and clock of simulated hardware as parameters of the nodes that use them."""
-    ports = wires["ports"]
-    assert isinstance(ports, dict)
-    return {f"/**/{node}": {"port": port, "clock": wires["clock"]} for node, port in ports.items()}
+    return {f"/**/{node}": {"port": port, "clock": wires["clock"]} for node, port in wires["ports"].items()}
 
 
 def read_parameters(file: str) -> Blocks:

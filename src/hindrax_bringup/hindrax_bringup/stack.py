@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from hindrax_bag.metadata import try_lock
 from hindrax_bag.run_folder import RunFolder, write_parameters
@@ -62,7 +62,7 @@ class Stack:
     supervisor: Supervisor
     notes: str = ""
     tuning: Tuning = field(default_factory=Tuning)
-    mock_facts: Mapping[str, object] = field(default_factory=dict)
+    mock_facts: Mapping[str, Any] = field(default_factory=dict)
 
     def start(
         self,
@@ -89,14 +89,14 @@ class Stack:
         for process in options.processes if onboard is None else onboard:
             self.supervisor.start(process, [*words, *options.arguments(process)])
 
-    def last_facts(self) -> Mapping[str, object]:
+    def last_facts(self) -> Mapping[str, Any]:
         """End the mock and return its ground truth; empty without one."""
         child = self.supervisor.children.get(MOCK.name)
         if child is None or child.handle.stdout is None:
             return {}
         self.supervisor.close()
         lines = child.handle.stdout.read().splitlines()
-        found: Mapping[str, object] = json.loads(lines[-1]) if lines else {}
+        found: Mapping[str, Any] = json.loads(lines[-1]) if lines else {}
         return found
 
     def start_mock(self, options: MockOptions, *more: str) -> None:
@@ -110,8 +110,6 @@ class Stack:
 
 def presence_of(stack: Stack) -> StackLock:
     """Lock-file entry of a stack that was started."""
-    ports = stack.mock_facts.get("ports", {})
-    assert isinstance(ports, dict)
     folder, started = stack.folder, stack.supervisor.children
     return StackLock(
         os.getpid(),
@@ -119,14 +117,14 @@ def presence_of(stack: Stack) -> StackLock:
         str(folder.vehicle),
         str(folder.path),
         graph_settings(stack.supervisor.environment),
-        ports,
+        stack.mock_facts.get("ports", {}),
         purpose=stack.notes.partition(" ")[0],
         namespace=stack.tuning.namespace,
         bag=str(folder.bag) if RECORDER.name in started else "",
     )
 
 
-def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[str, object]:
+def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[str, Any]:
     """Read the one line of JSON that the mock prints when its devices are up."""
     pipe: IO[bytes] | None = child.handle.stdout
     assert pipe is not None
@@ -138,7 +136,7 @@ def first_line(child: SupervisedProcess, seconds: float, log: Path) -> Mapping[s
                 raise UsageError(f"the mock vehicle refused; {last_words(log)}")
             if not line:
                 break
-            found: Mapping[str, object] = json.loads(line)
+            found: Mapping[str, Any] = json.loads(line)
             return found
     raise HindraxError(f"the mock vehicle did not come up; {last_words(log)}")
 

@@ -104,7 +104,7 @@ def _recorder(folder: Path, peer: str, theirs: Span) -> dict[str, Any]:
         used_s = cpu_s(recorder.handle.pid) - before_s
         publisher.handle.wait()
         children.stop("recorder")
-    sent, seconds = int(str(told["sent"])), float(str(told["seconds"]))
+    sent, seconds = told["sent"], told["seconds"]
     lost = sent - sum(1 for message in messages(bag) if "/raw/" in message.topic)
     (peer_us,) = interleaved_us((theirs,), SPANS, time.process_time)
     share = f"{used_s / seconds:.0%} of a core, {SHARE_WANTED:.0%} allowed"

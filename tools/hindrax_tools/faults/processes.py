@@ -9,6 +9,7 @@ import random
 import signal
 import tempfile
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,9 +156,7 @@ class FaultyStack:
             return
         if who == OUTPUT:
             if what == RESTARTED:
-                ports = self.stack.mock_facts["ports"]
-                assert isinstance(ports, dict)
-                open_bus(ports["thrusters"], "fault").transfer(RESET)
+                open_bus(self.stack.mock_facts["ports"]["thrusters"], "fault").transfer(RESET)
             yield lambda: True
             return
         for child in self.supervisor.children.values():
@@ -311,10 +310,9 @@ class _Seen:
     def cell(self, seed: int, last: TrueState) -> Cell:
         """The judgement: each true state beside the state that was believed then."""
         judge, believed = Judge(self._true[0] if self._true else last), self._stack.believed
-        stamps, at = sorted(believed), 0
+        stamps = sorted(believed)
         for true in self._true[1:]:
-            while at < len(stamps) and stamps[at] <= true.now_s:
-                at += 1
+            at = bisect_right(stamps, true.now_s)
             judge.step(true, believed[stamps[at - 1]] if at else None)
         row, said = self._row, "" if self._mode == DISARMED else self._said
         armed = row.who in GOING_ON and self._mode != DISARMED and not said

@@ -94,7 +94,10 @@ class Recorder(BatchedNode):
         self._received = Stamp(0)
         self._flushes = 0
         for topic in TOPICS:
-            self._subscribe(topic)
+            publishers = partial(self.count_publishers, self.resolve_topic_name(topic.name))
+            self._gaps[topic.name] = PublicationGaps(publishers)
+            deep = profile(replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0))
+            self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), deep, raw=True)
         # In wall time, whatever the mock's clock does: a power cut follows no clock.
         self.every(FLUSH_S, self._flush)
 
@@ -106,12 +109,6 @@ class Recorder(BatchedNode):
         for name, path in files.items():
             if path:
                 self._bag.attach(name, "application/yaml", Path(path).read_bytes(), self.now())
-
-    def _subscribe(self, topic: Topic) -> None:
-        """Subscribe to a topic with a deep queue."""
-        self._gaps[topic.name] = PublicationGaps(partial(self.count_publishers, self.resolve_topic_name(topic.name)))
-        quality = replace(topic.quality, depth=QUEUE, deadline_s=0.0, lifespan_s=0.0)
-        self.create_subscription(message_class(topic.type), topic.name, self._writer(topic), profile(quality), raw=True)
 
     def _writer(self, topic: Topic) -> Callable[[bytes, MessageInfo], None]:
         fields = message_class(topic.type).get_fields_and_field_types()

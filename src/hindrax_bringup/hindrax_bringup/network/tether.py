@@ -22,7 +22,7 @@ import struct
 import sys
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,29 +88,21 @@ def available_tether(report: Callable[[str], None]) -> Tether | None:
     return tether
 
 
-class _IntoSetting(argparse.Action):
-    """The option sets the environment variable, so that child processes inherit it."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[object] | None,
-        option_string: str | None = None,
-    ) -> None:
-        try:
-            parse_tether(str(values))
-        except UsageError as error:
-            parser.error(f"{option_string}: {error}")
-        os.environ[SETTING] = str(values)
-        setattr(namespace, self.dest, values)
+def _into_setting(words: str) -> str:
+    """Set the environment variable, so that child processes inherit it."""
+    try:
+        parse_tether(words)
+    except UsageError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    os.environ[SETTING] = words
+    return words
 
 
 def add_tether(parser: argparse.ArgumentParser) -> None:
     """Which interface leads to the other machine."""
     parser.add_argument(
         "--tether",
-        action=_IntoSetting,
+        type=_into_setting,
         metavar="IFACE[:PEER,...]",
         help=f"interface to the other machine and its address, eth0:192.168.2.1; default {SETTING}, else none",
     )
