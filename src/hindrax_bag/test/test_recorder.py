@@ -190,7 +190,7 @@ def test_what_is_published_is_recorded(tmp_path: Path, ros_domain: int) -> None:
         (connection,) = [one for one in reader.connections if one.topic == IMU_TOPIC]
         (offered,) = offered_qualities(connection)
     assert connection.digest.startswith("RIHS01_")
-    assert (offered.depth, offered.reliability.name, offered.durability.name) == (50, "RELIABLE", "VOLATILE")
+    assert (offered.depth, offered.reliability.name, offered.durability.name) == (SENSOR.depth, "RELIABLE", "VOLATILE")
     with rig.bag.joinpath("bag_0.mcap").open("rb") as stream:
         inside = {one.name: one.metadata for one in make_reader(stream).iter_metadata()}
     assert inside["hindrax"]["version"] == software_version()
@@ -315,7 +315,7 @@ def test_offered_quality_is_that_of_the_publisher() -> None:
     )
     offered.deadline = Duration(seconds=0.25)
     offered.lifespan = Duration(seconds=2_147_483_647)
-    wanted = Quality(reliable=False, depth=50, latched=True, deadline_s=0.25)
+    wanted = Quality(reliable=False, depth=SENSOR.depth, latched=True, deadline_s=0.25)
     assert offered_quality(offered, SENSOR) == wanted
 
 

@@ -25,7 +25,7 @@ from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bag.write.limits import BagLimits
 from hindrax_core.errors import HindraxError
 from hindrax_core.events import NS_PER_S
-from hindrax_core.topics import LATCHED, Quality
+from hindrax_core.topics import LATCHED, SENSOR, Quality
 
 
 def test_definition_brings_every_dependency_once() -> None:
@@ -60,7 +60,7 @@ def test_mcap_reader_finds_schema_quality_hash_and_what_was_put_inside(tmp_path:
     assert (schema.name, schema.encoding, channel.message_encoding) == ("demo_msgs/msg/Level", "ros2msg", "cdr")
     assert channel.metadata["topic_type_hash"] == LEVEL.type_hash
     (quality,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
-    assert (quality["depth"], quality["reliability"], quality["durability"]) == (50, "reliable", "volatile")
+    assert (quality["depth"], quality["reliability"], quality["durability"]) == (SENSOR.depth, "reliable", "volatile")
     assert attachments[0].data == b"name: sample\n"
     assert metadata[0].metadata == {"notes": "sample"}
     assert decoded == [0.0, 0.5, 1.0, 1.5, 2.0]

@@ -22,8 +22,8 @@ class Quality:
     lifespan_s: float = 0.0
 
 
-STATE = Quality()
-SENSOR = Quality(depth=50)
+STATE = Quality(depth=20)
+SENSOR = Quality(depth=100)
 COMMAND = Quality(depth=1, lifespan_s=1.0)
 LATCHED = Quality(depth=1, latched=True)
 BY_HAND = Quality(reliable=False, depth=1)
