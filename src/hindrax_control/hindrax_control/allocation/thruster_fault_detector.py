@@ -70,7 +70,7 @@ class ThrusterFaultDetector:
     def __init__(self, vehicle: Vehicle, knobs: FaultDetectorKnobs | None = None) -> None:
         self._knobs = knobs or FaultDetectorKnobs()
         self._names = tuple(thruster.name for thruster in vehicle.thrusters)
-        self._lag_s = np.array([max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters])
+        self._lags_s = tuple(max(thruster.lag_s, 1e-3) for thruster in vehicle.thrusters)
         self._B: Matrix = effectiveness(vehicle)
         found = prior_dynamics(vehicle)
         self._freedoms = tuple(found[axis] for axis in AXES)
@@ -84,10 +84,10 @@ class ThrusterFaultDetector:
 
     def _clear(self) -> None:
         count = len(self._names)
-        self._thrust: Matrix = np.zeros(count)
-        self._slow_thrust: Matrix = np.zeros(count)
-        self._slow_rates: Matrix | None = None
-        self._slow_model: Matrix = np.zeros(6)
+        self._thrust = [0.0] * count
+        self._slow: Matrix = np.zeros(12 + count)
+        self._slow_rates, self._slow_model, self._slow_thrust = np.split(self._slow, (6, 12))
+        self._begun = False
         self._along, self._power, self._residual = np.zeros(2 * count), np.zeros(2 * count), 0.0
         self._since_s: Matrix = np.zeros(2 * count)
         self._unjudged_s = 0.0
@@ -96,44 +96,47 @@ class ThrusterFaultDetector:
         """Update with a state and the forces [N] commanded since the last; returns the suspected thruster, if any."""
         dt = 0.0 if self._last is None else seconds_between(self._last, stamp)
         self._last = stamp
-        rates = np.array((*navigation.velocity_mps, *navigation.rate_radps))
-        if not (0.0 < dt <= LONGEST_STEP_S and navigation.dvl_locked and np.all(np.isfinite(rates))):
+        rates = (*navigation.velocity_mps, *navigation.rate_radps)
+        if not (0.0 < dt <= LONGEST_STEP_S and navigation.dvl_locked and all(map(math.isfinite, rates))):
             self._clear()
             return None
-        drag = np.array([one.drag_force(rate) for one, rate in zip(self._freedoms, rates.tolist(), strict=True)])
-        residual = self._residual_of(navigation, rates, drag, np.asarray(forces_N), dt)
+        drag = [one.drag_force(rate) for one, rate in zip(self._freedoms, rates, strict=True)]
+        self._filter(navigation, rates, drag, forces_N, dt)
         self._unjudged_s += dt
         if self._unjudged_s < JUDGED_S:
             return None
         dt, self._unjudged_s = self._unjudged_s, 0.0
-        return self._judge(residual, drag, dt)
-
-    def _residual_of(self, navigation: Navigation, rates: Matrix, drag: Matrix, forces_N: Matrix, dt: float) -> Matrix:
-        """Residual wrench (6,) [N, Nm] of the filtered momentum balance, beyond model and thrust."""
-        if self._slow_rates is None:
-            self._slow_rates = rates.copy()
-        keep = -math.expm1(-dt / self._knobs.filter_s)
-        model = self._statics(navigation) + self._munk(rates) - drag
-        self._thrust = self._thrust + (forces_N - self._thrust) * -np.expm1(-dt / self._lag_s)
-        self._slow_thrust += (self._thrust - self._slow_thrust) * keep
-        self._slow_model += (model - self._slow_model) * keep
-        self._slow_rates += (rates - self._slow_rates) * keep
         momentum = self._inertia * (rates - self._slow_rates) / self._knobs.filter_s
-        return np.asarray(momentum - self._slow_model - self._B @ self._slow_thrust)
+        return self._judge(momentum - self._slow_model - self._B @ self._slow_thrust, np.array(drag), dt)
 
-    def _statics(self, navigation: Navigation) -> Matrix:
-        """Righting moments and net buoyancy in body axes: (6,) [N, Nm]. Fossen 2011 eq. 4.6."""
+    def _filter(
+        self, navigation: Navigation, rates: Vec6, drag: Sequence[float], forces_N: Sequence[float], dt: float
+    ) -> None:
+        """Filter rates [m/s, rad/s], wrench of the model [N, N m] and thrust [N]: `_slow`, in this order."""
+        if not self._begun:
+            self._begun, self._slow_rates[:] = True, rates
+        terms = zip(self._statics(navigation), self._munk(rates), drag, strict=True)
+        model = [static + munk - drag_N for static, munk, drag_N in terms]
+        # Plain numbers: arrays of six and eight cost more to make than to compute with.
+        self._thrust = [
+            thrust + (force - thrust) * -math.expm1(-dt / lag_s)
+            for thrust, force, lag_s in zip(self._thrust, forces_N, self._lags_s, strict=True)
+        ]
+        self._slow += ((*rates, *model, *self._thrust) - self._slow) * -math.expm1(-dt / self._knobs.filter_s)
+
+    def _statics(self, navigation: Navigation) -> Vec6:
+        """Righting moments and net buoyancy in body axes [N, Nm]. Fossen 2011 eq. 4.6."""
         roll, pitch, _ = navigation.attitude_rad
         lift, righting = self._freedoms[2].bias, self._freedoms[3].restoring
         sin_p, sideways, upright = math.sin(pitch), math.cos(pitch) * math.sin(roll), math.cos(pitch) * math.cos(roll)
-        return np.array([lift * sin_p, -lift * sideways, -lift * upright, -righting * sideways, -righting * sin_p, 0.0])
+        return lift * sin_p, -lift * sideways, -lift * upright, -righting * sideways, -righting * sin_p, 0.0
 
-    def _munk(self, rates: Matrix) -> Matrix:
-        """Coriolis and Munk terms of a diagonal mass matrix: (6,) [N, Nm]. Fossen 2011 eq. 6.43."""
-        u, v, w, p, q, r = rates.tolist()
+    def _munk(self, rates: Vec6) -> Vec6:
+        """Coriolis and Munk terms of a diagonal mass matrix [N, Nm]. Fossen 2011 eq. 6.43."""
+        u, v, w, p, q, r = rates
         mx, my, mz = self._masses
         X, Y, Z = mx * u, my * v, mz * w
-        return np.array([r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u])
+        return r * Y - q * Z, p * Z - r * X, q * X - p * Y, Y * w - Z * v, Z * u - X * w, X * v - Y * u
 
     def _learn_trim(self, residual: Matrix, wrenches: Matrix, dt: float) -> tuple[Matrix, Matrix]:
         """Residual (6,) and wrenches of the thrusters (6, n) without what they were on the average [N, N m]."""
