@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from hindrax_core.events import Stamp, Stamped
-from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Pressure
+from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo, Inertial, Magnetic, Position, Pressure
 from hindrax_drivers.nodes.reading_fields import DETAIL, FIELDS
 from hindrax_drivers.nodes.reading_messages import MAKERS
 from hindrax_ros.messages import convert
@@ -35,6 +35,7 @@ READINGS = {
     Echo: st.builds(Echo, number, number),
     BottomTrack: tracks,
     BottomVelocity: speeds,
+    Position: st.builds(Position, number, number, st.booleans()),
 }
 
 

@@ -8,7 +8,7 @@ from hindrax_core.events import Stamp, seconds_between
 from hindrax_core.topics import RAW_FRAMES
 from hindrax_msgs.msg import RawFrames
 from hindrax_ros.graph import publisher
-from hindrax_ros.messages.convert import header
+from hindrax_ros.messages.fast_serialization import raw_frames_bytes
 
 RECEIVED, SENT = RawFrames.RECEIVED, RawFrames.SENT
 UNHEARD_S = 10.0
@@ -49,15 +49,16 @@ class FrameTap:
         """Publish the batch."""
         if not self._stamps:
             return
-        message = RawFrames(
-            header=header(stamp),
-            source=self._source,
-            stamps=self._stamps,
-            directions=bytes(self._directions),
-            lengths=self._lengths,
-            data=bytes(self._data),
+        self._publisher.publish(
+            raw_frames_bytes(
+                stamp,
+                self._source,
+                stamps=self._stamps,
+                directions=self._directions,
+                lengths=self._lengths,
+                data=self._data,
+            )
         )
-        self._publisher.publish(message)
         self._begin = None
         self._stamps, self._lengths = [], []
         self._directions, self._data = bytearray(), bytearray()

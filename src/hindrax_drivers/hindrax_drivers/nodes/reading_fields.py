@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from hindrax_core.readings import Beam, BottomTrack, BottomVelocity, Echo
-from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, half_turn, xyzw_from_sname
+from hindrax_ros.messages.convert import UNKNOWN_COVARIANCE, gps_status, half_turn, xyzw_from_sname
 
 Fields: TypeAlias = tuple[Sequence[str], Callable[..., Sequence[Any] | None]]
 """Paths in the order of the definition; their values from a reading, arrays flattened, None if it has no message."""
@@ -78,6 +78,10 @@ FIELDS: Mapping[str, Fields] = {
         lambda found: xyzw_from_sname(found.roll_rad, found.pitch_rad, found.heading_rad),
     ),
     "velocity": ((*_of("twist.twist.linear"), "twist.covariance"), _velocity),
+    "position": (
+        ("status.status", "latitude", "longitude"),
+        lambda found: (gps_status(found), found.latitude_deg, found.longitude_deg),
+    ),
 }
 """By quantity, those that come at 20 Hz and more."""
 DETAIL: Fields = (

@@ -124,13 +124,17 @@ def temperature_to_msg(stamp: Stamp, temperature_C: float, frame: str) -> Temper
     return Temperature(header=header(stamp, frame), temperature=temperature_C, variance=0.0)
 
 
+def gps_status(place: Position) -> int:
+    """Status of a NavSatStatus: whether a GPS gives the place at the moment."""
+    return NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
+
+
 def position_to_msg(stamped: Stamped[Position], frame: str) -> NavSatFix:
     """Place that the DVL reckons; its status says whether a GPS gives it at the moment. Its height is unknown (NaN)."""
     place = stamped.reading
-    status = NavSatStatus.STATUS_FIX if place.fixed else NavSatStatus.STATUS_NO_FIX
     return NavSatFix(
         header=header(stamped.stamp, frame),
-        status=NavSatStatus(status=status, service=NavSatStatus.SERVICE_GPS),
+        status=NavSatStatus(status=gps_status(place), service=NavSatStatus.SERVICE_GPS),
         latitude=place.latitude_deg,
         longitude=place.longitude_deg,
         altitude=math.nan,

@@ -8,6 +8,7 @@ tested against the function of `convert` that it replaces, each reader against i
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from hindrax_core.rotation import FLU, FSD
 from hindrax_core.signals import Allocation, Navigation, Thrust
 from hindrax_msgs.msg import AllocationStatus, Dvl, NavigationStatus, ThrusterCommand, ThrusterState
 from hindrax_ros.messages import convert
-from hindrax_ros.messages.serialization import CdrReader, CdrWriter
+from hindrax_ros.messages.serialization import ENCAPSULATION, LITTLE_ENDIAN, CdrReader, CdrWriter
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _ZERO6, _ZERO28 = (0.0,) * 6, (0.0,) * 28
@@ -179,6 +180,26 @@ def allocation_writer(
         )
 
     return write
+
+
+def raw_frames_bytes(
+    stamp: Stamp,
+    source: str,
+    *,
+    stamps: Sequence[int],
+    directions: bytes | bytearray,
+    lengths: Sequence[int],
+    data: bytes | bytearray,
+) -> bytes:
+    """Bytes of RawFrames, whose every batch has a shape of its own; the last four arguments are as in its definition.
+
+    A C struct is aligned as CDR is: each number at a multiple of its size.
+    """
+    name, count = source.encode() + b"\0", len(stamps)
+    form = f"iII1sI{len(name)}sI{count}QI{count}sI{count}II{len(data)}s"
+    head = (*divmod(stamp, NS_PER_S), 1, b"\0", len(name), name)
+    packed = struct.pack(form, *head, count, *stamps, count, directions, count, *lengths, len(data), data)
+    return LITTLE_ENDIAN.ljust(ENCAPSULATION, b"\0") + packed
 
 
 class CommandFields(NamedTuple):
