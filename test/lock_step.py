@@ -8,6 +8,19 @@ from hindrax_drivers.buses.clock import EPOCH
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 
 
+class LoggedI2c(VirtualI2c):
+    """A virtual bus that keeps what was on its wires: time, transaction, answer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.log: list[tuple[Stamp, Transaction, bytes]] = []
+
+    def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
+        answer = super().transfer(transaction, now)
+        self.log.append((now, transaction, answer))
+        return answer
+
+
 class LockStep:
     """A virtual bus as a RegisterBus of the same process: the stepper of the world sets the time, nothing sleeps."""
 

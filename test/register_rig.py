@@ -3,13 +3,12 @@
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from lock_step import LockStep
+from lock_step import LockStep, LoggedI2c
 
 from hindrax_core.bus_operations import Program, run
 from hindrax_core.driver_interface import Identity, RegisterDevice, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, stamp_from_s, to_s
 from hindrax_drivers.buses.bus_schedule import BusOutput, BusSchedule
-from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import RegisterEmulator
 
 STEP_S = 0.005
@@ -26,7 +25,7 @@ class Rig:
         ports: Mapping[int, RegisterEmulator],
         tell: Callable[[float, float], None],
     ) -> None:
-        self.wires = VirtualI2c()
+        self.wires = LoggedI2c()
         for address, port in ports.items():
             self.wires.attach(address, port)
         self.bus = LockStep(self.wires, START)

@@ -22,9 +22,9 @@ from hindrax_drivers.output.output_guard import (
 )
 from hindrax_drivers.output.output_host import AppliedOutput, OutputHost
 from hindrax_drivers.output.output_ports import SerialOutput
+from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.stm32 import Stm32 as Emulator
-from hindrax_sim.ptys import Pty
 
 CHANNELS = (*range(8), 8, 9)
 NEUTRAL, ORDERED, MOVING = (1500.0,) * 8, (1600.6,) * 8, (1601.0,) * 8

@@ -15,7 +15,7 @@ from hindrax_core.errors import HindraxError, UsageError, cause
 from hindrax_core.vehicle import load_vehicle
 from hindrax_drivers.bus_capture import mount_of
 from hindrax_drivers.buses.line import UDP_PREFIX
-from hindrax_sim.buses.udp_line import OF_DEVICE, TO_HOST, UdpLine
+from hindrax_sim.buses.serial_ends import OF_DEVICE, TO_HOST, UdpLine
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
 from hindrax_sim.mock_vehicle import MockVehicle

@@ -14,9 +14,8 @@ from pathlib import Path
 import pytest
 
 from hindrax_cli.command_line import main
-from hindrax_sim.buses.udp_line import UdpLine
+from hindrax_sim.buses.serial_ends import Pty, UdpLine
 from hindrax_sim.devices.dvl75 import Dvl75, DvlSettings, DvlTruth
-from hindrax_sim.ptys import Pty
 
 
 @pytest.fixture(params=["serial", "network"])

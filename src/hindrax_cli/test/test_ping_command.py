@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from hindrax_cli.command_line import main
+from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.devices.ping1d import Ping1d, PingTruth
-from hindrax_sim.ptys import Pty
 
 
 @pytest.fixture

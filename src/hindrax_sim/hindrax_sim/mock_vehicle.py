@@ -4,26 +4,73 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, Self
 
 from hindrax_core.bus_operations import Transaction
-from hindrax_core.events import Stamp, to_s
+from hindrax_core.events import Stamp, seconds_between, to_s
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.buses.fuse_i2c import FuseI2c
 from hindrax_sim.buses.mock_server import BusServer
-from hindrax_sim.buses.wall_time import WallTime
+from hindrax_sim.buses.serial_ends import Pty
 from hindrax_sim.faults.fault_registry import FaultSpec
-from hindrax_sim.governor import Governor
 from hindrax_sim.hardware import THRUSTERS, Hardware, STEP_ns, STEP_s
-from hindrax_sim.ptys import Pty
 from hindrax_sim.world import Conditions
 
+FREE_LAG_s, DEAD_LAG_s, SLOW = 0.035, 1.0, 8.0
 MADE_UP_S = 0.1
 PATIENCE_S = 0.1
 """Wall time for which an awake client may hold up one step: a hung client must not stop the mock."""
 FROZEN_S = 2.0
 """Wall time that clients may hold up one step after the other; then they no longer do, until they sleep again."""
+
+
+@dataclass(slots=True)
+class Governor:
+    """Computes the minimum wall time of a step of the mock.
+
+    The pulses written to the emulated outputs show how far the control loop is behind. While it keeps up, time runs
+    free (or at `rate`, where that is not zero). When it falls behind by more than a period and a half, time nearly
+    stands still until it has caught up: so a loaded machine makes a run longer, not the vehicle's latency. A loop that
+    is dead for a second is waited for no more than in real time, and so is one that has not turned a thruster yet: the
+    output of a stack that starts repeats neutral by itself, more slowly than any loop.
+    """
+
+    rate: float = 0.0
+    turned: bool = True
+    """Whether a thruster has turned."""
+    worst_lag_s: float = 0.0
+
+    def least_wall_s(self, step_s: float, now: Stamp, last_write: Stamp | None) -> float:
+        """Minimum wall time of the step from `now` [s]."""
+        lag_s = seconds_between(last_write, now) if last_write is not None else DEAD_LAG_s
+        held = self.turned and lag_s < DEAD_LAG_s
+        if held:
+            self.worst_lag_s = max(self.worst_lag_s, lag_s)
+        slowness = 0.0 if lag_s <= FREE_LAG_s else SLOW if held else 1.0
+        return max(step_s / self.rate if self.rate > 0.0 else 0.0, step_s * slowness)
+
+
+class WallTime:
+    """Time for programs that sleep by the wall clock, not on the mock's clock.
+
+    It is never behind the mock's, and advances at least as much as wall time between two calls.
+    The mock's time goes in steps and may go slowly. A program that orders a conversion of 18 ms and reads it 20 ms
+    later by its own clock has waited long enough, whatever the steps between were and whatever a starved mock lost.
+    """
+
+    def __init__(self, world: Callable[[], Stamp], wall_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self._world, self._wall_ns = world, wall_ns
+        self._seen_ns = wall_ns()
+        self._at = int(world())
+
+    def now(self) -> Stamp:
+        """Time of a transaction that arrives now."""
+        wall_ns = self._wall_ns()
+        self._at = max(int(self._world()), self._at + wall_ns - self._seen_ns)
+        self._seen_ns = wall_ns
+        return Stamp(self._at)
 
 
 class HardwareBehindPorts(Protocol):
@@ -59,11 +106,9 @@ class Ports:
         """Called with the time after every step."""
 
     def __enter__(self) -> Self:
-        """Return itself: the ports are open after construction."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close server and ptys."""
         self._server.close()
         for one in self._ptys.values():
             one.close()
@@ -71,9 +116,8 @@ class Ports:
     @property
     def ports(self) -> dict[str, str]:
         """Port of every device, and of the thruster output, by name."""
-        bus = f"mock:{self._socket}"
         found = {name: str(one.path) for name, one in self._ptys.items()}
-        return {THRUSTERS: bus} | dict.fromkeys(self.hardware.registers, bus) | found
+        return dict.fromkeys((THRUSTERS, *self.hardware.registers), self.clock) | found
 
     @property
     def clock(self) -> str:

@@ -8,7 +8,7 @@ in time.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -97,20 +97,6 @@ class RecordedPart:
         return min(near, key=lambda place: abs(self.stamps[place] - now))
 
 
-@dataclass(slots=True)
-class RecordedBus:
-    """The register bus: parts by address."""
-
-    parts: dict[int, RecordedPart] = field(default_factory=dict)
-
-    def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
-        """Run one transaction; raises NackError (an OSError) as a kernel would."""
-        part = self.parts.get(transaction.address)
-        if part is None:
-            raise NackError
-        return part.answer(transaction, now)
-
-
 class RecordedHardware:
     """Every sensor of the vehicle file whose wire frames the bag has.
 
@@ -124,7 +110,8 @@ class RecordedHardware:
         self.vehicle = vehicle
         self.serial: dict[str, RecordedLine] = {}
         self.registers: dict[str, RecordedPart] = {}
-        self.i2c = RecordedBus()
+        self.i2c = self
+        self._parts: dict[int, RecordedPart] = {}
         for name, found in known.items():
             self._attach(name, found, serial=vehicle.sensors[name].device in SERIAL)
         first = [part.stamps[0] for part in self.registers.values() if part.stamps]
@@ -136,6 +123,10 @@ class RecordedHardware:
         self.stamp = stamp
         return {name: line.read_until(stamp) for name, line in self.serial.items()}
 
+    def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
+        """Run one transaction on the bus; raises NackError (an OSError) as a kernel would."""
+        return self._parts.get(transaction.address, RecordedPart()).answer(transaction, now)
+
     def next_stamp(self, latest: Stamp) -> Stamp:
         """When the next bytes arrive on any line, or `latest` if that is sooner."""
         due = (line.next_stamp for line in self.serial.values())
@@ -146,17 +137,12 @@ class RecordedHardware:
             self.serial[name] = RecordedLine([(stamp, data) for stamp, direction, data in frames if direction != SENT])
             return
         part = self.registers[name] = RecordedPart()
-        for asked, answer in _pairs(frames):
-            transaction = unpack_transaction(asked[2])
-            part.add(asked[0], transaction, answer[2])
-            self.i2c.parts[transaction.address] = part
-
-
-def _pairs(frames: Sequence[Frame]) -> Iterable[tuple[Frame, Frame]]:
-    """Pair each transaction with its answer; incomplete pairs at the cut of a bag are skipped."""
-    for asked, answer in pairwise(frames):
-        if asked[1] == SENT and answer[1] != SENT:
-            yield asked, answer
+        # Incomplete pairs at the cut of a bag are skipped.
+        for (stamp, sent, asked), (_, back, answer) in pairwise(frames):
+            if sent == SENT and back != SENT:
+                transaction = unpack_transaction(asked)
+                part.add(stamp, transaction, answer)
+                self._parts[transaction.address] = part
 
 
 def recorded_frames(bag: Path) -> dict[str, list[Frame]]:

@@ -7,10 +7,12 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from lock_step import LoggedI2c
 
 from hindrax_core.bus_operations import DeviceError, Read, Write, WriteRead
 from hindrax_core.errors import HindraxError
@@ -44,7 +46,7 @@ class World:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self.bus = VirtualI2c()
+        self.bus = LoggedI2c()
         self.bus.attach(0x42, Echo())
         self.server = BusServer(path, self.bus.transfer, Stamp(1_000))
         self.now = Stamp(1_000)
@@ -86,7 +88,7 @@ def test_transactions_reach_the_emulator_and_the_log(world: World, bus: VirtualB
     assert bus.transfer(Read(0x42, 5)) == b"abc\xee\xee"
     assert bus.transfer(WriteRead(0x42, b"xy", 2)) == b"xy"
     assert bus.transfer(Write(0x42, b"")) == b""
-    assert [one.transaction for one in world.bus.log] == [
+    assert [transaction for _, transaction, _ in world.bus.log] == [
         Write(0x42, b"abc"),
         Read(0x42, 5),
         WriteRead(0x42, b"xy", 2),
@@ -148,7 +150,7 @@ def test_whose_sleep_is_cut_short_is_served_and_sleeps_again(world: World, bus: 
 
 
 def test_a_client_is_roused_by_name(tmp_path: Path) -> None:
-    with BusServer(str(tmp_path / "bus"), VirtualI2c().transfer) as server:
+    with closing(BusServer(str(tmp_path / "bus"), VirtualI2c().transfer)) as server:
         done: list[Stamp] = []
 
         def nap() -> None:

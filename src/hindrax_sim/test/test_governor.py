@@ -8,8 +8,7 @@ import pytest
 
 from hindrax_core.events import Stamp
 from hindrax_core.vehicle import Vehicle
-from hindrax_sim.governor import SLOW, FREE_LAG_s, Governor
-from hindrax_sim.mock_vehicle import MockVehicle
+from hindrax_sim.mock_vehicle import SLOW, FREE_LAG_s, Governor, MockVehicle
 
 STEP_s = 0.005
 REPEATED = Stamp(90_000_000)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from lock_step import LoggedI2c
 
 from hindrax_core.bus_operations import DeviceError, Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
@@ -10,7 +11,6 @@ from hindrax_drivers.buses.i2cdev import Smbus2Bus
 from hindrax_drivers.buses.ports import open_bus
 from hindrax_sim.buses import i2cdev_abi as abi
 from hindrax_sim.buses.ioctl_seam import seam
-from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import BusStuckError
 
 
@@ -42,15 +42,15 @@ class Stuck:
 
 
 @pytest.fixture
-def wires() -> VirtualI2c:
-    bus = VirtualI2c()
+def wires() -> LoggedI2c:
+    bus = LoggedI2c()
     bus.attach(0x50, Memory())
     bus.attach(0x51, Stuck())
     return bus
 
 
 @pytest.fixture
-def bus(wires: VirtualI2c) -> Iterator[Smbus2Bus]:
+def bus(wires: LoggedI2c) -> Iterator[Smbus2Bus]:
     with seam("/dev/i2c-1", wires):
         one = open_bus("/dev/i2c-1")
         assert isinstance(one, Smbus2Bus)
@@ -58,7 +58,7 @@ def bus(wires: VirtualI2c) -> Iterator[Smbus2Bus]:
         one.close()
 
 
-def test_each_operation_is_one_transaction_on_the_wire(bus: Smbus2Bus, wires: VirtualI2c) -> None:
+def test_each_operation_is_one_transaction_on_the_wire(bus: Smbus2Bus, wires: LoggedI2c) -> None:
     operations: list[Transaction] = [
         Write(0x50, b"\x10\xaa\xbb"),
         WriteRead(0x50, b"\x0f", 4),
@@ -66,7 +66,7 @@ def test_each_operation_is_one_transaction_on_the_wire(bus: Smbus2Bus, wires: Vi
         Write(0x50, b""),
     ]
     assert [bus.transfer(one) for one in operations] == [b"", b"\x0f\xaa\xbb\x12", b"\x0f\xaa", b""]
-    assert [one.transaction for one in wires.log] == operations
+    assert [transaction for _, transaction, _ in wires.log] == operations
 
 
 def test_a_burst_may_be_longer_than_the_32_bytes_of_smbus(bus: Smbus2Bus) -> None:
@@ -82,7 +82,7 @@ def test_errors_name_port_address_and_errno(bus: Smbus2Bus, address: int, words:
         bus.transfer(Read(address, 1))
 
 
-def test_a_missing_bus_names_the_remedy(wires: VirtualI2c) -> None:
+def test_a_missing_bus_names_the_remedy(wires: LoggedI2c) -> None:
     with (
         seam("/dev/i2c-1", wires),
         pytest.raises(DeviceError, match=r"/dev/i2c-7: no such bus.*dtparam=i2c_arm=on.*doctor"),
@@ -119,7 +119,7 @@ def test_smbus_blocks_that_need_a_length_from_the_device_are_refused() -> None:
         abi.smbus(0x50, True, 7, 5, bytes(34))
 
 
-def test_too_many_messages_are_refused(wires: VirtualI2c) -> None:
+def test_too_many_messages_are_refused(wires: LoggedI2c) -> None:
     with pytest.raises(OSError, match="Invalid argument"):
         abi.transact(wires.transfer, [abi.Message(0x50, 0, 0, b"")] * 43, Stamp(0))
     with pytest.raises(OSError, match="Invalid argument"):

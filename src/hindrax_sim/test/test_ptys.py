@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_sim.ptys import Pty
+from hindrax_sim.buses.serial_ends import Pty
 
 
 def line(number: int) -> bytes:

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from hindrax_core.errors import HindraxError
-from hindrax_sim.buses.udp_line import HERE, UdpLine
+from hindrax_sim.buses.serial_ends import HERE, Pty, UdpLine
 from hindrax_sim.devices.dvl75 import Dvl75
-from hindrax_sim.ptys import Pty
 
 
 class Wired:

@@ -3,7 +3,7 @@
 import pytest
 
 from hindrax_core.events import Stamp
-from hindrax_sim.buses.wall_time import WallTime
+from hindrax_sim.mock_vehicle import WallTime
 
 MS = 1_000_000
 

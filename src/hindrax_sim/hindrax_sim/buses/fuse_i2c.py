@@ -24,7 +24,6 @@ from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.errors import HindraxError, cause
 from hindrax_core.events import Stamp
 from hindrax_sim.buses import i2cdev_abi as abi
-from hindrax_sim.buses.caller_memory import fetch, store
 
 DEVICE = "/dev/fuse"
 SOURCE = "hindrax-i2c"
@@ -171,7 +170,7 @@ class FuseI2c:
                 raise OSError(errno.EINVAL, "7-bit addresses only")
             self._addresses[handle] = argument
         elif command == abi.I2C_FUNCS:
-            store(pid, argument, _FUNCTIONS.pack(abi.FUNCTIONS))
+            abi.store(pid, argument, _FUNCTIONS.pack(abi.FUNCTIONS))
         elif command == abi.I2C_RDWR:
             return self._rdwr(argument, pid)
         elif command == abi.I2C_SMBUS:
@@ -183,29 +182,29 @@ class FuseI2c:
         return 0
 
     def _rdwr(self, argument: int, pid: int) -> int:
-        pointer, count = abi.RDWR_DATA.unpack(fetch(pid, argument, abi.RDWR_DATA.size))
+        pointer, count = abi.RDWR_DATA.unpack(abi.fetch(pid, argument, abi.RDWR_DATA.size))
         if not 0 < count <= abi.MOST_MESSAGES:
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-        raw = list(abi.I2C_MSG.iter_unpack(fetch(pid, pointer, count * abi.I2C_MSG.size)))
+        raw = list(abi.I2C_MSG.iter_unpack(abi.fetch(pid, pointer, count * abi.I2C_MSG.size)))
         if any(length > abi.LONGEST_MESSAGE for _, _, length, _ in raw):
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
         messages = [
-            abi.Message(address, flags, length, b"" if flags & abi.I2C_M_RD else fetch(pid, at, length))
+            abi.Message(address, flags, length, b"" if flags & abi.I2C_M_RD else abi.fetch(pid, at, length))
             for address, flags, length, at in raw
         ]
         answers = abi.transact(self._transfer, messages, self._now())
         for (_, _, _, at), answer in zip(raw, answers, strict=True):
             if answer:
-                store(pid, at, answer)
+                abi.store(pid, at, answer)
         return len(raw)
 
     def _smbus(self, handle: int, argument: int, pid: int) -> None:
-        direction, command, size, pointer = abi.SMBUS_DATA.unpack(fetch(pid, argument, abi.SMBUS_DATA.size))
-        data = fetch(pid, pointer, abi.SMBUS_UNION_BYTES) if pointer else bytes(abi.SMBUS_UNION_BYTES)
+        direction, command, size, pointer = abi.SMBUS_DATA.unpack(abi.fetch(pid, argument, abi.SMBUS_DATA.size))
+        data = abi.fetch(pid, pointer, abi.SMBUS_UNION_BYTES) if pointer else bytes(abi.SMBUS_UNION_BYTES)
         reads = direction == abi.SMBUS_READ
         answer = self._transfer(abi.smbus(self._address(handle), reads, command, size, data), self._now())
         if answer and pointer:
-            store(pid, pointer, abi.smbus_answer(size, answer))
+            abi.store(pid, pointer, abi.smbus_answer(size, answer))
 
 
 def _attributes() -> bytes:

@@ -1,11 +1,13 @@
-"""The kernel's side of <linux/i2c-dev.h> and <linux/i2c.h>: requests, structures, and their bus transactions.
+"""The kernel's side of <linux/i2c-dev.h> and <linux/i2c.h>: requests, structures, transactions, the caller's memory.
 
 Shared by all kernel stand-ins. Sources: Linux uapi headers i2c.h and i2c-dev.h; the SMBus emulation follows
-the kernel's documentation of the SMBus protocol (Documentation/i2c/smbus-protocol.rst).
+the kernel's documentation of the SMBus protocol (Documentation/i2c/smbus-protocol.rst). Memory of another process is
+accessed as a kernel does for an ioctl: process_vm_readv(2), process_vm_writev(2).
 """
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import struct
@@ -120,3 +122,37 @@ def _block(address: int, reads: bool, head: bytes, data: bytes) -> Transaction:
     if not 0 < length <= BLOCK_MAX:
         raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
     return WriteRead(address, head, length) if reads else Write(address, head + data[1 : 1 + length])
+
+
+class _Span(ctypes.Structure):
+    """struct iovec."""
+
+    _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+_CALL = (ctypes.c_int, ctypes.POINTER(_Span), ctypes.c_ulong, ctypes.POINTER(_Span), ctypes.c_ulong, ctypes.c_ulong)
+
+
+def fetch(pid: int, address: int, count: int) -> bytes:
+    """Read bytes at an address of a process; OSError EFAULT for an invalid address."""
+    buffer = ctypes.create_string_buffer(count)
+    _move("process_vm_readv", pid, buffer, address, count)
+    return buffer.raw
+
+
+def store(pid: int, address: int, data: bytes) -> None:
+    """Write bytes at an address of a process; OSError EFAULT for an invalid address."""
+    _move("process_vm_writev", pid, ctypes.create_string_buffer(data, len(data)), address, len(data))
+
+
+def _move(name: str, pid: int, buffer: ctypes.Array[ctypes.c_char], address: int, count: int) -> None:
+    if not count:
+        return
+    call = getattr(_libc, name)
+    call.argtypes, call.restype = _CALL, ctypes.c_ssize_t
+    here = _Span(ctypes.addressof(buffer), count)
+    there = _Span(address, count)
+    if call(pid, ctypes.byref(here), 1, ctypes.byref(there), 1, 0) != count:
+        code = ctypes.get_errno() or errno.EFAULT
+        raise OSError(code, f"{name} of {count} bytes of process {pid}: {os.strerror(code)}")

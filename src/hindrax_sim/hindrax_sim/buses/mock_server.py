@@ -2,17 +2,16 @@
 
 The mock's main loop owns the time; nothing here reads a clock:
 
-    with BusServer(path, bus.transfer, start) as server:
-        while running:
-            server.serve(now, 0.0)                      # answer requests, wake clients that are due
-            while server.busy() and patience:
-                server.serve(now, 0.01)                 # time stands still while a client works
-            now = min(next step of the plant, ...)      # no client is due before server.earliest_wakeup()
+    server = BusServer(path, bus.transfer, start)
+    while running:
+        server.serve(now, 0.0)                      # answer requests, wake clients that are due
+        while server.busy() and patience:
+            server.serve(now, 0.01)                 # time stands still while a client works
+        now = min(next step of the plant, ...)      # no client is due before server.earliest_wakeup()
 """
 
 from __future__ import annotations
 
-import contextlib
 import mmap
 import os
 import selectors
@@ -20,8 +19,6 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from hindrax_core.bus_operations import Transaction
 from hindrax_core.errors import HindraxError, UsageError, cause
@@ -112,14 +109,6 @@ class BusServer:
         self._page.close()
         for path in (self._path, self._path + mock_protocol.PAGE_SUFFIX):
             Path(path).unlink(missing_ok=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _set_time(self, now: Stamp) -> None:
         self._now = now
@@ -217,8 +206,7 @@ def _make_page(path: str) -> mmap.mmap:
 
 def _listen(path: str) -> socket.socket:
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    with contextlib.suppress(FileNotFoundError):
-        Path(path).unlink()
+    Path(path).unlink(missing_ok=True)
     try:
         listener.bind(path)
     except OSError as error:

@@ -1,25 +1,10 @@
-"""The virtual I2C bus: register emulators at addresses, a log, and wire faults."""
+"""The virtual I2C bus: register emulators at addresses."""
 
 from __future__ import annotations
-
-from collections import deque
-from dataclasses import dataclass
 
 from hindrax_core.bus_operations import Read, Transaction, Write
 from hindrax_core.events import Stamp, to_s
 from hindrax_sim.devices.emulator import NackError, RegisterEmulator
-
-LOG_LENGTH = 4096
-
-
-@dataclass(frozen=True, slots=True)
-class Logged:
-    """One transaction on the wire; `error` is an errno, 0 for success."""
-
-    stamp: Stamp
-    transaction: Transaction
-    answer: bytes
-    error: int = 0
 
 
 class VirtualI2c:
@@ -27,7 +12,6 @@ class VirtualI2c:
 
     def __init__(self) -> None:
         self._devices: dict[int, RegisterEmulator] = {}
-        self.log: deque[Logged] = deque(maxlen=LOG_LENGTH)
 
     def attach(self, address: int, device: RegisterEmulator) -> None:
         """Attach a device at an address."""
@@ -37,20 +21,9 @@ class VirtualI2c:
 
     def transfer(self, transaction: Transaction, now: Stamp) -> bytes:
         """Run one transaction; raises OSError (NackError, BusStuckError)."""
-        try:
-            answer = self._do(transaction, to_s(now))
-        except OSError as error:
-            self.log.append(Logged(now, transaction, b"", error.errno or 0))
-            raise
-        self.log.append(Logged(now, transaction, answer))
-        return answer
-
-    def _do(self, transaction: Transaction, now_s: float) -> bytes:
-        device = self._devices.get(transaction.address)
+        device, now_s = self._devices.get(transaction.address), to_s(now)
         if device is None:
             raise NackError
         if not isinstance(transaction, Read):
             device.write(transaction.data, now_s)
-        if isinstance(transaction, Write):
-            return b""
-        return device.read(transaction.count, now_s)
+        return b"" if isinstance(transaction, Write) else device.read(transaction.count, now_s)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,18 @@ DEFAULT_INTERVAL_ms = 100
 SHORTEST_m, FARTHEST_m = 0.3, 100.0
 SATURATED_mm = 0xFFFFFFFF
 PING1D, PING360 = 1, 2
-ACK, NACK, GENERAL_REQUEST, SET_DEVICE_ID = 1, 2, 6, 100
+ACK, NACK, GENERAL_REQUEST = 1, 2, 6
+ANY = range(1, 65)
+SETTINGS: Mapping[int, tuple[str, Sequence[int], range]] = {
+    100: ("device_id", (1,), range(256)),
+    1000: ("device_id", (1,), range(256)),
+    1002: ("speed_mmps", (4,), range(1, 1 << 32)),
+    1003: ("auto", ANY, range(2)),
+    1004: ("interval_ms", (2,), range(1, 1 << 16)),
+    1005: ("gain", ANY, range(7)),
+    1006: ("enabled", ANY, range(2)),
+}
+"""Setting, sizes of the payload and values of the messages that change one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,25 +235,15 @@ class Ping1d(Part[PingTruth]):
     def _set(self, message: int, payload: bytes) -> str:
         """Change one setting; returns why not, or an empty text."""
         value = int.from_bytes(payload, "little")
-        first, second = value & 0xFFFFFFFF, value >> 32
-        if message == 1001 and len(payload) == 8 and second >= 1000:
-            self._settings.start_mm, self._settings.length_mm = first, second
-        elif message == 1002 and len(payload) == 4 and value > 0:
-            self._settings.speed_mmps = value
-        elif message == 1003 and value in (0, 1):
-            self._settings.auto = value
-        elif message == 1004 and len(payload) == 2 and value > 0:
-            self._settings.interval_ms = value
-        elif message == 1005 and value <= 6:
-            self._settings.gain = value
-        elif message == 1006 and value in (0, 1):
-            self._settings.enabled = value
+        name, sizes, valid = SETTINGS.get(message, ("", (), range(0)))
+        if len(payload) in sizes and value in valid:
+            setattr(self._settings, name, value)
+        elif message == 1001 and len(payload) == 8 and value >> 32 >= 1000:
+            self._settings.start_mm, self._settings.length_mm = value & 0xFFFFFFFF, value >> 32
         elif message == 1400 and self._continuous and value in (1211, 1212, 1300):
             self._settings.stream = value
         elif message == 1401:
             self._settings.stream = 0
-        elif message in (SET_DEVICE_ID, 1000) and len(payload) == 1:
-            self._settings.device_id = value
         else:
             return "bad value" if message in range(1001, 1007) or message == 1400 else "unknown message"
         return ""

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
-from hindrax_core.events import Stamp
 from hindrax_core.readings import Vec3
 
 NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
@@ -47,14 +44,3 @@ class TrueState:
         """Angle between the vehicle's vertical and the world's."""
         roll, pitch, _ = self.attitude_rad
         return math.degrees(math.acos(max(-1.0, min(1.0, math.cos(roll) * math.cos(pitch)))))
-
-
-class TruthLog:
-    """Writes a line for each step of the hardware; `state` gives that of now."""
-
-    def __init__(self, state: Callable[[], TrueState], file: Path) -> None:
-        self._state, self._out = state, file.open("w", buffering=1, encoding="ascii")
-
-    def write(self, _now: Stamp) -> None:
-        """Write the state of now."""
-        self._out.write(self._state().line())

@@ -151,11 +151,8 @@ class Onboard:
         if wanted == arming:
             return
         self._requests += 1
-        request = Request(now, self._requests)
-        if wanted:
-            self._state, _ = self._guard.arm(self._state, request, now)
-        else:
-            self._state, _ = self._guard.disarm(self._state, request, now)
+        ask = self._guard.arm if wanted else self._guard.disarm
+        self._state, _ = ask(self._state, Request(now, self._requests), now)
 
     def _learn(self, measurement: Stamped[Measurement], events: list[Event]) -> None:
         for event in self._feed.step(measurement):
@@ -177,15 +174,20 @@ class Lockstep:
         faults: Sequence[FaultSpec] = (),
         session: Session | None = None,
     ) -> None:
-        self.rig = _rig(fidelity, vehicle, seed, conditions, noise=noise, faults=faults)
+        if fidelity not in {"readings", "bytes"}:
+            raise UsageError(f"fidelity: found {fidelity!r}, wanted readings or bytes")
+        if fidelity == "bytes" and noise is not None:
+            raise UsageError("noise: found with fidelity bytes, wanted readings: emulators bring their own")
+        self.rig: LockstepRig = (
+            BytesRig(vehicle, seed, conditions, faults)
+            if fidelity == "bytes"
+            else ReadingsRig(vehicle, seed, conditions, noise, faults)
+        )
         self.session = session or Session(vehicle)
         self.onboard = Onboard(vehicle, pilot, self.session, self.rig.drive)
-        self._start = self.world.stamp
-
-    @property
-    def world(self) -> World:
+        self.world: World = self.rig.world
         """The truth."""
-        return self.rig.world
+        self._start = self.world.stamp
 
     @property
     def elapsed_s(self) -> float:
@@ -203,21 +205,3 @@ class Lockstep:
                 if self.onboard.order.finished:
                     break
         yield from self.onboard.flush()
-
-
-def _rig(
-    fidelity: str,
-    vehicle: Vehicle,
-    seed: int,
-    conditions: Conditions | None,
-    *,
-    noise: Noise | None,
-    faults: Sequence[FaultSpec],
-) -> LockstepRig:
-    if fidelity == "readings":
-        return ReadingsRig(vehicle, seed, conditions, noise, faults)
-    if fidelity != "bytes":
-        raise UsageError(f"fidelity: found {fidelity!r}, wanted readings or bytes")
-    if noise is not None:
-        raise UsageError("noise: found with fidelity bytes, wanted readings: emulators bring their own")
-    return BytesRig(vehicle, seed, conditions, faults)

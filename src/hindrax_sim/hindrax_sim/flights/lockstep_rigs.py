@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Program, Transaction, run, wire_error
 from hindrax_core.driver_interface import Output, Send, SerialDevice, Trouble
@@ -28,20 +28,6 @@ from hindrax_sim.world import Conditions, World
 
 SensorReading: TypeAlias = tuple[str, Stamped[Reading]]
 TICK_S = 0.1
-
-
-class LockstepRig(Protocol):
-    """Interface of a rig: a world with sensors and thrusters."""
-
-    @property
-    def world(self) -> World:
-        """The truth."""
-
-    def advance(self) -> Sequence[SensorReading]:
-        """Advance time to the next readings and return them; at most one control period."""
-
-    def drive(self, pulses_us: Sequence[float]) -> tuple[float, ...]:
-        """Apply thruster pulses in the order of the vehicle file; returns the actual pulses [us]."""
 
 
 class ReadingsRig:
@@ -81,8 +67,7 @@ class ReadingsRig:
             world.advance(Stamp(when))
             if said:
                 self._inject(to_s(world.stamp))
-                source = sensor.source
-                return [(source, one) for one in said]
+                return [(sensor.source, one) for one in said]
             said = sensor.sample(world)
             self._push(when + sensor.period_ns, sensor, ())
             if said:
@@ -197,3 +182,6 @@ class BytesRig:
             self.log.append(("thrusters", Trouble(now, str(error))))
             return False
         return True
+
+
+LockstepRig: TypeAlias = ReadingsRig | BytesRig

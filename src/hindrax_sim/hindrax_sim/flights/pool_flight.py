@@ -57,19 +57,6 @@ class PoolFlight:
         return self.world.truth.resistance(MOTIONS[motion].axis, speed)
 
 
-@dataclass(frozen=True, slots=True)
-class _Chosen:
-    """Goals of an experiment that learns from a session."""
-
-    experiment: Experiment
-    session: Session
-
-    def __call__(self, now: Stamp) -> Goal | None:
-        """Return the next goal; None when the experiment is over."""
-        choice = self.experiment.next(self.session, to_s(now))
-        return None if choice is None else Goal((choice.motion,), levels=choice.levels)
-
-
 def fly(
     motions: Sequence[str],
     seed: int,
@@ -91,7 +78,11 @@ def fly(
     if experiment is None:
         pilot = GoalPilot(vehicle, Goal(tuple(motions), excitation, seed), knobs)
     else:
-        chosen = _Chosen(experiment, session)
+
+        def chosen(now: Stamp) -> Goal | None:
+            choice = experiment.next(session, to_s(now))
+            return None if choice is None else Goal((choice.motion,), levels=choice.levels)
+
         pilot = GoalPilot(vehicle, None, knobs, following=chosen, cancel_at_s=experiment.aim.limit_s)
     step = Lockstep(vehicle, pilot, seed, conditions=Conditions(sizes=sizes_of(world, seed)), session=session)
     for event in step.run(LONGEST_S):

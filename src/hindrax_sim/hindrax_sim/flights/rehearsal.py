@@ -77,9 +77,7 @@ class Rehearsal:
         return {
             "vehicle": self.vehicle,
             "world": self.world,
-            "plan": [
-                {"motion": plan.motion, "rates": list(plan.rates), "seconds": plan.seconds} for plan in self.plans
-            ],
+            "plan": [{"motion": one.motion, "rates": list(one.rates), "seconds": one.seconds} for one in self.plans],
             "timetable": [asdict(one) for one in self.flown],
             "seconds": self.seconds,
             "charge_Ah": self.charge_Ah,
@@ -87,27 +85,6 @@ class Rehearsal:
             "ended": self.ended,
             "aborted": self.aborted or None,
         }
-
-
-class _Timetable:
-    """Keeps a row for every motion, in the order in which they are flown."""
-
-    def __init__(self) -> None:
-        self.rows: list[Flown] = []
-        self._begun: Stamp | None = None
-
-    def watch(self, world: World, output: ManeuverOutput) -> None:
-        """Note one cycle."""
-        self._begun = world.stamp if self._begun is None else self._begun
-        now_s = seconds_between(self._begun, world.stamp)
-        motion = output.phase.motion.partition("_")[0]
-        if motion and (not self.rows or self.rows[-1].motion != motion):
-            self.rows.append(Flown(motion, now_s, now_s))
-        row = self.rows[-1]
-        along_m, across_m, below_m = world.box.clearance_m(world.plant)
-        row.wall_m, row.floor_m = min(row.wall_m, along_m, across_m), min(row.floor_m, below_m)
-        row.charge_Ah += world.supply_A * (now_s - row.end_s) / S_PER_H
-        row.end_s = now_s
 
 
 def rehearse(
@@ -125,12 +102,27 @@ def rehearse(
     """
     if vehicle.hydrodynamics is None:
         vehicle = replace(vehicle, hydrodynamics=guessed(vehicle))
-    timetable = _Timetable()
-    flight = fly(motions, seed, world, vehicle=vehicle, excitation=excitation, watch=timetable.watch, aim=aim)
-    found = flight.outcome.results.motions
-    bands = {motion: _band(result) for motion, result in found.items()}
+    rows: list[Flown] = []
+    begun: Stamp | None = None
+
+    def watch(truth: World, output: ManeuverOutput) -> None:
+        """Keep a row for every motion, in the order in which they are flown."""
+        nonlocal begun
+        begun = truth.stamp if begun is None else begun
+        now_s = seconds_between(begun, truth.stamp)
+        motion = output.phase.motion.partition("_")[0]
+        if motion and (not rows or rows[-1].motion != motion):
+            rows.append(Flown(motion, now_s, now_s))
+        row = rows[-1]
+        along_m, across_m, below_m = truth.box.clearance_m(truth.plant)
+        row.wall_m, row.floor_m = min(row.wall_m, along_m, across_m), min(row.floor_m, below_m)
+        row.charge_Ah += truth.supply_A * (now_s - row.end_s) / S_PER_H
+        row.end_s = now_s
+
+    flight = fly(motions, seed, world, vehicle=vehicle, excitation=excitation, watch=watch, aim=aim)
+    bands = {motion: _band(result) for motion, result in flight.outcome.results.motions.items()}
     ended = flight.experiment.ended if flight.experiment else ""
-    return Rehearsal(vehicle.name, world, flight.plans, tuple(timetable.rows), bands, ended, flight.aborted)
+    return Rehearsal(vehicle.name, world, flight.plans, tuple(rows), bands, ended, flight.aborted)
 
 
 def _band(result: MotionResult) -> Band:

@@ -6,9 +6,8 @@ Biases and noise are drawn from the seed and the name of the sensor, so one sens
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
 
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, to_s
 from hindrax_core.readings import (
@@ -49,75 +48,61 @@ class Noise:
     dvl_heading_rad: float = math.radians(1.0)
 
 
-class SensorModel(Protocol):
-    """A sensor model with a fixed period."""
-
-    @property
-    def source(self) -> str:
-        """Name in the vehicle file."""
-
-    @property
-    def period_ns(self) -> int:
-        """Time between two samples."""
-
-    @property
-    def latency_ns(self) -> int:
-        """Time from the last instant that a sample depends on until its arrival."""
-
-    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
-        """Readings measured up to now."""
-
-
-class _MountedSensor:
-    """Base class: name, mount, rate and noise."""
+class SensorModel:
+    """A sensor of the vehicle file at its mount, with a fixed rate, and a latency after what a sample depends on."""
 
     rate_Hz = 20.0
     latency_s = 0.0
+    part = ""
+    """Of a sensor with several: what the draws of this one are told apart by."""
 
     def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
         self.source = source
         self.period_ns = round(NS_PER_S / self.rate_Hz)
         self.latency_ns = round(NS_PER_S * self.latency_s)
-        self._at = world.mounting(mount)
-        self._noise = noise
-        draws = NormalDraws(source, seed)
+        self._at, self._noise = world.mounting(mount), noise
+        draws = NormalDraws(source + self.part, seed)
         self._normal, self._three = draws.normal, draws.three
+        self._begin(world)
+
+    def _begin(self, world: World) -> None:
+        """Draw biases, and remember where the world is."""
+
+    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
+        """Readings measured up to now."""
+        reading = self._read(world)
+        return () if reading is None else (Stamped(world.stamp, reading),)
+
+    def _read(self, world: World) -> Reading | None:
+        raise NotImplementedError
+
+    def _counted(self, true: Vec3, bias: Vec3, sigma: float, step: float) -> Vec3:
+        """What is true with bias and noise, in whole steps."""
+        normal = self._normal
+        x, y, z = (round((t + b + sigma * normal()) / step) * step for t, b in zip(true, bias, strict=True))
+        return (x, y, z)
 
 
-class ImuSensor(_MountedSensor):
+class ImuSensor(SensorModel):
     """Specific force and rate, 500 deg/s and 4 g full scale; fetched from the FIFO about fifty times a second."""
 
     rate_Hz = 225.0
     latency_s = 0.003
-
     RATE_STEP = math.radians(1.0 / 65.5)
     FORCE_STEP = 9.80665 / 8192.0
     FETCH_ns = round(NS_PER_S / 50.0)
 
-    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
-        super().__init__(world, source, mount, noise, seed)
-        self._rate_bias = self._three(noise.gyro_bias_radps)
-        self._force_bias = self._three(noise.accelerometer_bias_mps2)
+    def _begin(self, world: World) -> None:
+        self._rate_bias = self._three(self._noise.gyro_bias_radps)
+        self._force_bias = self._three(self._noise.accelerometer_bias_mps2)
         self._fifo: list[Stamped[Reading]] = []
         self._fetch = Stamp(world.stamp + self.FETCH_ns)
 
     def sample(self, world: World) -> Sequence[Stamped[Reading]]:
         """Add one sample to the FIFO; returns all samples when it is read."""
-        (fx, fy, fz), (p, q, r) = world.inertial(self._at)
-        normal, a, g = self._normal, self._noise.accelerometer_mps2, self._noise.gyro_radps
-        (ax, ay, az), (bp, bq, br) = self._force_bias, self._rate_bias
-        step = self.FORCE_STEP
-        force = (
-            round((fx + ax + a * normal()) / step) * step,
-            round((fy + ay + a * normal()) / step) * step,
-            round((fz + az + a * normal()) / step) * step,
-        )
-        step = self.RATE_STEP
-        rate = (
-            round((p + bp + g * normal()) / step) * step,
-            round((q + bq + g * normal()) / step) * step,
-            round((r + br + g * normal()) / step) * step,
-        )
+        force, rate = world.inertial(self._at)
+        force = self._counted(force, self._force_bias, self._noise.accelerometer_mps2, self.FORCE_STEP)
+        rate = self._counted(rate, self._rate_bias, self._noise.gyro_radps, self.RATE_STEP)
         self._fifo.append(Stamped(world.stamp, Inertial(force, rate, WATER_C)))
         if world.stamp < self._fetch:
             return ()
@@ -126,72 +111,58 @@ class ImuSensor(_MountedSensor):
         return fetched
 
 
-class MagnetometerSensor(_MountedSensor):
+class MagnetometerSensor(SensorModel):
     """The magnetometer in the same package; its own rate."""
 
     rate_Hz = 25.0
     latency_s = 0.009
+    part = " compass"
+    STEP_T = 0.15e-6
 
-    STEP = 0.15e-6
+    def _begin(self, _world: World) -> None:
+        self._hard_iron = self._three(self._noise.hard_iron_T)
 
-    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
-        super().__init__(world, f"{source} compass", mount, noise, seed)
-        self.source = source
-        self._hard_iron = self._three(noise.hard_iron_T)
-
-    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
-        """One field reading."""
-        noise, step = self._three(self._noise.magnetometer_T), self.STEP
-        parts = zip(world.magnetic_T(self._at), self._hard_iron, noise, strict=True)
-        x, y, z = (round((b + h + n) / step) * step for b, h, n in parts)
-        return (Stamped(world.stamp, Magnetic((x, y, z))),)
+    def _read(self, world: World) -> Reading:
+        true_T = world.magnetic_T(self._at)
+        return Magnetic(self._counted(true_T, self._hard_iron, self._noise.magnetometer_T, self.STEP_T))
 
 
-class PressureSensor(_MountedSensor):
+class PressureSensor(SensorModel):
     """Absolute pressure, available after the conversion of its temperature."""
 
     rate_Hz = 50.0
     latency_s = 0.005
-
     STEP_Pa = 10.0
 
-    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
-        """One pressure reading."""
+    def _read(self, world: World) -> Reading:
         value = world.pressure_Pa(self._at) + self._noise.pressure_Pa * self._normal()
-        return (Stamped(world.stamp, Pressure(round(value / self.STEP_Pa) * self.STEP_Pa, WATER_C)),)
+        return Pressure(round(value / self.STEP_Pa) * self.STEP_Pa, WATER_C)
 
 
-class SonarSensor(_MountedSensor):
-    """Distance to the nearest point of the floor within the beam."""
+class SonarSensor(SensorModel):
+    """Distance to the nearest point of the floor within the beam; nothing outside the floor."""
 
-    rate_Hz = 20.0
     latency_s = 0.023
-
     HALF_BEAM_rad = math.radians(12.5)
     STEP_m = 0.001
 
-    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
-        """One echo, or none outside the floor."""
+    def _read(self, world: World) -> Reading | None:
         found = world.range_m(self._at, self.HALF_BEAM_rad)
         if found is None or found <= 0.0:
-            return ()
-        noise = self._noise
-        found += noise.echo_share * found * self._normal()
-        return (Stamped(world.stamp, Echo(max(0.0, round(found / self.STEP_m) * self.STEP_m), 0.95)),)
+            return None
+        found += self._noise.echo_share * found * self._normal()
+        return Echo(max(0.0, round(found / self.STEP_m) * self.STEP_m), 0.95)
 
 
-class DvlSensor(_MountedSensor):
+class DvlSensor(SensorModel):
     """Mean velocity over each interval, every delta rounded to 1 mm on its own; lock, attitude and altitude."""
 
-    rate_Hz = 20.0
     latency_s = 0.008
-
     STEP_m = 0.001
     MOST_TILT_rad = math.radians(45.0)
     LEAST_RANGE_m = 0.1
 
-    def __init__(self, world: World, source: str, mount: Mount, noise: Noise, seed: int) -> None:
-        super().__init__(world, source, mount, noise, seed)
+    def _begin(self, world: World) -> None:
         self._was = world.travel(self._at)[1]
         self._stamp = world.stamp
         self._turn = 0
@@ -234,22 +205,17 @@ class DvlSensor(_MountedSensor):
         return BottomTrack(locked, roll, pitch, heading, altitude, (0.0, 0.0), (), "3333", 0)
 
 
-class BatterySensor(_MountedSensor):
+class BatterySensor(SensorModel):
     """Supply voltage at the speed controllers, in steps of an INA226; its error is that of 16 bits, so none here."""
 
     rate_Hz = 10.0
-
     STEP_V = 1.25e-3
 
-    def sample(self, world: World) -> Sequence[Stamped[Reading]]:
-        """One voltage, and the current."""
-        voltage_V = round(world.plant.supply_V / self.STEP_V) * self.STEP_V
-        return (Stamped(world.stamp, Battery(voltage_V, world.supply_A)),)
+    def _read(self, world: World) -> Reading:
+        return Battery(round(world.plant.supply_V / self.STEP_V) * self.STEP_V, world.supply_A)
 
 
-Make: TypeAlias = Callable[[World, str, Mount, Noise, int], SensorModel]
-
-KINDS: dict[str, tuple[Make, ...]] = {
+KINDS: dict[str, tuple[type[SensorModel], ...]] = {
     "icm20948": (ImuSensor, MagnetometerSensor),
     "ms5837": (PressureSensor,),
     "ping1d": (SonarSensor,),

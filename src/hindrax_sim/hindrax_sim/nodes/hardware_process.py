@@ -1,16 +1,21 @@
-"""Main function of the processes that replace hardware: a folder for ports, and a one-line error."""
+"""What the processes that replace hardware share: their main function, their place in the graph, and their end."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
 from hindrax_core.errors import HindraxError
+from hindrax_core.topics import namespace_arguments
 from hindrax_sim.mock_vehicle import Ports
 
 OUTPUT = "thrusters"
@@ -36,6 +41,17 @@ def main_of(parser: argparse.ArgumentParser, run: Callable[[argparse.Namespace, 
     finally:
         if ours:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def graph(namespace: str) -> Iterator[None]:
+    """Take part in the ROS graph, with a clock of one's own in the namespace."""
+    words = ["--ros-args", *namespace_arguments(namespace, own_clock=True)]
+    rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
+    finally:
+        rclpy.try_shutdown()
 
 
 def outlast_output(ports: Ports, farewell_s: float = FAREWELL_S) -> None:

@@ -13,11 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from hindrax_core.events import Stamp, to_s
-from hindrax_core.topics import CLOCK, NAMESPACE, namespace_arguments
+from hindrax_core.topics import CLOCK, NAMESPACE
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ros.heartbeat import Heartbeat
@@ -25,10 +24,9 @@ from hindrax_ros.messages.convert import stamp_to_msg
 from hindrax_ros.process import StopSignal
 from hindrax_sim.conditions.world_table import CONDITIONS, IDEAL, sizes_of
 from hindrax_sim.faults.fault_registry import parse_fault
-from hindrax_sim.faults.true_state import TruthLog
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import MockVehicle
-from hindrax_sim.nodes.hardware_process import main_of, outlast_output
+from hindrax_sim.nodes.hardware_process import graph, main_of, outlast_output
 from hindrax_sim.world import Conditions
 
 CLOCK_EVERY = 8
@@ -52,21 +50,19 @@ def parser() -> argparse.ArgumentParser:
 @contextlib.contextmanager
 def clock_publisher(mock: MockVehicle, namespace: str) -> Iterator[None]:
     """Publish /clock at 25 Hz of the mock's time."""
-    words = ["--ros-args", *namespace_arguments(namespace, own_clock=True)]
-    rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
-    out = node.create_publisher(Clock, CLOCK, 1)
+    with graph(namespace):
+        node = rclpy.create_node("mock", namespace=NAMESPACE, enable_rosout=False, start_parameter_services=False)
+        out = node.create_publisher(Clock, CLOCK, 1)
 
-    def show(now: Stamp) -> None:
-        if (now // STEP_ns) % CLOCK_EVERY == 0:
-            out.publish(Clock(clock=stamp_to_msg(now)))
+        def show(now: Stamp) -> None:
+            if (now // STEP_ns) % CLOCK_EVERY == 0:
+                out.publish(Clock(clock=stamp_to_msg(now)))
 
-    mock.after_step.append(show)
-    try:
-        yield
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+        mock.after_step.append(show)
+        try:
+            yield
+        finally:
+            node.destroy_node()
 
 
 def run(words: argparse.Namespace, folder: Path) -> int:
@@ -76,9 +72,12 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     conditions = Conditions(sizes=sizes_of(words.world, words.seed))
     vehicle = load_vehicle(words.vehicle)
     with MockVehicle(vehicle, folder, seed=words.seed, rate=words.rate, conditions=conditions, faults=faults) as mock:
-        if words.truth:
-            mock.after_step.append(TruthLog(mock.hardware.true_state, Path(words.truth)).write)
-        with contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace):
+        with (
+            Path(words.truth or os.devnull).open("w", buffering=1, encoding="ascii") as log,
+            contextlib.nullcontext() if words.no_ros else clock_publisher(mock, words.namespace),
+        ):
+            if words.truth:
+                mock.after_step.append(lambda _now: log.write(mock.hardware.true_state().line()))
             facts = {"ports": mock.ports, "clock": mock.clock, "truth": truth_of(mock.hardware.world.truth.described())}
             print(json.dumps(facts), flush=True)  # noqa: T201  # for the parent
             gc.freeze()

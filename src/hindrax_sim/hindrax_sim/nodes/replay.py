@@ -13,8 +13,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
@@ -28,7 +26,6 @@ from hindrax_core.topics import (
     NAVIGATION,
     THRUSTER_HEALTH,
     THRUSTER_STATE,
-    namespace_arguments,
     resolved,
 )
 from hindrax_core.vehicle import load_vehicle
@@ -39,7 +36,7 @@ from hindrax_ros.messages.serialization import current_bytes
 from hindrax_ros.process import StopSignal
 from hindrax_sim.hardware import STEP_ns
 from hindrax_sim.mock_vehicle import Ports
-from hindrax_sim.nodes.hardware_process import main_of, outlast_output
+from hindrax_sim.nodes.hardware_process import graph, main_of, outlast_output
 from hindrax_sim.recorded_hardware import RecordedHardware, recorded_frames
 
 PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
@@ -103,9 +100,8 @@ class Player(BatchedNode):
             self._clock_at = now
             self._clock.publish(Clock(clock=stamp_to_msg(now)))
         while self._next_message is not None and self._next_message.received <= now:
-            self._out[self._next_message.topic].publish(
-                current_bytes(self._next_message, message_class(self._next_message.type))
-            )
+            data = current_bytes(self._next_message, message_class(self._next_message.type))
+            self._out[self._next_message.topic].publish(data)
             self._next_message = next(self._messages, None)
         self.publish_queue.flush()
         self.drain()
@@ -120,9 +116,7 @@ def run(words: argparse.Namespace, folder: Path) -> int:
     given = load_vehicle(words.vehicle) if words.vehicle else None
     vehicle = given or attached_vehicle(words.bag, attachments(words.bag))
     hardware = RecordedHardware(vehicle, recorded_frames(words.bag))
-    remaps = namespace_arguments(words.namespace, own_clock=True)
-    rclpy.init(args=["--ros-args", *remaps], signal_handler_options=SignalHandlerOptions.NO)
-    with RecordedPorts(hardware, folder, rate=words.rate) as ports:
+    with graph(words.namespace), RecordedPorts(hardware, folder, rate=words.rate) as ports:
         player = Player(words.bag, ports)
         try:
             print(json.dumps({"ports": ports.ports, "clock": ports.clock}), flush=True)  # noqa: T201  # for the parent
@@ -134,7 +128,6 @@ def run(words: argparse.Namespace, folder: Path) -> int:
                 outlast_output(ports)
         finally:
             player.destroy_node()
-            rclpy.try_shutdown()
     print(json.dumps({"vehicle_s": to_s(Stamp(hardware.stamp - begin))}), flush=True)  # noqa: T201  # for the parent
     return 0
 

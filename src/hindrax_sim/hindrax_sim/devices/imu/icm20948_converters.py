@@ -46,8 +46,8 @@ class Converters:
         self._accel_every = max(1, round(accel_divider / gyro_divider))
         self._gyro_filter = LowPass(GYRO_CORNER_Hz[gyro >> 3 & 7] if gyro & 1 else UNFILTERED_Hz, self.period_s)
         self._accel_filter = LowPass(ACCEL_CORNER_Hz[accel >> 3 & 7] if accel & 1 else UNFILTERED_Hz, self.period_s)
-        self._gyro_lsb = GYRO_LSB_PER_DPS[gyro >> 1 & 3] / DPS
-        self._accel_lsb = ACCEL_LSB_PER_G[accel >> 1 & 3] / GRAVITY_mps2
+        a, g = ACCEL_LSB_PER_G[accel >> 1 & 3] / GRAVITY_mps2, GYRO_LSB_PER_DPS[gyro >> 1 & 3] / DPS
+        self._lsb = (a, a, a, g, g, g)
         self._self_test = _self_test(bank2[ACCEL_CONFIG_2] >> 2, bank2[GYRO_CONFIG_2] >> 3)
 
     def start(self, at_s: float) -> None:
@@ -72,16 +72,13 @@ class Converters:
             self._next_s += self.period_s
 
     def _make(self, t_s: float) -> bytes:
-        fx, fy, fz, p, q, r = self._signal.sample(t_s, self._accel_filter, self._gyro_filter)
+        values = self._signal.sample(t_s, self._accel_filter, self._gyro_filter)
         if self.hung:
             return self._last
         if self.saturated:
             return SATURATED
-        a, g = self._accel_lsb, self._gyro_lsb
-        if self._self_test is not None:
-            ax, ay, az, gx, gy, gz = self._self_test
-            fx, fy, fz, p, q, r = fx + ax, fy + ay, fz + az, p + gx, q + gy, r + gz
-        sample = SAMPLE.pack(_cut(a * fx), _cut(a * fy), _cut(a * fz), _cut(g * p), _cut(g * q), _cut(g * r))
+        counts = (lsb * (value + more) for lsb, value, more in zip(self._lsb, values, self._self_test, strict=True))
+        sample = SAMPLE.pack(*map(_cut, counts))
         if self._count % self._accel_every:
             sample = self._last[:6] + sample[6:]
         self._count += 1
@@ -94,15 +91,9 @@ def _cut(counts: float) -> int:
     return round(counts) if -32768.0 < counts < 32767.0 else (32767 if counts > 0.0 else -32768)
 
 
-def _self_test(accel_switches: int, gyro_switches: int) -> tuple[float, ...] | None:
+def _self_test(accel_switches: int, gyro_switches: int) -> tuple[float, ...]:
     """What the self test adds [m/s^2, rad/s]: the response that the factory codes tell (eMD: 2620 * 1.01^(code-1))."""
-    if not accel_switches & 7 and not gyro_switches & 7:
-        return None
-    responses = [2620.0 * 1.01 ** (code - 1) for code in SELF_TEST_CODES]
-    axes = (4, 2, 1)
-    accel = (one / ACCEL_LSB_PER_G[0] * GRAVITY_mps2 for one in responses)
-    gyro = (one / GYRO_LSB_PER_DPS[0] * DPS for one in responses)
-    return (
-        *(one if accel_switches & axis else 0.0 for one, axis in zip(accel, axes, strict=True)),
-        *(one if gyro_switches & axis else 0.0 for one, axis in zip(gyro, axes, strict=True)),
-    )
+    responses = [(axis, 2620.0 * 1.01 ** (code - 1)) for axis, code in zip((4, 2, 1), SELF_TEST_CODES, strict=True)]
+    accel = (one / ACCEL_LSB_PER_G[0] * GRAVITY_mps2 if accel_switches & axis else 0.0 for axis, one in responses)
+    gyro = (one / GYRO_LSB_PER_DPS[0] * DPS if gyro_switches & axis else 0.0 for axis, one in responses)
+    return (*accel, *gyro)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hindrax_core.readings import Vec3
+from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import GRAVITY_mps2
+from hindrax_sim.physics.geometry import six
 
 GYRO_NOISE = math.radians(0.015)
 """Rate noise density [rad/s/sqrt(Hz)]."""
@@ -25,8 +26,6 @@ CLOCK_ERROR = 0.01
 
 HISTORY = 512
 NOISE_BLOCK = 6 * 256
-
-Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +87,11 @@ class ImuSignal:
     def __init__(self, imperfections: SensorErrors, seed: int) -> None:
         self.imperfections = imperfections
         self.truth = ImuTruth()
-        self._history: deque[tuple[float, Six]] = deque(maxlen=HISTORY)
+        self._history: deque[tuple[float, Vec6]] = deque(maxlen=HISTORY)
         self._draw = np.random.default_rng([seed, 20948])
         self._noise: list[float] = []
-        self._before: Six | None = None
-        self._filtered: Six | None = None
+        self._before: Vec6 | None = None
+        self._filtered: Vec6 | None = None
 
     def set_truth(self, truth: ImuTruth, now_s: float) -> None:
         """Add the truth at a time; it is interpolated linearly."""
@@ -103,27 +102,20 @@ class ImuSignal:
         """Restart the filter, as after a reset."""
         self._before = self._filtered = None
 
-    def sample(self, t_s: float, accel: LowPass, gyro: LowPass) -> Six:
+    def sample(self, t_s: float, accel: LowPass, gyro: LowPass) -> Vec6:
         """Specific force [m/s^2] and rate [rad/s] at a time, one period of the filters after the sample before."""
         now = self.at(t_s)
         before, old = self._before or now, self._filtered or now
-        fx, fy, fz = (accel.step(old[i], before[i], now[i]) for i in (0, 1, 2))
-        p, q, r = (gyro.step(old[i], before[i], now[i]) for i in (3, 4, 5))
-        self._before, self._filtered = now, (fx, fy, fz, p, q, r)
-        part, n = self.imperfections, self.normal
-        ox, oy, oz = part.accel_offset_mps2
-        op, oq, orr = part.gyro_offset_radps
+        filters = (accel, accel, accel, gyro, gyro, gyro)
+        filtered = six(one.step(*at) for one, *at in zip(filters, old, before, now, strict=True))
+        self._before, self._filtered = now, filtered
+        part = self.imperfections
+        offsets = (*part.accel_offset_mps2, *part.gyro_offset_radps)
         sa, sg = part.noise * ACCEL_NOISE * accel.root_band, part.noise * GYRO_NOISE * gyro.root_band
-        return (
-            fx + ox + sa * n(),
-            fy + oy + sa * n(),
-            fz + oz + sa * n(),
-            p + op + sg * n(),
-            q + oq + sg * n(),
-            r + orr + sg * n(),
-        )
+        sigmas = (sa, sa, sa, sg, sg, sg)
+        return six(x + o + s * self.normal() for x, o, s in zip(filtered, offsets, sigmas, strict=True))
 
-    def at(self, t_s: float) -> Six:
+    def at(self, t_s: float) -> Vec6:
         """Truth at a time: linear between two truths, constant before the first and after the last."""
         history = self._history
         if not history:
@@ -135,16 +127,7 @@ class ImuSignal:
             return first
         t1, second = history[1]
         k = (t_s - t0) / (t1 - t0)
-        a, b, c, d, e, f = first
-        u, v, w, x, y, z = second
-        return (
-            a + k * (u - a),
-            b + k * (v - b),
-            c + k * (w - c),
-            d + k * (x - d),
-            e + k * (y - e),
-            f + k * (z - f),
-        )
+        return six(a + k * (b - a) for a, b in zip(first, second, strict=True))
 
     def normal(self) -> float:
         """One draw from a standard normal distribution."""

@@ -1,25 +1,79 @@
-"""The Ethernet side of a DVL: every sentence as a datagram, and commands back.
-
-Defaults of the device: it sends from port 50000 to port 27000 and takes commands at 50000. Here both ends are this
-machine. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface". Discovery is not emulated.
-"""
+"""Where other programs meet serial emulators: ptys at stable paths, and the Ethernet side of a DVL."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import pty
 import socket
+import termios
+import tty
+from pathlib import Path
 from typing import Self
 
 from hindrax_core.errors import HindraxError, cause
 
 HERE = "127.0.0.1"
 TO_HOST, OF_DEVICE = 27000, 50000
-LONGEST_LINE = 4096
+LONGEST_LINE, READ_AT_MOST = 4096, 65536
+
+
+class Pty:
+    """A pty whose far end is linked at `path`. Bytes that nobody reads are lost, as on a wire."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._ends: tuple[int, int] | None = None
+        self.plug(in_place=True)
+
+    def plug(self, *, in_place: bool) -> None:
+        """Plug in, or unplug: programs at the far end then lose their port."""
+        if in_place and self._ends is None:
+            near, far = pty.openpty()
+            tty.setraw(far)
+            os.set_blocking(near, False)
+            self._ends = (near, far)
+            self.path.unlink(missing_ok=True)
+            self.path.symlink_to(os.ttyname(far))
+        elif not in_place and self._ends is not None:
+            self.path.unlink(missing_ok=True)
+            for end in self._ends:
+                os.close(end)
+            self._ends = None
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the far end. A full buffer was not read for seconds: its content is discarded.
+
+        So the next program that opens the port starts with current data, as on a real port.
+        """
+        if self._ends is None:
+            return
+        near, far = self._ends
+        try:
+            os.write(near, data)
+        except BlockingIOError:
+            termios.tcflush(far, termios.TCIFLUSH)
+
+    def read(self) -> bytes:
+        """Return bytes from the far end."""
+        if self._ends is None:
+            return b""
+        try:
+            return os.read(self._ends[0], READ_AT_MOST)
+        except OSError:
+            return b""
+
+    def close(self) -> None:
+        """Unplug permanently."""
+        self.plug(in_place=False)
 
 
 class UdpLine:
-    """Opens the serial port at `path` and forwards it to the network; call `turn` often."""
+    """A DVL on the network: every sentence of the serial port at `path` as a datagram, and commands back.
+
+    Call `turn` often. Defaults of the device: it sends from port 50000 to port 27000 and takes commands at 50000. Here
+    both ends are this machine. Source: docs.ceruleansonar.com, DVL-75, "The Ethernet Interface". No discovery.
+    """
 
     def __init__(self, path: str, to_port: int = TO_HOST, own_port: int = OF_DEVICE) -> None:
         self._path, self._to = path, (HERE, to_port)
