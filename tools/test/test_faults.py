@@ -15,7 +15,7 @@ from hindrax_sim.devices.imu.imu_signal import ImuTruth
 from hindrax_sim.devices.ms5837 import WaterTruth
 from hindrax_sim.devices.ping1d import PingTruth
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
-from hindrax_sim.faults.true_state import TrueState
+from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
 from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MANEUVER, MODES, Cell, Judge, is_wrong
 from hindrax_tools.faults.devices import ROWS, DeviceFlight

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
+from hindrax_core.readings import Vec3
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_sim.devices.emulator import SerialEmulator
@@ -15,7 +18,6 @@ from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
-from hindrax_sim.faults.true_state import TrueState
 from hindrax_sim.world import Conditions, World
 
 START = stamp_from_s(10.0)
@@ -25,6 +27,45 @@ ALL_CALL, GENERAL_CALL = 0x70, 0x00
 LOOP_CHANNEL, LOOP_LINE = 15, 17
 """Spare channel of the PCA9685, and the GPIO that it is wired back to, as `hindrax oscillator` has it by default."""
 THRUSTERS = "thrusters"
+NEUTRAL_us, TOLERANCE_us = 1500.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class TrueState:
+    """What is true at one instant of a mock flight; also a line of a log.
+
+    Velocity is that over ground, in body axes. A pulse of zero is none at all. Place: along and across the pool.
+    """
+
+    now_s: float
+    attitude_rad: Vec3
+    velocity_mps: Vec3
+    depth_m: float
+    wall_hits: int
+    place_m: tuple[float, float]
+    pulses_us: tuple[float, ...]
+
+    @classmethod
+    def parse(cls, line: str) -> Self:
+        """Undo `line`."""
+        now_s, roll, pitch, yaw, u, v, w, depth_m, hits, x_m, y_m, *pulses = map(float, line.split())
+        return cls(now_s, (roll, pitch, yaw), (u, v, w), depth_m, int(hits), (x_m, y_m), tuple(pulses))
+
+    def line(self) -> str:
+        """All numbers in their order."""
+        numbers = (*self.attitude_rad, *self.velocity_mps, self.depth_m, self.wall_hits, *self.place_m, *self.pulses_us)
+        return f"{self.now_s:.4f} {' '.join(f'{number:.4f}' for number in numbers)}\n"
+
+    @property
+    def neutral(self) -> bool:
+        """Whether no thruster is told to turn."""
+        return all(abs(pulse - NEUTRAL_us) < TOLERANCE_us or pulse == 0.0 for pulse in self.pulses_us)
+
+    @property
+    def tilt_deg(self) -> float:
+        """Angle between the vehicle's vertical and the world's."""
+        roll, pitch, _ = self.attitude_rad
+        return math.degrees(math.acos(max(-1.0, min(1.0, math.cos(roll) * math.cos(pitch)))))
 
 
 class Hardware:

@@ -102,7 +102,7 @@ class Ports:
         """Time of the mock at the last write of a control loop that uses this clock."""
         self._step_began = time.monotonic()
         self._held_up_s = 0.0
-        self.after_step: list[Callable[[Stamp], None]] = []
+        self.after_step: list[Callable[[Stamp], object]] = []
         """Called with the time after every step."""
 
     def __enter__(self) -> Self:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from hindrax_core.signals import Navigation
-from hindrax_sim.faults.true_state import TrueState
+from hindrax_sim.hardware import TrueState
 
 MANEUVER, HOLD, HAND, DISARMED = MODES = ("maneuver", "hold", "hand", "disarmed")
 WRENCH = (12.0, 0.0, 6.0, 0.0, 0.0, 1.0)

@@ -25,7 +25,7 @@ from hindrax_core.events import seconds_between, to_s
 from hindrax_core.signals import Navigation
 from hindrax_core.topics import NAVIGATION, OPERATOR_WRENCH, THRUSTER_COMMAND, THRUSTER_STATE
 from hindrax_drivers.buses.ports import open_bus
-from hindrax_sim.faults.true_state import TrueState
+from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults.cells import DISARMED, HAND, HELD, HOLD, MANEUVER, MODES, WRENCH, Cell, Judge
 from hindrax_tools.mock_stack import mock_stack
 

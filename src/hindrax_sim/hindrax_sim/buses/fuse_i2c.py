@@ -52,6 +52,9 @@ _IOCTL_IN = struct.Struct("=QIIQII")
 _IOCTL_OUT = struct.Struct("=iIII")
 _FUNCTIONS = struct.Struct("=Q")
 
+ATTRIBUTES = _ATTR_OUT.pack(3600, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, stat.S_IFREG | 0o666, 1, 0, 0, 0, 4096, 0)
+"""Of the only file: empty, readable and writable for everyone."""
+
 Transfer = Callable[[Transaction, Stamp], bytes]
 
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -131,7 +134,7 @@ class FuseI2c:
         if opcode == INIT:
             return _INIT_OUT.pack(7, MINOR, 0, 0, 1, 1, LONGEST_WRITE, 1, 0, 0, 0)
         if opcode in (GETATTR, SETATTR):
-            return _attributes()
+            return ATTRIBUTES
         if opcode == OPEN:
             self._handles += 1
             self._addresses[self._handles] = -1
@@ -205,12 +208,6 @@ class FuseI2c:
         answer = self._transfer(abi.smbus(self._address(handle), reads, command, size, data), self._now())
         if answer and pointer:
             abi.store(pid, pointer, abi.smbus_answer(size, answer))
-
-
-def _attributes() -> bytes:
-    """Attributes of the only file: empty, readable and writable for everyone."""
-    mode = stat.S_IFREG | 0o666
-    return _ATTR_OUT.pack(3600, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, mode, 1, 0, 0, 0, 4096, 0)
 
 
 def _prepare(path: Path) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
-from hindrax_sim.conditions import hull, known_loads, sensing, thrust, water
+from hindrax_sim.conditions import hull, sensing, thrust, water
 from hindrax_sim.conditions.realization import Realization
 from hindrax_sim.physics.normal_draws import NormalDraws
 
@@ -89,7 +89,7 @@ _ROWS = (
     Condition("false_locks", "1/s", 0.2, sensing.false_locks, ONE_SIDED, 0.2, most=20.0),
     *(
         Condition(name, "N", usual, hang, ONE_SIDED, 0.0, least=-100.0, most=100.0)
-        for name, (usual, hang) in known_loads.LOADS.items()
+        for name, (usual, hang) in hull.LOADS.items()
     ),
 )
 

@@ -28,6 +28,11 @@ T = (27504, 26435, -1000)
 P = (36477, -10685, 3024, 2855, 140, -7, 15500, -14600, 6000)
 """The example of BST-BMP280-DS001-11, section 3.12."""
 H = (75, 362, 0, 313, 50, 30)
+LOW = struct.pack("<H2hH8hxB", *T, *P, H[0])
+HIGH = struct.pack("<hBbBbb", *H[1:3], H[3] >> 4, (H[3] & 15) | (H[4] & 15) << 4, H[4] >> 4, H[5])
+"""Registers 0x88 to 0xA1, and 0xE1 to 0xE7, where H4 and H5 share a byte (table 16)."""
+TIMES = (0, 1, 2, 4, 8, 16, 16, 16)
+"""Oversampling by its setting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +62,14 @@ class Bme280(Part[HullTruth]):
     def read(self, count: int, now_s: float) -> bytes:
         """Bytes from the register on."""
         self._finish(now_s)
-        registers = dict(enumerate(self._calibration(now_s), CALIBRATION)) | dict(enumerate(_high(), CALIBRATION_H))
-        registers |= dict(enumerate(self._data, DATA))
+        low = LOW if now_s >= self._awake_s else bytes(26)
+        registers: dict[int, int] = {}
+        for at, block in ((CALIBRATION, low), (CALIBRATION_H, HIGH), (DATA, self._data)):
+            registers |= dict(enumerate(block, at))
         registers |= {CHIP_ID: BMP180 if self._disguised else BME280, CONFIG: self._config}
-        registers |= {CTRL_HUM: self._ctrl_hum, CTRL_MEAS: self._ctrl_meas, STATUS: self._status(now_s)}
+        registers |= {CTRL_HUM: self._ctrl_hum, CTRL_MEAS: self._ctrl_meas}
+        registers[STATUS] = 0x08 * (now_s < self._done_s) + 0x01 * (now_s < self._awake_s)
         return bytes(registers.get(self._pointer + index, 0) for index in range(count))
-
-    def _calibration(self, now_s: float) -> bytes:
-        return struct.pack("<H2hH8hxB", *T, *P, H[0]) if now_s >= self._awake_s else bytes(26)
-
-    def _status(self, now_s: float) -> int:
-        return 0x08 * (now_s < self._done_s) + 0x01 * (now_s < self._awake_s)
 
     def _set(self, register: int, value: int, now_s: float) -> None:
         if register == RESET and value == 0xB6:
@@ -83,7 +85,7 @@ class Bme280(Part[HullTruth]):
 
     def _measurement_s(self) -> float:
         """Typical duration, section 9.1."""
-        t, p, h = (_times(bits) for bits in (self._ctrl_meas >> 5, self._ctrl_meas >> 2, self._osrs_h))
+        t, p, h = (TIMES[bits & 7] for bits in (self._ctrl_meas >> 5, self._ctrl_meas >> 2, self._osrs_h))
         return 1e-3 * (1.0 + 2.0 * t + (2.0 * p + 0.5 if p else 0.0) + (2.0 * h + 0.5 if h else 0.0))
 
     def _finish(self, now_s: float) -> None:
@@ -118,16 +120,6 @@ class Bme280(Part[HullTruth]):
         """Fault, and power-up: settings are lost, the calibration is loaded again."""
         self._pointer = self._ctrl_hum = self._osrs_h = self._ctrl_meas = self._config = 0
         self._waiting, self._done_s, self._awake_s = False, now_s, now_s + 0.9 * START_UP_S
-
-
-def _high() -> bytes:
-    """Registers 0xE1 to 0xE7: H4 and H5 share a byte (table 16)."""
-    _, h2, h3, h4, h5, h6 = H
-    return struct.pack("<hBbBbb", h2, h3, h4 >> 4, (h4 & 15) | (h5 & 15) << 4, h5 >> 4, h6)
-
-
-def _times(bits: int) -> int:
-    return (0, 1, 2, 4, 8, 16, 16, 16)[bits & 7]
 
 
 def _fine(raw: int) -> int:

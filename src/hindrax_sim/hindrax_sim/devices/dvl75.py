@@ -68,16 +68,6 @@ def _scalar(name: str, low: float, high: float, kind: type = float) -> Callable[
     return change
 
 
-def _orientation(text: str) -> Change | None:
-    angles = _numbers(text, 3)
-    return {"orientation_deg": tuple(angles)} if angles else None
-
-
-def _manual_mode(text: str) -> Change | None:
-    """OFF, or ten numbers: those that Cerulean's extension of BlueOS sends for a pool."""
-    return {"pool_mode": text != "OFF"} if text == "OFF" or _numbers(text, 10) else None
-
-
 SETTERS: Mapping[str, Callable[[str], Change | None]] = {
     "SEND-DVPDL": _switch("deltas"),
     "SEND-DVEXT": _switch("extended"),
@@ -90,10 +80,11 @@ SETTERS: Mapping[str, Callable[[str], Change | None]] = {
     "SET-VELOCITY-ADJUSTMENT": _scalar("velocity_adjustment", 0.8, 1.25),
     "DECLINATION": _scalar("declination_deg", -180.0, 180.0),
     "HEADING-OFFSET": _scalar("heading_offset_deg", -360.0, 360.0),
-    "SET-SENSOR-ORIENTATION": _orientation,
+    "SET-SENSOR-ORIENTATION": lambda text: {"orientation_deg": _numbers(text, 3)} if _numbers(text, 3) else None,
     "GRAB-IMU-CAL": lambda _: {"imu_calibrated": True},
     "VOID-IMU-CAL": lambda _: {"imu_calibrated": False},
-    "MANUAL-MODE": _manual_mode,
+    # OFF, or ten numbers: those that Cerulean's extension of BlueOS sends for a pool.
+    "MANUAL-MODE": lambda text: {"pool_mode": text != "OFF"} if text == "OFF" or _numbers(text, 10) else None,
     "BAUD-RATE": _scalar("baud", 9600, 921600, int),
 }
 """Change of the settings by a command's argument; None where it is refused."""
@@ -184,24 +175,23 @@ class Dvl75(Part[DvlTruth]):
     def _measure(self, travel_m: Vec3) -> None:
         """End an interval, send its sentences, start the next."""
         locked = self._update_lock()
-        if locked:
-            self._reckon()
+        if locked:  # dead reckoning
+            north, east, _ = over_ground(self._truth)
+            latitude, longitude = self._place_deg
+            step = self._span_us * 1e-6 / M_PER_DEGREE
+            self._place_deg = (latitude + north * step, longitude + east * step / math.cos(math.radians(latitude)))
         turned_rad = self._truth.turned_rad
         moved_m, confidence = self._measured_delta(minus(travel_m, self._reported_m), locked)
         end_us = self._end_us + self._jumped_us
         turn = minus(turned_rad, self._reported_rad)
         self._emit(Interval(end_us, self._span_us, moved_m, turn, confidence), locked)
         self._reported_m, self._reported_rad = travel_m, turned_rad
-        self._span_us = self._next_span_us(locked)
+        altitude = self._truth.altitude_m
+        self._span_us = SEARCH_INTERVAL_us
+        if locked and altitude is not None:
+            self._span_us = next(span for reach, span in INTERVALS_us if altitude <= reach)
         self._end_us += self._span_us
         self._next_s = self._booted_s + self._end_us / self._us_per_s
-
-    def _reckon(self) -> None:
-        """Move the place by the velocity over ground."""
-        north, east, _ = over_ground(self._truth)
-        latitude, longitude = self._place_deg
-        step = self._span_us * 1e-6 / M_PER_DEGREE
-        self._place_deg = (latitude + north * step, longitude + east * step / math.cos(math.radians(latitude)))
 
     def _update_lock(self) -> bool:
         """Update the lock: whether the bottom has been in range for half a second."""
@@ -229,12 +219,6 @@ class Dvl75(Part[DvlTruth]):
         x, y, z = (scale * way + error for way, error in zip(turned_m, noise, strict=True))
         self._measured_m = x, y, z
         return self._measured_m, 100
-
-    def _next_span_us(self, locked: bool) -> int:
-        altitude = self._truth.altitude_m
-        if not locked or altitude is None:
-            return SEARCH_INTERVAL_us
-        return next(span for reach, span in INTERVALS_us if altitude <= reach)
 
     def _emit(self, interval: Interval, locked: bool) -> None:
         if self._disguised:

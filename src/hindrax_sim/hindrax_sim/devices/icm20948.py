@@ -14,9 +14,15 @@ from hindrax_core.readings import DeviceText, Inertial, Magnetic
 from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_sim.devices.emulator import Emulator, NackError, Part
 from hindrax_sim.devices.imu.ak09916 import Ak09916, Bypass
-from hindrax_sim.devices.imu.icm20948_converters import SELF_TEST_CODES, Converters
 from hindrax_sim.devices.imu.icm20948_fifo_master import MAG_ADDRESS, Fifo, InnerMaster
-from hindrax_sim.devices.imu.imu_signal import ImuSignal, ImuTruth, SensorErrors, typical
+from hindrax_sim.devices.imu.imu_signal import (
+    SELF_TEST_CODES,
+    Converters,
+    ImuSignal,
+    ImuTruth,
+    SensorErrors,
+    typical,
+)
 from hindrax_sim.world import Mounting, World
 
 WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x07, 0x0F

@@ -71,10 +71,10 @@ class Ms5837(Part[WaterTruth]):
         """One command byte. A command during a conversion spoils it, and is itself ignored."""
         if not data:
             return
-        command = data[0]
+        command, running = data[0], self._conversion
         if command == RESET:
             self.power_cycle(now_s)
-        elif self._converting(now_s) and command != ADC_READ:
+        elif running is not None and running.begin_s <= now_s < running.end_s and command != ADC_READ:
             self._conversion = None
         elif command in range(D1_FIRST, D2_LAST + 1, 2):
             self._convert(command, now_s)
@@ -83,38 +83,31 @@ class Ms5837(Part[WaterTruth]):
     def read(self, count: int, now_s: float) -> bytes:
         """Answer to the last command; nothing but zeros without one."""
         if self._command == ADC_READ:
-            return self._fetch(now_s).to_bytes(3, "big")[:count].ljust(count, b"\0")
+            # Zero when it is read early, which spoils it, or twice.
+            conversion, self._conversion = self._conversion, None
+            value = conversion.value if conversion is not None and now_s >= conversion.end_s else 0
+            return value.to_bytes(3, "big")[:count].ljust(count, b"\0")
         if PROM_FIRST <= self._command <= PROM_LAST and now_s >= self._loaded_s:
             words = STRANGER if self._disguised else (*self.prom, 0)
             word = words[(self._command - PROM_FIRST) // 2]
             return word.to_bytes(2, "big")[:count].ljust(count, b"\0")
         return bytes(count)
 
-    def _converting(self, now_s: float) -> bool:
-        return self._conversion is not None and self._conversion.begin_s <= now_s < self._conversion.end_s
-
-    def _fetch(self, now_s: float) -> int:
-        """Value of a finished conversion, once; 0 when it is read early, which spoils it, or twice."""
-        conversion, self._conversion = self._conversion, None
-        return conversion.value if conversion is not None and now_s >= conversion.end_s else 0
-
     def _convert(self, command: int, now_s: float) -> None:
         kind, osr = command >> 4 & 1, (command & 0x0F) >> 1
         if not self._hung or not self._held[kind]:
-            self._held[kind] = self._d2() if kind else self._d1(osr)
+            self._held[kind] = self._made(kind, osr)
         duration_s = CONVERSION_S_PER_SAMPLE * (256 << osr)
         value = FULL_SCALE if self._saturated and not kind else self._held[kind]
         self._conversion = _Conversion(now_s, now_s + duration_s, value)
 
     # ---- the datasheet's compensation, backwards
 
-    def _d2(self) -> int:
-        """Temperature conversion."""
-        lsb_C = self.prom[6] / (1 << 23) / 100.0
-        return _clip(self._ideal_d2() + self._noise * NOISE_C / lsb_C * self._draw.gauss(0.0, 1.0))
-
-    def _d1(self, osr: int) -> int:
-        """Pressure conversion at the true temperature, in the middle of its step."""
+    def _made(self, kind: int, osr: int) -> int:
+        """Temperature conversion, or pressure conversion at the true temperature, in the middle of its step."""
+        if kind:
+            lsb_C = self.prom[6] / (1 << 23) / 100.0
+            return _clip(self._ideal_d2() + self._noise * NOISE_C / lsb_C * self._draw.gauss(0.0, 1.0))
         noise_Pa = self._noise * NOISE_Pa[self._model][osr] * self._draw.gauss(0.0, 1.0)
         step_Pa, shift = (10.0, 13) if self._model == "30BA" else (1.0, 15)
         _, offset, sensitivity = _forward(self._model, self.prom, self._ideal_d2())

@@ -45,9 +45,7 @@ class BusFault:
 WrongIdentity = partial(BusFault, switch=lambda device, on, now_s: (device.power_cycle(now_s), device.disguise(on)))
 """Another part answers at the address; the exchange interrupts its power."""
 Reset = partial(BusFault, switch=lambda device, on, now_s: on and device.power_cycle(now_s))
-"""The device loses power briefly, at the start."""
 Saturated = partial(BusFault, switch=lambda device, on, _now_s: device.saturate(on))
-"""Measurements at the end of their scale."""
 Repeated = partial(BusFault, switch=lambda device, on, _now_s: device.hang(on))
 """The converters hang: they repeat the last values."""
 Absent = partial(BusFault, refuses=1.0, switch=lambda device, on, now_s: on or device.power_cycle(now_s))

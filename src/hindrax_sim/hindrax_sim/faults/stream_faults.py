@@ -72,9 +72,7 @@ def _flipped(random: Random, data: bytes) -> list[bytes]:
 
 
 WrongIdentity = partial(StreamFault, switch=lambda device, on, _now_s: device.disguise(on))
-"""Another device answers."""
 Saturated = partial(StreamFault, switch=lambda device, on, _now_s: device.saturate(on))
-"""Measurements at the end of their scale."""
 Reset = partial(StreamFault, switch=lambda device, on, now_s: on and device.power_cycle(now_s))
 """The device restarts in mid-stream; its current message is cut."""
 ClockJump = partial(StreamFault, switch=lambda device, on, _now_s: device.jump_clock(LEAP_S if on else -LEAP_S))
@@ -86,9 +84,7 @@ UnplugReplug = partial(Absent, connected=False, switch=lambda device, on, now_s:
 CutFrames = partial(StreamFault, says=_cut)
 """A piece of random place and length is missing from every second message."""
 Bytewise = partial(StreamFault, says=lambda _random, data: [data[at : at + 1] for at in range(len(data))])
-"""Every byte arrives by itself."""
 BitFlips = partial(StreamFault, says=_flipped)
-"""One bit in a thousand is wrong."""
 BaudMismatch = partial(StreamFault, says=lambda random, data: [_garbled(random, data)], hears=_garbled)
 """The two ends use different baud rates: fewer bytes arrive, all of them wrong."""
 

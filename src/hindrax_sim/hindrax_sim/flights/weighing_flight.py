@@ -11,7 +11,7 @@ from hindrax_control.pilot import Pilot
 from hindrax_core.events import Stamp, Stamped, after, seconds_between
 from hindrax_core.signals import UNKNOWN6, Allocation, IdentEvent, Navigation, Phase, Thrust, Velocity
 from hindrax_core.vehicle import Vehicle
-from hindrax_sim.conditions.known_loads import KnownLoad
+from hindrax_sim.conditions.hull import KnownLoad
 from hindrax_sim.conditions.world_table import sizes_of
 from hindrax_sim.flights.lockstep import Lockstep, LockstepCommand
 from hindrax_sim.flights.pool_flight import calibrated

@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Quaternion, Vec3, Vec6
-from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle
+from hindrax_core.vehicle import AXES, Hydrodynamics, Vehicle
 from hindrax_sim.physics.added_mass_coupling import coupling
-from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back
+from hindrax_sim.physics.geometry import combined, minus, quaternion, rotate_back, six
 from hindrax_sim.physics.thruster import ThrusterLag, thruster_force, wrench_per_newton
 
 LONGEST_STEP_S = 0.005
@@ -51,11 +51,14 @@ class Plant:
         hydrodynamics = truth_of(vehicle)
         self._vehicle = vehicle
         self._influences, self._losses = tuple(influences), tuple(losses)
-        self._inertia = _inertia(vehicle, hydrodynamics)
+        body = (vehicle.mass_kg, vehicle.mass_kg, vehicle.mass_kg, *vehicle.inertia)
+        self._inertia = six(own + added for own, added in zip(body, hydrodynamics.added_mass, strict=True))
         mx, my, mz, Ix, Iy, Iz = self._inertia
         self._differences = (my - mz, mz - mx, mx - my, Iy - Iz, Iz - Ix, Ix - Iy)
         self._coupling = coupling(self._inertia, hydrodynamics)
-        self._drag = tuple(k for axis in AXES for k in _both_ways(hydrodynamics.drag(axis)))
+        # Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x.
+        both_ways = [(one, one.of(backward=True)) for one in map(hydrodynamics.drag, AXES)]
+        self._drag = tuple(k for ahead, (q, l) in both_ways for k in (-ahead.k_q, -ahead.k_l, q, -l))
         buoyancy_N = vehicle.buoyancy_N
         bx, by, bz = (buoyancy_N * arm for arm in minus(vehicle.center_of_buoyancy_m, vehicle.center_of_mass_m))
         awash_z = 0.5 * vehicle.envelope_m[2] + vehicle.center_of_mass_m[2]
@@ -294,17 +297,3 @@ def truth_of(vehicle: Vehicle) -> Hydrodynamics:
         remedy = "`./hindrax estimate --vehicle FILE` prints a block to add to the file"
         raise UsageError(f"{vehicle.name}.hydrodynamics: missing, wanted the mock's truth; {remedy}")
     return vehicle.hydrodynamics
-
-
-def _inertia(vehicle: Vehicle, hydrodynamics: Hydrodynamics) -> Vec6:
-    """Diagonal of body and added mass [kg, kg m^2]."""
-    m = vehicle.mass_kg
-    Ix, Iy, Iz = vehicle.inertia
-    ax, ay, az, ak, am, an = hydrodynamics.added_mass
-    return (m + ax, m + ay, m + az, Ix + ak, Iy + am, Iz + an)
-
-
-def _both_ways(drag: Drag) -> tuple[float, float, float, float]:
-    """Factors a, b of the force (a x + b) x, for positive and for negative motion: it always opposes x."""
-    k_q, k_l = drag.of(backward=True)
-    return (-drag.k_q, -drag.k_l, k_q, -k_l)

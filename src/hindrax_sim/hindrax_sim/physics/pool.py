@@ -33,8 +33,12 @@ class PoolWalls:
         near_x, near_y, near_z = self._near
         if -near_x < plant.x < near_x and -near_y < plant.y < near_y and plant.z < near_z:
             return
-        outside = self._beyond(plant)
-        self._count(outside)
+        (x, y, _), (along, across, below) = self._center(plant), self.clearance_m(plant)
+        outside = (math.copysign(max(0.0, -along), x), math.copysign(max(0.0, -across), y), max(0.0, -below))
+        was_x, was_y, was_z = self._touching
+        self._touching = at_x, at_y, at_z = (outside[0] != 0.0, outside[1] != 0.0, outside[2] != 0.0)
+        self.wall_hits += (at_x and not was_x) + (at_y and not was_y)
+        self.floor_hits += at_z and not was_z
         if any(outside):
             _push_back(plant, outside)
 
@@ -44,11 +48,6 @@ class PoolWalls:
         length, width, depth = self._limits
         return (length - abs(x) - ex, width - abs(y) - ey, depth - z - ez)
 
-    def _beyond(self, plant: Plant) -> Vec3:
-        """Signed distance of the hull beyond the box, along x, y, z [m]."""
-        (x, y, _), (along, across, below) = self._center(plant), self.clearance_m(plant)
-        return (math.copysign(max(0.0, -along), x), math.copysign(max(0.0, -across), y), max(0.0, -below))
-
     def _center(self, plant: Plant) -> Vec3:
         return minus((plant.x, plant.y, plant.z), rotate(plant.quaternion, self._offset_m))
 
@@ -56,13 +55,6 @@ class PoolWalls:
         corners = [rotate(plant.quaternion, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
         x, y, z = (sum(half * abs(c[k]) for half, c in zip(self._half_m, corners, strict=True)) for k in range(3))
         return (x, y, z)
-
-    def _count(self, outside: Vec3) -> None:
-        x, y, z = (beyond != 0.0 for beyond in outside)
-        was_x, was_y, was_z = self._touching
-        self.wall_hits += (x and not was_x) + (y and not was_y)
-        self.floor_hits += z and not was_z
-        self._touching = (x, y, z)
 
 
 def _push_back(plant: Plant, outside: Vec3) -> None:
