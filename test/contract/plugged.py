@@ -17,8 +17,8 @@ from hindrax_core.readings import BottomVelocity
 from hindrax_core.vehicle import Mount, Vehicle, load_vehicle
 from hindrax_drivers.buses.bus_schedule import BusOutput
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_sim.devices.emulator_registry import EMULATORS
 from hindrax_sim.faults.fault_registry import FaultSpec, with_bus_faults
+from hindrax_sim.hardware import EMULATORS
 
 Truth = Callable[[float], Any]
 """What is true, by the seconds since the start."""

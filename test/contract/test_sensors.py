@@ -19,8 +19,8 @@ from hindrax_core.readings import DeviceText
 from hindrax_core.sensor_table import SENSORS, Sensor
 from hindrax_core.testing import chunks
 from hindrax_drivers.driver_registry import DEVICES
-from hindrax_sim.devices.emulator_registry import EMULATORS
 from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec
+from hindrax_sim.hardware import EMULATORS
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 BEGIN_S, LASTS_S, BACK_WITHIN_S, AFTER_S = 4.0, 3.0, 2.0, 1.0

@@ -5,21 +5,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, Self
 
 from hindrax_core.bus_operations import EDGES
 from hindrax_core.events import Stamp, stamp_from_s, to_s
 from hindrax_core.readings import Vec3
+from hindrax_core.sensor_table import SENSORS
 from hindrax_core.vehicle import Mount, Vehicle
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
-from hindrax_sim.devices.emulator import SerialEmulator
-from hindrax_sim.devices.emulator_registry import EMULATORS, SERIAL
+from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
-from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, fault_injector, liar, with_bus_faults, with_faults
+from hindrax_sim.faults.fault_registry import (
+    FAULTS,
+    SERIAL,
+    FaultSpec,
+    fault_injector,
+    liar,
+    with_bus_faults,
+    with_faults,
+)
 from hindrax_sim.world import Conditions, World
 
+EMULATORS: dict[str, Emulator] = {
+    sensor.name: import_module(f"hindrax_sim.devices.{sensor.name}").EMULATOR for sensor in SENSORS
+}
+"""Of the sensors of `hindrax_core.sensor_table`, found by the names of their files."""
 START = stamp_from_s(10.0)
 STEP_s = 0.005
 STEP_ns = stamp_from_s(STEP_s)

@@ -20,7 +20,7 @@ from hindrax_core.events import NS_PER_S, Stamp
 from hindrax_core.topics import RAW_FRAMES, resolved
 from hindrax_core.vehicle import Vehicle
 from hindrax_sim.devices.emulator import NackError
-from hindrax_sim.devices.emulator_registry import SERIAL
+from hindrax_sim.faults.fault_registry import SERIAL
 
 SENT = 1
 IN_STEP_NS = 3 * NS_PER_S // 100

@@ -8,6 +8,7 @@ appears only in lever arms. Frames: SNAME body axes; the reference frame is nort
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import TypeAlias
 
 from hindrax_core.errors import UsageError
@@ -39,8 +40,8 @@ class Plant:
     """
 
     __slots__ = (
-        "_coupling", "_current", "_differences", "_drag", "_forces_N", "_gains", "_inertia", "_influences", "_lags",
-        "_losses", "_statics", "_supply_V", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
+        "_coupling", "_current", "_differences", "_drag", "_gains", "_inertia", "_influences", "_lags", "_losses",
+        "_statics", "_steady_N", "_supply_V", "_vehicle", "_wrenches", "ax", "ay", "az", "dp", "dq", "dr", "du", "dv",
         "dw", "p", "pulses_us", "q", "qw", "qx", "qy", "qz", "r", "sx", "sy", "sz", "targets_N", "u", "v", "w", "x",
         "y", "z",
     )  # fmt: skip
@@ -69,7 +70,10 @@ class Plant:
             ThrusterLag(lag_s, [index for index, one in enumerate(lags) if one == lag_s])
             for lag_s in dict.fromkeys(lags)
         ]
-        self._forces_N: dict[tuple[int, float], float] = {}
+        # Pulses repeat.
+        self._steady_N = lru_cache(MOST_FORCES)(
+            lambda index, pulse_us, supply_V: thruster_force(vehicle, vehicle.thrusters[index], pulse_us, supply_V)
+        )
         self._gains = (1.0,) * len(vehicle.thrusters)
         self._supply_V = vehicle.supply_V
         self._current: Vec3 | None = None
@@ -91,26 +95,13 @@ class Plant:
     def drive(self, pulses_us: Sequence[float]) -> None:
         """Apply one pulse per thruster, in the order of the vehicle file, until the next call; 0 is no signal."""
         self.pulses_us = tuple(pulses_us)
-        known = self._forces_N
-        forces = []
-        for index, pulse in enumerate(self.pulses_us):
-            force = known.get((index, pulse))
-            if force is None:
-                force = self._steady_force(index, pulse)
-            forces.append(force * self._gains[index])
+        told = zip(self.pulses_us, self._gains, strict=True)
+        forces = [self._steady_N(index, pulse, self._supply_V) * gain for index, (pulse, gain) in enumerate(told)]
         for loss in self._losses:
             forces = loss(forces)
         self.targets_N = tuple(forces)
         for lag in self._lags:
             lag.set_target(combined([(forces[index], self._wrenches[index]) for index in lag.thrusters]))
-
-    def _steady_force(self, index: int, pulse_us: float) -> float:
-        """Force of a pulse at the present voltage; cached, because pulses repeat."""
-        if len(self._forces_N) >= MOST_FORCES:
-            self._forces_N.clear()
-        force = thruster_force(self._vehicle, self._vehicle.thrusters[index], pulse_us, self._supply_V)
-        self._forces_N[index, pulse_us] = force
-        return force
 
     def scale_thrusters(self, gains: Sequence[float]) -> None:
         """Scale the curve of each thruster from now on: 1 is as in the vehicle file, 0 is failed."""
@@ -125,7 +116,6 @@ class Plant:
     @supply_V.setter
     def supply_V(self, volts: float) -> None:
         self._supply_V = volts
-        self._forces_N.clear()
         self.drive(self.pulses_us)
 
     @property
