@@ -18,7 +18,7 @@ from hindrax_sim.faults.fault_registry import FAULTS, FaultSpec, liar
 from hindrax_sim.hardware import TrueState
 from hindrax_tools.faults import table
 from hindrax_tools.faults.cells import DISARMED, HAND, HOLD, MANEUVER, MODES, Cell, Judge, is_wrong
-from hindrax_tools.faults.devices import ROWS, DeviceFlight
+from hindrax_tools.faults.devices import ROWS, fly
 
 WELL = Cell("dvl75", "died", "hold", 1, 0.4, 0.0, 1.0, "no command for 5 s")
 FLYING = TrueState(10.0, (0.1, 0.0, 2.0), (0.2, 0.0, 0.0), 0.8, 0, (3.0, 1.5), (1600.0, 1500.0))
@@ -126,7 +126,7 @@ def test_wrong_use_is_one_sentence(words: list[str], why: str, capsys: pytest.Ca
 )
 def test_a_lie_ends_thrust_before_it_does_harm(who: str, fault: str, mode: str, guard: str) -> None:
     (row,) = [one for one in ROWS if (one.who, one.fault) == (who, fault)]
-    cell = DeviceFlight(row, mode, 3).fly()
+    (cell,) = fly(row, mode, 3)
     assert cell.violated == ()
     assert cell.neutral_s is not None
     assert cell.reason.startswith(f"{guard}: ")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hindrax_bringup.share_files import default_vehicle
@@ -89,44 +90,30 @@ class ModePilot:
                 self.pilot.set(Setpoint(axis, value=value))
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceFlight:
-    """One flight: what it depends on. `fly` makes its cell."""
+def fly(row: DeviceFault, mode: str, seed: int) -> Iterator[Cell]:
+    """Fly, break, and judge every step of the hardware."""
+    at_s = random.Random(f"{row} {mode} {seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
+    pilot = ModePilot(mode, seed)
+    fault = FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)
+    step = Lockstep(pilot.vehicle, pilot, seed, fidelity="bytes", faults=[fault])
+    assert isinstance(step.rig, BytesRig)
+    hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
+    judge, lost, unhealthy = Judge(hardware.true_state()), "", ""
 
-    row: DeviceFault
-    mode: str
-    seed: int
+    def watch(stamp: Stamp) -> dict[str, bytes]:
+        nonlocal judge, lost, unhealthy
+        data, true = advance(stamp), hardware.true_state()
+        if step.elapsed_s < at_s:
+            judge = Judge(true)
+            lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
+        else:
+            judge.step(true, pilot.believed)
+            unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
+        return data
 
-    def fly(self) -> Cell:
-        """Fly, break, and judge every step of the hardware."""
-        row, mode = self.row, self.mode
-        at_s = random.Random(f"{row} {mode} {self.seed}").uniform(0.0, WITHIN_S) + FROM_S[mode]  # noqa: S311  # no secret
-        pilot = ModePilot(mode, self.seed)
-        step = Lockstep(
-            pilot.vehicle,
-            pilot,
-            self.seed,
-            fidelity="bytes",
-            faults=[FaultSpec(row.fault, (row.who,), at_s, row.lasts_s)],
-        )
-        assert isinstance(step.rig, BytesRig)
-        hardware, advance, onboard = step.rig.hardware, step.rig.hardware.advance, step.onboard
-        judge, lost, unhealthy = Judge(hardware.true_state()), "", ""
-
-        def watch(stamp: Stamp) -> dict[str, bytes]:
-            nonlocal judge, lost, unhealthy
-            data, true = advance(stamp), hardware.true_state()
-            if step.elapsed_s < at_s:
-                judge = Judge(true)
-                lost = "no thrust before the fault: nothing is shown" if true.neutral and mode != DISARMED else ""
-            else:
-                judge.step(true, pilot.believed)
-                unhealthy = unhealthy or next(iter(onboard.unhealthy), "")
-            return data
-
-        hardware.advance = watch  # type: ignore[method-assign]
-        for _ in step.run(at_s + AFTER_S[mode]):
-            pass
-        aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
-        reason = unhealthy or aborted or ("" if judge.flies_on else onboard.reason)
-        return judge.cell(row.who, row.what, mode, self.seed, reason, lost=lost)
+    hardware.advance = watch  # type: ignore[method-assign]
+    for _ in step.run(at_s + AFTER_S[mode]):
+        pass
+    aborted = pilot.maneuver.aborted if pilot.maneuver is not None else ""
+    reason = unhealthy or aborted or ("" if judge.flies_on else onboard.reason)
+    yield judge.cell(row.who, row.what, mode, seed, reason, lost=lost)

@@ -340,21 +340,17 @@ def faulty_stack(
             yield faulty
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessFlights:
-    """All cells of some rows, all `by_mock` or none, with one seed. A stack serves them until one of them loses it."""
+def fly(rows: Sequence[ProcessFault], seed: int) -> Iterator[Cell]:
+    """Fly all cells of some rows, all `by_mock` or none, with one seed, mode by mode.
 
-    rows: tuple[ProcessFault, ...]
-    seed: int
-
-    def fly(self) -> Iterator[Cell]:
-        """Fly them, mode by mode. Rows without which it flies on come first: one flight serves them all."""
-        left = [(row, mode) for mode in MODES for row in self.rows]
-        faults = ABSENCES if any(row.by_mock for row in self.rows) else ()
-        while left:
-            with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), self.seed, faults=faults) as stack:
-                lost = False
-                while left and not lost:
-                    cell = stack.cell(*left.pop(0), self.seed)
-                    lost = bool(stack.supervisor.children) and bool(cell.violated)
-                    yield cell
+    A stack serves them until one loses it. Rows without which it flies on come first: one flight serves them all.
+    """
+    left = [(row, mode) for mode in MODES for row in rows]
+    faults = ABSENCES if any(row.by_mock for row in rows) else ()
+    while left:
+        with tempfile.TemporaryDirectory() as folder, faulty_stack(Path(folder), seed, faults=faults) as stack:
+            lost = False
+            while left and not lost:
+                cell = stack.cell(*left.pop(0), seed)
+                lost = bool(stack.supervisor.children) and bool(cell.violated)
+                yield cell

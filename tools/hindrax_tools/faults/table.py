@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from hindrax_analysis.identification.executor import executor_for
 from hindrax_tools.faults import devices, processes
 from hindrax_tools.faults.cells import DISARMED, MODES, Cell
-from hindrax_tools.faults.devices import DeviceFlight
-from hindrax_tools.faults.processes import ProcessFlights
 
 WHO = tuple(dict.fromkeys([row.who for row in processes.ROWS] + [row.who for row in devices.ROWS]))
 
@@ -18,11 +17,9 @@ def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cel
     """Fly all cells, or those of some processes and devices; reports progress on stderr."""
     harmed = tuple(row for row in processes.ROWS if row.who in only)
     together = [tuple(row for row in harmed if row.by_mock is by_mock) for by_mock in (False, True)]
-    jobs: list[ProcessFlights | DeviceFlight] = [
-        ProcessFlights(some, seed) for some in together if some for seed in seeds
-    ]
+    jobs = [partial(processes.fly, some, seed) for some in together if some for seed in seeds]
     broken = [row for row in devices.ROWS if row.who in only]
-    jobs += [DeviceFlight(row, mode, seed) for row in broken for mode in MODES for seed in seeds]
+    jobs += [partial(devices.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
     found: list[Cell] = []
     for number, cells in enumerate(executor_for(workers=workers).map(_fly, jobs), start=1):
         found += cells
@@ -30,9 +27,9 @@ def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cel
     return found
 
 
-def _fly(job: ProcessFlights | DeviceFlight) -> list[Cell]:
+def _fly(job: Callable[[], Iterator[Cell]]) -> list[Cell]:
     cells = []
-    for one in [job.fly()] if isinstance(job, DeviceFlight) else job.fly():
+    for one in job():
         cells.append(one)
         came = "; ".join(one.violated) or entry([one])
         print(f"{one.who} {one.what}, {one.mode}, seed {one.seed}: {came}", file=sys.stderr, flush=True)
