@@ -57,17 +57,9 @@ class Conditions:
 
 def conditions_of(vehicle: Vehicle, *, mock: bool, motions: tuple[str, ...] = ()) -> Conditions:
     """Conditions from the vehicle file; use `dataclasses.replace` for the rest."""
-    water = vehicle.water
-    return Conditions(
-        vehicle=vehicle.name,
-        mass_kg=vehicle.mass_kg,
-        volume_m3=vehicle.volume_m3,
-        length_m=vehicle.envelope_m[0],
-        density_kgpm3=water.density_kgpm3,
-        kinematic_viscosity_m2ps=water.kinematic_viscosity_m2ps,
-        mock=mock,
-        motions=motions,
-    )
+    hull = vehicle.mass_kg, vehicle.volume_m3, vehicle.envelope_m[0]
+    water = vehicle.water.density_kgpm3, vehicle.water.kinematic_viscosity_m2ps
+    return Conditions(vehicle.name, *hull, *water, mock=mock, motions=motions)
 
 
 # ---- writing
@@ -153,9 +145,8 @@ def read_coefficients(file: Path, label: str = "") -> SavedCoefficients:
     try:
         data = read_yaml(file.read_text(encoding="utf-8"), str(file))
     except (OSError, UnicodeDecodeError) as error:
-        raise HindraxError(
-            f"{file}: cannot be read ({cause(error)}); name a run folder or a coefficients.yaml"
-        ) from error
+        wanted = "name a run folder or a coefficients.yaml"
+        raise HindraxError(f"{file}: cannot be read ({cause(error)}); {wanted}") from error
     return coefficients_of(data, str(file), label or file.parent.name)
 
 
@@ -183,7 +174,10 @@ def _motion(body: object, path: str) -> SavedMotion:
     if not isinstance(body, Mapping):
         raise HindraxError(f"{path}: found {body!r}, wanted a mapping of coefficients")
     numbers = {name: _number(body[name], f"{path}.{name}") for name in KNOWN if body.get(name) is not None}
-    low, high = _pair(body.get("speeds") or (0.0, 0.0), f"{path}.speeds")
+    speeds = body.get("speeds") or (0.0, 0.0)
+    if not isinstance(speeds, list | tuple) or len(speeds) != 2:
+        raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
+    low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
     return SavedMotion(
         numbers=numbers,
         identifiable=bool(body.get("identifiable", True)),
@@ -205,12 +199,6 @@ def _number(body: object, path: str) -> Number:
         truth=None if truth is None else _finite(truth, f"{path}.truth"),
         unit=str(body.get("unit", "")),
     )
-
-
-def _pair(found: object, path: str) -> tuple[float, float]:
-    if not isinstance(found, list | tuple) or len(found) != 2:
-        raise HindraxError(f"{path}: found {found!r}, wanted the lowest and the highest speed")
-    return _finite(found[0], path), _finite(found[1], path)
 
 
 def _float(value: object, path: str, wanted: str = "a number") -> float:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hindrax_analysis.records import bag_events
+from hindrax_analysis.records import own_bag
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.signals import Phase
 from hindrax_core.topics import MANEUVER, resolved
@@ -21,6 +21,6 @@ def test_what_a_process_said_late_is_not_left_out(monkeypatch: pytest.MonkeyPatc
         return SimpleNamespace(topic=resolved(MANEUVER), decoded=lambda: told)
 
     written = [phase(second) for second in (10, 17, 18, 12, 13, 19)]
-    monkeypatch.setattr(bag_events, "messages", lambda _bag, _topics: iter(written))
-    found = [one.reading for one in bag_events.bag_events("a bag", load_vehicle(default_vehicle()))]
+    monkeypatch.setattr(own_bag, "messages", lambda _bag, _topics: iter(written))
+    found = [one.reading for one in own_bag.bag_events("a bag", load_vehicle(default_vehicle()))]
     assert found == [Phase("pitch", second) for second in ("10", "12", "13", "17", "18", "19")]

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hindrax_analysis.records.maneuver_record import ManeuverRecord, record_of
+from hindrax_analysis.records.own_bag import ManeuverRecord, record_of
 
 BOUNDS = "pool_bounds: 0.4 m to the wall; give it room"
 

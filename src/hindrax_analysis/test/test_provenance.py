@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from hindrax_analysis.records.provenance import is_mock, truth_in
+from hindrax_analysis.records.own_bag import is_mock, truth_in
 from hindrax_bag.write.bag_writer import BagWriter
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_core.events import Stamp

@@ -18,11 +18,10 @@ from hindrax_analysis.published import PUBLISHED, published_of
 from hindrax_analysis.report import RunReport, Trace, comparison_page, run_page
 from hindrax_analysis.report.chart import Band, Bars, Chart, Line, Points, Stems, drawing, figure
 from hindrax_analysis.report.comparison import pool_runs
-from hindrax_analysis.report.dimensionless import dimensionless
 from hindrax_analysis.report.figures import MotionFigures, charts_of, comparable_methods
 from hindrax_analysis.report.forest import Entry, forest
 from hindrax_analysis.report.page import plus_minus, table
-from hindrax_analysis.report.report_tables import table_3, table_budget, table_methods
+from hindrax_analysis.report.report_tables import dimensionless, table_3, table_budget, table_methods
 from hindrax_analysis.report.scale import Scale, data_range, thinned, tick_text, ticks
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import array

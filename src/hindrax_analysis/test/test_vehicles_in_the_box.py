@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_analysis.identification.montecarlo import HullTruth, trial_of
+from hindrax_analysis.identification.montecarlo import trial_of
 from hindrax_bringup.share_files import default_vehicle
 from hindrax_control.maneuver.goal import ServableMotions, motions_to_fly
 from hindrax_control.maneuver.plan import PlanKnobs
@@ -48,7 +48,7 @@ def test_each_flies_all_it_can_and_its_drag_is_within_its_band(file: Path, world
     flight = fly(motions, 3, world, vehicle=vehicle, knobs=PilotKnobs(plan=SHORT))
     assert flight.aborted == ""
     assert flight.world.box.wall_hits == 0
-    trial = trial_of(3, flight.outcome, HullTruth(flight.truth, flight.drag_N))
+    trial = trial_of(3, flight.outcome, flight.truth, flight.drag_N)
     assert {one.motion.partition("_")[0] for one in trial.drag} == set(motions)
     assert max(abs(one.z) for one in trial.drag) < 3.0
     assert [one.motion for one in trial.drag if world == "ideal" and one.share == 1.0 and abs(one.error) > 0.02] == []

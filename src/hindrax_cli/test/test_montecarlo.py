@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hindrax_analysis.identification.executor import DaskCluster, InThisProcess, LocalProcesses, executor_for
+from hindrax_analysis.identification.executor import on_cluster, run_all
 from hindrax_analysis.identification.montecarlo import (
     CoefficientError,
     DragError,
@@ -59,15 +59,15 @@ def test_summary_has_the_shape_of_the_command_line() -> None:
     json.dumps(document)
 
 
-@pytest.mark.parametrize("executor", [InThisProcess(), LocalProcesses(2)], ids=["here", "processes"])
-def test_results_come_in_the_order_of_the_items(executor: InThisProcess | LocalProcesses) -> None:
-    assert list(executor.map(math.factorial, range(7))) == [1, 1, 2, 6, 24, 120, 720]
+@pytest.mark.parametrize("workers", [1, 2], ids=["here", "processes"])
+def test_results_come_in_the_order_of_the_items(workers: int) -> None:
+    assert list(run_all(math.factorial, range(7), workers=workers)) == [1, 1, 2, 6, 24, 120, 720]
 
 
-@pytest.mark.parametrize("executor", [InThisProcess(), LocalProcesses(2)], ids=["here", "processes"])
-def test_what_goes_wrong_in_a_worker_is_raised_here(executor: InThisProcess | LocalProcesses) -> None:
+@pytest.mark.parametrize("workers", [1, 2], ids=["here", "processes"])
+def test_what_goes_wrong_in_a_worker_is_raised_here(workers: int) -> None:
     with pytest.raises(ValueError, match="negative"):
-        list(executor.map(math.factorial, [1, -1, 2]))
+        list(run_all(math.factorial, [1, -1, 2], workers=workers))
 
 
 def test_a_dask_cluster_gives_the_same() -> None:
@@ -75,20 +75,21 @@ def test_a_dask_cluster_gives_the_same() -> None:
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp", host="127.0.0.1"
     ) as cluster:
-        executor = executor_for(cluster.scheduler_address)
-        assert isinstance(executor, DaskCluster)
-        assert list(executor.map(math.factorial, range(5))) == [1, 1, 2, 6, 24]
+        there = cluster.scheduler_address
+        assert list(run_all(lambda _: distributed.get_worker() is not None, [0], cluster=there)) == [True]
+        assert list(run_all(math.factorial, range(5), cluster=there)) == [1, 1, 2, 6, 24]
 
 
 def test_no_cluster_at_the_address_is_said() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(HindraxError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1"):
-        DaskCluster("tcp://127.0.0.1:1", timeout_s=1.0)
+        list(on_cluster(math.factorial, [1], "tcp://127.0.0.1:1", timeout_s=1.0))
 
 
 def test_one_worker_needs_no_process() -> None:
-    assert isinstance(executor_for(workers=1), InThisProcess)
-    assert isinstance(executor_for(), LocalProcesses)
+    here, ours = "/proc/self", str(os.getpid())
+    assert list(run_all(os.readlink, [here], workers=1)) == [ours]
+    assert ours not in list(run_all(os.readlink, [here]))
 
 
 def test_the_command_flies_and_compares(capsys: pytest.CaptureFixture[str]) -> None:
@@ -112,11 +113,11 @@ def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pyte
 
 INTERRUPTED = """
 import time
-from hindrax_analysis.identification.executor import LocalProcesses
+from hindrax_analysis.identification.executor import run_all
 if __name__ == "__main__":
     try:
         print("starting", flush=True)
-        for _ in LocalProcesses(2).map(time.sleep, [0.0, 60.0, 60.0]):
+        for _ in run_all(time.sleep, [0.0, 60.0, 60.0], workers=2):
             print("working", flush=True)
     except KeyboardInterrupt:
         print("interrupted")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_runs import DVL, back_and_forth, events, fly
 
-from hindrax_analysis.identification.montecarlo import HullTruth, trial_of
+from hindrax_analysis.identification.montecarlo import trial_of
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.results import truth_of
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
@@ -52,8 +52,7 @@ def test_a_trial_holds_every_coefficient_of_every_method(vehicle: Vehicle) -> No
     session = Session(vehicle)
     for event in events(flight, 0, "surge", DVL, np.random.default_rng(2), plateau_s=5.0):
         session.step(event)
-    hull = HullTruth(truth_of(vehicle), lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v)
-    trial = trial_of(7, session.finalize(), hull)
+    trial = trial_of(7, session.finalize(), truth_of(vehicle), lambda _motion, v: 66.48 * abs(v) * v + 1.25 * v)
     keys = {(one.coefficient, one.method) for one in trial.found}
     assert {("k_q", "output-error"), ("added_mass", "output-error"), ("k_q", "rls"), ("k_q", "plateaus")} <= keys
     assert all(one.bound > 0.0 for one in trial.found)

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from hindrax_analysis.identification.executor import executor_for
+from hindrax_analysis.identification.executor import run_all
 from hindrax_tools.faults import devices, processes
 from hindrax_tools.faults.cells import DISARMED, MODES, Cell
 
@@ -21,7 +21,7 @@ def fly(only: Sequence[str], seeds: Sequence[int], workers: int = 0) -> list[Cel
     broken = [row for row in devices.ROWS if row.who in only]
     jobs += [partial(devices.fly, row, mode, seed) for row in broken for mode in MODES for seed in seeds]
     found: list[Cell] = []
-    for number, cells in enumerate(executor_for(workers=workers).map(_fly, jobs), start=1):
+    for number, cells in enumerate(run_all(_fly, jobs, workers=workers), start=1):
         found += cells
         print(f"{number} of {len(jobs)} flights", file=sys.stderr, flush=True)
     return found

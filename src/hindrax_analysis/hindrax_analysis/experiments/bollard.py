@@ -16,6 +16,7 @@ from hindrax_analysis.experiments.experiment_record import Column
 from hindrax_analysis.experiments.least_squares import Array, Value, least_squares
 from hindrax_core.curves.curve_branches import Branch
 from hindrax_core.errors import HindraxError
+from hindrax_ident.arrays import array
 
 COLUMNS = (
     Column("pulse_us", "pulse [us]"),
@@ -56,13 +57,12 @@ class Direction:
 
     def branch(self) -> Branch:
         """Part of the cubic that is monotone, as the vehicle file has it."""
-        values = tuple(c.value for c in self.c)
-        spread = tuple(c.std for c in self.c)
+        c1, c2, c3, c4 = self.c
         return Branch(
-            c=(values[0], values[1], values[2], values[3]),
+            c=(c1.value, c2.value, c3.value, c4.value),
             from_us=max(self.from_us, self.monotone_from_us),
             to_us=min(self.to_us, self.monotone_to_us),
-            sigma=(spread[0], spread[1], spread[2], spread[3]),
+            sigma=(c1.std, c2.std, c3.std, c4.std),
         )
 
 
@@ -120,21 +120,16 @@ def _direction(pulse_us: Array, thrust_N: Array, name: str) -> Direction:
     middle = float(np.mean(pulse_us))
     x = (pulse_us - middle) / HALF_RANGE_us
     found = least_squares(np.column_stack((np.ones(x.size), x, x**2, x**3)), thrust_N, COEFFICIENTS)
-    back = _uncenter(middle)
+    # From coefficients of x^n, x being (P - middle) / half range, to those of P^n.
+    base = np.polynomial.Polynomial([-middle / HALF_RANGE_us, 1.0 / HALF_RANGE_us])
+    back = array(np.column_stack([np.pad((base**power).coef, (0, 3 - power)) for power in range(4)]))
     values = back @ found.values
     covariance = back @ found.covariance @ back.T
     spread = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
-    c = tuple(Value(float(v), float(s)) for v, s in zip(values, spread, strict=True))
+    c1, c2, c3, c4 = (Value(float(v), float(s)) for v, s in zip(values, spread, strict=True))
     low, high = float(pulse_us.min()), float(pulse_us.max())
-    rising = monotone_range((c[0].value, c[1].value, c[2].value, c[3].value), low, high)
-    return Direction((c[0], c[1], c[2], c[3]), covariance, low, high, *rising, found.residual_std, found.samples)
-
-
-def _uncenter(middle: float) -> Array:
-    """Matrix that turns coefficients of ((P - middle) / half range)^n into coefficients of P^n (4, 4)."""
-    base = np.polynomial.Polynomial([-middle / HALF_RANGE_us, 1.0 / HALF_RANGE_us])
-    columns = [(base**power).coef for power in range(4)]
-    return np.column_stack([np.pad(column, (0, 4 - column.size)) for column in columns])
+    rising = monotone_range((c1.value, c2.value, c3.value, c4.value), low, high)
+    return Direction((c1, c2, c3, c4), covariance, low, high, *rising, found.residual_std, found.samples)
 
 
 def monotone_range(c: tuple[float, float, float, float], low_us: float, high_us: float) -> tuple[float, float]:
@@ -169,11 +164,10 @@ def vehicle_block(curve: BollardCurve, name: str = "main", source: str = "bollar
 
 
 def _branch_block(branch: Branch) -> dict[str, object]:
-    sigma = list(branch.sigma) if branch.sigma else None
     # Pulses are rounded inwards, so that the range stays within the rising part.
     return {
         "c": [float(f"{c:.9g}") for c in branch.c],
         "from_us": float(np.ceil(branch.from_us)),
         "to_us": float(np.floor(branch.to_us)),
-        "sigma": [float(f"{s:.4g}") for s in sigma] if sigma else None,
+        "sigma": [float(f"{s:.4g}") for s in branch.sigma or ()],
     }

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,8 +53,7 @@ def displacement(acceleration_mps2: Array, rate_Hz: float) -> Array:
     signal = acceleration_mps2[release(acceleration_mps2) :]
     signal = signal - np.mean(signal)
     pad = min(signal.size - 1, int(3.0 * rate_Hz / (HIGH_PASS * frequency)))
-    parities: tuple[Literal["even", "odd"], ...] = ("even", "odd")
-    for parity in parities:
+    for parity in ("even", "odd"):
         smooth = np.asarray(sosfiltfilt(high_pass, signal, padtype=parity, padlen=pad))
         signal = np.concatenate(([0.0], np.cumsum(0.5 * (smooth[1:] + smooth[:-1])))) / rate_Hz
     signal = signal - np.mean(signal)
@@ -89,22 +87,17 @@ def swings(signal: Array, rate_Hz: float) -> tuple[Array, Array]:
     floor = 2.0 * SMALLEST_SWING * float(np.max(np.abs(part - np.median(part))))
     tops, _ = find_peaks(part, distance=apart, prominence=floor)
     bottoms, _ = find_peaks(-part, distance=apart, prominence=floor)
-    times, values = _parabola(part, _alternating(tops, bottoms), rate_Hz)
+    # Tops and bottoms in turn, up to the first two of one kind in a row: noise begins there.
+    indices = np.concatenate((tops, bottoms))
+    order = np.argsort(indices)
+    repeats = np.flatnonzero(np.diff(order < tops.size) == 0)
+    times, values = _parabola(part, indices[order][: int(repeats[0]) + 1 if repeats.size else None], rate_Hz)
     if times.size < FEWEST_SWINGS + 1:
         raise HindraxError(
             f"free decay: found {times.size} turning points, wanted at least {FEWEST_SWINGS + 1}; "
             "pull further aside, use a stiffer spring or record longer"
         )
     return times + start / rate_Hz, values
-
-
-def _alternating(tops: NDArray[np.intp], bottoms: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Indices of turning points in order, (n,), up to the first two of one kind in a row: noise begins there."""
-    indices = np.concatenate((tops, bottoms))
-    order = np.argsort(indices)
-    top = np.concatenate((np.ones(tops.size), np.zeros(bottoms.size)))[order]
-    repeats = np.flatnonzero(np.diff(top) == 0.0)
-    return indices[order][: int(repeats[0]) + 1 if repeats.size else None]
 
 
 def _parabola(signal: Array, at: NDArray[np.intp], rate_Hz: float) -> tuple[Array, Array]:
@@ -143,16 +136,13 @@ def decay_of(signal: Array, rate_Hz: float) -> Decay:
     frequency = math.pi / period.value
     return Decay(
         frequency_radps=Value(frequency, frequency * period.std / period.value),
-        damping_ratio=_damping_ratio(delta),
+        damping_ratio=propagate(
+            lambda d: damping_ratio(float(d[0])), np.array([delta.value]), np.array([[delta.std**2]])
+        ),
         decrement=delta,
         swing_time_s=middle,
         swing_m=half,
     )
-
-
-def _damping_ratio(decrement: Value) -> Value:
-    values, covariance = np.array([decrement.value]), np.array([[decrement.std**2]])
-    return propagate(lambda d: damping_ratio(float(d[0])), values, covariance)
 
 
 def curve_fit(signal: Array, rate_Hz: float, start: Decay) -> Decay:

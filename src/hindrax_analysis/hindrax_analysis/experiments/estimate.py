@@ -8,17 +8,15 @@ Axes are SNAME (x forward, y starboard, z down); six-vectors go surge, sway, hea
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import cast
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hindrax_core.errors import HindraxError
+from hindrax_core.readings import Vec6
 from hindrax_core.vehicle import Drag, GRAVITY_mps2, Hydrodynamics
-
-Six: TypeAlias = tuple[float, float, float, float, float, float]
 
 PRISM_RATIO = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 PRISM_ADDED_MASS = (0.68, 0.36, 0.24, 0.19, 0.15, 0.14, 0.11)
@@ -89,9 +87,9 @@ class Dimensions:
 class EmpiricalModel:
     """The estimate. Added mass [kg, kg m^2], drag [N s^2/m^2, Nm s^2] and [N s/m, Nm s], inertia [kg m^2]."""
 
-    added_mass: Six
-    quadratic_drag: Six
-    linear_drag: Six
+    added_mass: Vec6
+    quadratic_drag: Vec6
+    linear_drag: Vec6
     inertia_kgm2: tuple[float, float, float]
     restoring_Nm: float
     """m g BG: the righting moment per sine of roll or pitch."""
@@ -139,12 +137,10 @@ def empirical(dimensions: Dimensions) -> EmpiricalModel:
 
 def hydrodynamics_of(model: EmpiricalModel) -> Hydrodynamics:
     """Return the estimate as the block of a vehicle file, with the digits that it deserves."""
-    rounded = [
-        [float(f"{one:.3g}") for one in row] for row in (model.added_mass, model.quadratic_drag, model.linear_drag)
-    ]
-    added, *drags = rounded
-    surge, sway, heave, roll, pitch, yaw = (Drag(k_q, k_l) for k_q, k_l in zip(*drags, strict=True))
-    return Hydrodynamics(_six(float, added), surge, sway, heave, roll, pitch, yaw)
+    tables = (model.added_mass, model.quadratic_drag, model.linear_drag)
+    added, k_q, k_l = ([float(f"{one:.3g}") for one in row] for row in tables)
+    surge, sway, heave, roll, pitch, yaw = map(Drag, k_q, k_l)
+    return Hydrodynamics(cast("Vec6", tuple(added)), surge, sway, heave, roll, pitch, yaw)
 
 
 def prism_inertia(dimensions: Dimensions) -> tuple[float, float, float]:
@@ -154,7 +150,7 @@ def prism_inertia(dimensions: Dimensions) -> tuple[float, float, float]:
     return (twelfth * (W + H), twelfth * (L + H), twelfth * (W + L))
 
 
-def _added_mass(dimensions: Dimensions, notes: list[str]) -> tuple[Six, float]:
+def _added_mass(dimensions: Dimensions, notes: list[str]) -> tuple[Vec6, float]:
     """Strips of rectangular section, carried to three dimensions by the ratio found in surge."""
     L, W, H, rho = dimensions.length_m, dimensions.width_m, dimensions.height_m, dimensions.density_kgpm3
     front, side, top = dimensions.area_ratios
@@ -173,10 +169,10 @@ def _added_mass(dimensions: Dimensions, notes: list[str]) -> tuple[Six, float]:
 
     strips = (surge_strip, lateral * side * H, lateral * top * W)
     turns = (rotation(H / W, max(H, W), L), rotation(L / H, max(L, H), W), rotation(W / L, max(L, W), H))
-    return _six(lambda value: scale * value, (*strips, *turns)), scale
+    return cast("Vec6", tuple(scale * value for value in (*strips, *turns))), scale
 
 
-def _quadratic_drag(dimensions: Dimensions, notes: list[str]) -> tuple[Six, float]:
+def _quadratic_drag(dimensions: Dimensions, notes: list[str]) -> tuple[Vec6, float]:
     """Two-dimensional drag of each face, carried to three dimensions by the ratio found in surge.
 
     A rotation meets four quarters of faces; each is a plate with a third of the drag (the speed grows from the axis
@@ -205,15 +201,10 @@ def _quadratic_drag(dimensions: Dimensions, notes: list[str]) -> tuple[Six, floa
     ), scale
 
 
-def _linear_drag(quadratic: Six, added: Six, inertia: tuple[float, float, float], restoring: float) -> Six:
+def _linear_drag(quadratic: Vec6, added: Vec6, inertia: tuple[float, float, float], restoring: float) -> Vec6:
     """Translations as a part of the quadratic; roll and pitch from their damping ratio; yaw by the ratio of pitch."""
     roll, pitch = (
         2.0 * ROTATION_DAMPING_RATIO * math.sqrt(restoring * (inertia[axis] + added[axis + 3])) for axis in (0, 1)
     )
     surge, sway, heave = (LINEAR_PART * quadratic[axis] for axis in range(3))
     return (surge, sway, heave, roll, pitch, quadratic[5] * pitch / quadratic[4])
-
-
-def _six(change: Callable[[float], float], values: Sequence[float]) -> Six:
-    a, b, c, d, e, f = (change(value) for value in values)
-    return (a, b, c, d, e, f)

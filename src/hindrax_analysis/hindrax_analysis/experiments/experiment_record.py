@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hindrax_analysis.experiments.least_squares import Array
-from hindrax_analysis.records.csv_rows import check_width, rows_of
+from hindrax_analysis.records.csv_columns import check_width, rows_of
 from hindrax_core.errors import HindraxError
 
 MOST_JITTER = 0.01

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 
@@ -152,7 +153,10 @@ def _misfit(run: OscillationRun, frequency: float) -> float:
     return float(residual @ residual)
 
 
-def amplitudes(run: OscillationRun) -> tuple[float, float, dict[str, Harmonics]]:
+Analyzed: TypeAlias = tuple[float, float, dict[str, Harmonics]]
+
+
+def amplitudes(run: OscillationRun) -> Analyzed:
     """Frequency [rad/s], acceleration amplitude, and the harmonics of each load, in phase with the acceleration.
 
     The phase is zero where the acceleration rises through zero: motion = -(amplitude / w^2) sin. Every period that the
@@ -188,12 +192,7 @@ def derivatives(runs: Sequence[OscillationRun], model: Model) -> list[Coefficien
     return [_coefficient(name, runs, analyzed, model) for name in names]
 
 
-def _coefficient(
-    load: str,
-    runs: Sequence[OscillationRun],
-    analyzed: Sequence[tuple[float, float, dict[str, Harmonics]]],
-    model: Model,
-) -> Coefficient:
+def _coefficient(load: str, runs: Sequence[OscillationRun], analyzed: Sequence[Analyzed], model: Model) -> Coefficient:
     motion = runs[0].motion
     own = model.own_inertia(motion) if load == motion.own else 0.0
     restoring = model.restoring_Nm if load == motion.own == "M_Nm" else 0.0
@@ -212,9 +211,7 @@ def _coefficient(
     )
 
 
-def _by_amplitudes(
-    load: str, analyzed: Sequence[tuple[float, float, dict[str, Harmonics]]], own: float, restoring: float
-) -> Value:
+def _by_amplitudes(load: str, analyzed: Sequence[Analyzed], own: float, restoring: float) -> Value:
     """Slope of F_s over the acceleration amplitude, through the origin (20-23); its spread needs two frequencies."""
     acceleration = np.array([item[1] for item in analyzed])
     # The righting moment opposes the angle, and the angle opposes its own acceleration: it appears with a plus.
@@ -226,12 +223,7 @@ def _by_amplitudes(
     return Value(float(fit.values[0]) + own, fit[load].std)
 
 
-def _by_time_series(
-    load: str,
-    runs: Sequence[OscillationRun],
-    analyzed: Sequence[tuple[float, float, dict[str, Harmonics]]],
-    restoring: float,
-) -> Fit:
+def _by_time_series(load: str, runs: Sequence[OscillationRun], analyzed: Sequence[Analyzed], restoring: float) -> Fit:
     """Least squares of the load itself on acceleration, velocity and a constant (11-14), all runs together."""
     blocks, measured = [], []
     for run, (frequency, _, _) in zip(runs, analyzed, strict=True):

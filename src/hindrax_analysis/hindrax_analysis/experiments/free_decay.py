@@ -130,33 +130,24 @@ def _with_spread(value: Value, other: float) -> Value:
     return Value(value.value, math.hypot(value.std, 0.5 * abs(value.value - other)))
 
 
-def _damped_of(inputs: Array) -> float:
+def _damped(v: Array) -> float:
     """Return (5) of stiffness, frequency, damping ratio and mass, the order of all three formulas here."""
-    stiffness, frequency, zeta, mass = map(float, inputs)
-    return added_mass_damped(stiffness, frequency, zeta, mass)
+    return added_mass_damped(*map(float, v))
 
 
-def _undamped_of(inputs: Array) -> float:
-    stiffness, frequency, _, mass = map(float, inputs)
-    return added_mass_undamped(stiffness, frequency, mass)
-
-
-def _damping_of(inputs: Array) -> float:
-    stiffness, _, zeta, mass = map(float, inputs)
-    return linear_damping(stiffness, zeta, mass, _damped_of(inputs))
+def _damping(v: Array) -> float:
+    return linear_damping(float(v[0]), float(v[2]), float(v[3]), _damped(v))
 
 
 def _result(decay: Decay, fitted: Decay, bench: Bench, amplitude: float) -> FreeDecay:
     inputs = np.array([bench.stiffness_Npm, decay.frequency_radps.value, decay.damping_ratio.value, bench.mass_kg])
     spread = (bench.stiffness_std_Npm, decay.frequency_radps.std, decay.damping_ratio.std, bench.mass_std_kg)
     covariance = np.diag(np.square(spread))
-    damped = propagate(_damped_of, inputs, covariance)
-    undamped = propagate(_undamped_of, inputs, covariance)
-    damping = propagate(_damping_of, inputs, covariance)
     other = inputs.copy()
     other[1:3] = fitted.frequency_radps.value, fitted.damping_ratio.value
-    damped = _with_spread(damped, _damped_of(other))
-    damping = _with_spread(damping, _damping_of(other))
+    damped = _with_spread(propagate(_damped, inputs, covariance), _damped(other))
+    damping = _with_spread(propagate(_damping, inputs, covariance), _damping(other))
+    undamped = propagate(lambda v: added_mass_undamped(float(v[0]), float(v[1]), float(v[3])), inputs, covariance)
     displaced = bench.density_kgpm3 * bench.volume_m3
     coefficient = Value(damped.value / displaced, damped.std / displaced)
     linear, quadratic = drag_from_swings(decay, bench.mass_kg + damped.value)

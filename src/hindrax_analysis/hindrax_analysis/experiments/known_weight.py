@@ -38,6 +38,7 @@ SUPPLY = 0.003
 """Thrust between two charged batteries, or two settings of a supply [-]."""
 ALIGNMENT = 0.0006
 """Load that does not act along the axis: two degrees."""
+SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +117,9 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
     loads = np.array([hold.load for hold in holds])
     if len(holds) < 2 or np.ptp(loads) == 0.0:
         raise HindraxError(f"{name}: found no two loads that differ, wanted holds with the weight and without it")
-    ways, sigmas = np.array([_ways(hold) for hold in holds]), _deviations(holds, axis, dynamics)
+    # Means of the thrust ahead and of that astern.
+    ways = np.array([(np.maximum(hold.thrust, 0.0).mean(), np.minimum(hold.thrust, 0.0).mean()) for hold in holds])
+    sigmas = _deviations(holds, axis, dynamics)
     reached = ways[:, 0].max(), -ways[:, 1].min()
     weighed = [reach >= LEAST_SHARE * float(np.abs(loads).max()) for reach in reached]
     both = np.array([ways.sum(axis=1), ways[:, 0] - ways[:, 1]]).T
@@ -141,14 +144,6 @@ def weigh(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics, *, load_sig
         negative=float(theta[0] - theta[1]) if weighed[1] else None,
     )
     return Weighing(name, gain, parts, float(theta[3] / theta[0]), misfit)
-
-
-SOURCES = ("scatter of the thrust", "quality of the hold", "drift of the DVL", "dead bands")
-
-
-def _ways(hold: Hold) -> tuple[float, float]:
-    """Mean of the thrust ahead, and of that astern [N, Nm]."""
-    return float(np.maximum(hold.thrust, 0.0).mean()), float(np.minimum(hold.thrust, 0.0).mean())
 
 
 def _deviations(holds: Sequence[Hold], axis: int, dynamics: PriorDynamics) -> Array:

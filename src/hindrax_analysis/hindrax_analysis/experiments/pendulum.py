@@ -31,9 +31,6 @@ COLUMNS = (
     Column("theta_rad", "angle from the vertical [rad]"),
 )
 
-
-LARGEST_ANGLE_rad = math.pi
-
 NOT_A_PENDULUM = 0.5
 """Largest residual of the angle after the fit, root mean square, relative."""
 
@@ -101,11 +98,8 @@ def analyze(
             f"{source}: weight minus buoyancy is {pendulum.net_weight_N:.3g} N, wanted more than 0; "
             "check mass and buoyancy"
         )
-    if float(np.max(np.abs(theta_rad))) > LARGEST_ANGLE_rad:
-        largest = float(np.max(np.abs(theta_rad)))
-        raise HindraxError(
-            f"{source}: theta_rad reaches {largest:.3g}, wanted below {LARGEST_ANGLE_rad:.3g}; use radians"
-        )
+    if (largest := float(np.max(np.abs(theta_rad)))) > math.pi:
+        raise HindraxError(f"{source}: theta_rad reaches {largest:.3g}, wanted below {math.pi:.3g}; use radians")
     rate, (theta,) = evenly(time_s, [theta_rad], source)
     regression = _best_regression(theta, rate, window_s, source)
     first = _parameters(*regression, pendulum)
@@ -132,7 +126,7 @@ def _best_regression(theta: Array, rate_Hz: float, window_s: float | None, sourc
     """Coefficients, (3,), and covariance, (3, 3), with the given window or the best of four."""
     length = theta.size / rate_Hz
     windows = [window_s] if window_s is not None else [part * length for part in WINDOW_PARTS]
-    odd = sorted({_odd(window * rate_Hz) for window in windows})
+    odd = sorted({max(9, round(window * rate_Hz)) | 1 for window in windows})
     usable = [window for window in odd if window <= theta.size // 4]
     if not usable:
         raise HindraxError(f"{source}: {theta.size} samples are too few for a window of {odd[0]}; record longer")
@@ -141,11 +135,6 @@ def _best_regression(theta: Array, rate_Hz: float, window_s: float | None, sourc
     if misfit > NO_START * float(np.std(theta)):
         raise HindraxError(f"{source}: no pendulum motion fits the record; start it at the release, and check the axis")
     return found[best]
-
-
-def _odd(samples: float) -> int:
-    whole = max(9, round(samples))
-    return whole + 1 - whole % 2
 
 
 def _misfit(values: Array, theta: Array, rate_Hz: float) -> float:
@@ -167,10 +156,9 @@ def _regression(theta: Array, rate_Hz: float, window: int) -> tuple[Array, Array
 
 
 def _parameters(values: Array, covariance: Array, pendulum: Pendulum) -> Parameters:
-    names = ("alpha", "beta", "gamma")
     alpha, beta, gamma = (Value(float(v), math.sqrt(max(0.0, covariance[i, i]))) for i, v in enumerate(values))
     if not alpha.value < 0.0:
-        raise HindraxError(f"pendulum: {names[0]} is {alpha.value:.3g}, wanted below 0; the record does not swing back")
+        raise HindraxError(f"pendulum: alpha is {alpha.value:.3g}, wanted below 0; the record does not swing back")
 
     def total(v: Array) -> float:
         return -pendulum.net_weight_N / (float(v[0]) * pendulum.arm_m)

@@ -22,6 +22,7 @@ from hindrax_analysis.experiments.pendulum import PendulumFit
 from hindrax_analysis.experiments.step import Plant, StepTest
 from hindrax_analysis.experiments.towing import Towing
 from hindrax_core.vehicle import AXES
+from hindrax_ident.arrays import array
 from hindrax_ident.assess.prediction import Prediction
 
 MEASURED = "#33658a"
@@ -45,11 +46,6 @@ def _label(axis: Axes, x: str, y: str, title: str = "") -> None:
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     axis.set_title(title, loc="left", fontsize=10)
-
-
-def _even(low: float, high: float, count: int) -> Array:
-    """Evenly spaced numbers: (count,)."""
-    return np.asarray(np.linspace(low, high, count), dtype=np.float64)
 
 
 def free_decay(result: FreeDecay) -> Figure:
@@ -89,9 +85,8 @@ def forced(coefficients: Sequence[Coefficient]) -> Figure:
     for axis, found in zip(axes, coefficients, strict=True):
         for place, (name, value) in enumerate((("Fourier", found.fourier), ("direct fit", found.direct))):
             spread = value.std if np.isfinite(value.std) else 0.0
-            axis.errorbar(
-                place, value.value, yerr=spread, fmt="o", capsize=4, color=(MEASURED, MODEL)[place], label=name
-            )
+            color = (MEASURED, MODEL)[place]
+            axis.errorbar(place, value.value, yerr=spread, fmt="o", capsize=4, color=color, label=name)
         axis.set_xticks([0, 1], ["Fourier", "direct fit"])
         axis.set_xlim(-0.5, 1.5)
         axis.ticklabel_format(axis="y", useOffset=False)
@@ -119,17 +114,15 @@ def bollard(pulse_us: Array, thrust_N: Array, curve: BollardCurve) -> Figure:
     figure, (above, below) = _figure(2, 1, 8.0, 6.0)
     above.plot(pulse_us, thrust_N, "o", color=MEASURED, markersize=3, label="load cell")
     for direction, color in ((curve.negative, SECOND), (curve.positive, MODEL)):
-        pulses = _even(direction.from_us, direction.to_us, 100)
+        pulses = array(np.linspace(direction.from_us, direction.to_us, 100))
         force, spread = _forces(direction, pulses)
         above.plot(pulses, force, color=color)
         above.fill_between(pulses, force - 2.0 * spread, force + 2.0 * spread, color=color, alpha=BAND_ALPHA, lw=0.0)
         inside = (pulse_us >= direction.from_us) & (pulse_us <= direction.to_us)
-        below.plot(
-            pulse_us[inside], thrust_N[inside] - _forces(direction, pulse_us[inside])[0], "o", color=color, markersize=3
-        )
-    above.axvspan(
-        curve.stop_us - curve.dead_band_us, curve.stop_us + curve.dead_band_us, color="0.93", label="dead band"
-    )
+        residual = thrust_N[inside] - _forces(direction, pulse_us[inside])[0]
+        below.plot(pulse_us[inside], residual, "o", color=color, markersize=3)
+    stop, dead_band = curve.stop_us, curve.dead_band_us
+    above.axvspan(stop - dead_band, stop + dead_band, color="0.93", label="dead band")
     above.legend(frameon=False)
     _label(above, "", "thrust [N]", "thrust curve, band of two standard deviations")
     _label(below, "pulse [us]", "measured - curve [N]")
@@ -146,8 +139,7 @@ def towing(speed_mps: Array, drag_N: Array, fit: Towing) -> Figure:
     """Towing points, the fitted drag and its two parts."""
     figure, (axis,) = _figure(1, 1, 7.0, 4.5)
     axis.plot(speed_mps, drag_N, "o", color=MEASURED, label="measured")
-    low, high = min(0.0, float(speed_mps.min())), max(0.0, float(speed_mps.max()))
-    speeds = _even(low, high, 200)
+    speeds = array(np.linspace(min(0.0, speed_mps.min()), max(0.0, speed_mps.max()), 200))
     offset = fit.b.value if fit.b else 0.0
     axis.plot(speeds, drag.drag_N(speeds, fit.k_q.value, fit.k_l.value, offset), color=MODEL, label="fit")
     axis.plot(speeds, drag.drag_N(speeds, fit.k_q.value, 0.0), ":", color=SECOND, label="quadratic part")
@@ -159,7 +151,7 @@ def towing(speed_mps: Array, drag_N: Array, fit: Towing) -> Figure:
 def step(plant: Plant, thrusts_N: Sequence[float], duration_s: float, tests: Sequence[StepTest] = ()) -> Figure:
     """Velocity and acceleration after steps of thrust; recorded velocities as points. Badawy 2012, figures 14 to 17."""
     figure, (left, right) = _figure(1, 2, 10.0, 4.2)
-    time = _even(0.0, duration_s, 400)
+    time = array(np.linspace(0.0, duration_s, 400))
     shades = np.linspace(0.35, 1.0, len(thrusts_N))
     for thrust, shade in zip(thrusts_N, shades, strict=True):
         left.plot(time, plant.velocity_mps(time, thrust), color=MODEL, alpha=float(shade), label=f"{thrust:g} N")
@@ -167,12 +159,8 @@ def step(plant: Plant, thrusts_N: Sequence[float], duration_s: float, tests: Seq
     for test in tests:
         left.plot(test.time_s, test.velocity_mps, ".", color=MEASURED, markersize=2)
     left.legend(frameon=False, title="thrust", fontsize=8)
-    _label(
-        left,
-        "time [s]",
-        "velocity [m/s]",
-        f"total mass {plant.mass_kg:.2f} kg, k_l {plant.k_l:.3g}, k_q {plant.k_q:.3g}",
-    )
+    title = f"total mass {plant.mass_kg:.2f} kg, k_l {plant.k_l:.3g}, k_q {plant.k_q:.3g}"
+    _label(left, "time [s]", "velocity [m/s]", title)
     _label(right, "time [s]", "acceleration [m/s$^2$]")
     return figure
 
@@ -180,7 +168,6 @@ def step(plant: Plant, thrusts_N: Sequence[float], duration_s: float, tests: Seq
 def estimate(model: EmpiricalModel) -> Figure:
     """Added mass and quadratic drag as bars, translations and rotations apart."""
     figure, axes = _figure(1, 4, 11.0, 3.6)
-    names = ("surge", "sway", "heave", "roll", "pitch", "yaw")
     panels = (
         (slice(0, 3), model.added_mass, "added mass [kg]"),
         (slice(3, 6), model.added_mass, "added inertia [kg m$^2$]"),
@@ -188,7 +175,7 @@ def estimate(model: EmpiricalModel) -> Figure:
         (slice(3, 6), model.quadratic_drag, "quadratic drag [Nm s$^2$]"),
     )
     for axis, (part, values, label) in zip(axes, panels, strict=True):
-        axis.bar(names[part], values[part], color=MEASURED if "added" in label else MODEL, width=0.6)
+        axis.bar(AXES[part], values[part], color=MEASURED if "added" in label else MODEL, width=0.6)
         _label(axis, "", label)
     return figure
 

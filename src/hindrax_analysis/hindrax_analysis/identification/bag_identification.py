@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.markup import escape
 
-from hindrax_analysis.coefficients_file import as_yaml
+from hindrax_analysis.coefficients_file import Conditions, as_yaml, conditions_of, read_coefficients
 from hindrax_analysis.digits import measured
-from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write
 from hindrax_analysis.published import CITATION, PAPER
-from hindrax_analysis.records.bag_events import bag_events
-from hindrax_analysis.records.provenance import truth_in
-from hindrax_analysis.report import RunReport, published_of, run_page
+from hindrax_analysis.records.own_bag import bag_events, date_of, maneuver_record, truth_in
+from hindrax_analysis.report import RunReport, Trace, published_of, run_page
 from hindrax_analysis.terminal import make_table, print_table
+from hindrax_bag import software_version
+from hindrax_bag.read.bag_reader import bag_files, messages
 from hindrax_bag.run_folder import RunFolder
+from hindrax_core.errors import HindraxError
 from hindrax_core.events import Stamp
 from hindrax_core.text.screen_text import print_fitted
+from hindrax_core.text.text_file import replace_text, writing
+from hindrax_core.topics import ESTIMATE, resolved
 from hindrax_core.vehicle import Vehicle
-from hindrax_ident.assess.results import DragBand, MotionResult, Results, with_truth
+from hindrax_ident.assess.results import MotionResult, Results, with_truth
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.online.session import Outcome, Session
 from hindrax_ident.tuning import Tuning
 
 LARGEST = 3
+CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +91,7 @@ def show(identified: IdentifiedBag) -> None:
         print_table(table)
     if table.row_count and papers:
         print_fitted(f"{PAPER}: {CITATION}")
-    show_budgets(motions, identified.predicted)
+    _show_budgets(motions, identified.predicted)
     for motion, result in motions.items():
         for warning in result.warnings:
             print_fitted(f"{motion}: {warning}")
@@ -92,11 +99,16 @@ def show(identified: IdentifiedBag) -> None:
             print_fitted(f"{motion}: not identifiable")
             for reason in result.reasons:
                 print_fitted(f"  {reason}")
-            if result.drag is not None:
-                print_fitted(f"  {_band(result.drag, turns=MOTIONS[motion].axis >= 3)}")
+            if (drag := result.drag) is not None:
+                speed_unit, unit = ("rad/s", "N m") if MOTIONS[motion].axis >= 3 else ("m/s", "N")
+                ends = [
+                    f"{measured(drag.force[at], drag.std_calibrated[at])} {unit} at {drag.speed[at]:.2g} {speed_unit}"
+                    for at in (0, -1)
+                ]
+                print_fitted(f"  drag: {', '.join(ends)}")
 
 
-def show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float] | None = None) -> None:
+def _show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, float]) -> None:
     """Print the largest contributions to the uncertainty of each motion's drag, and what would shrink it most."""
     prose = ("largest contributions", "what would shrink it most, and to what")
     numbers = ("predicted", "calibrated") if predicted else ("calibrated",)
@@ -108,25 +120,10 @@ def show_budgets(motions: Mapping[str, MotionResult], predicted: Mapping[str, fl
             force = float(result.drag.force[-1])
             largest = ", ".join(f"{row.influence} {row.std / force:.1%}" for row in rows[:LARGEST])
             before = (f"{predicted[motion]:.1%}" if motion in predicted else "",) if predicted else ()
-            table.add_row(
-                motion,
-                *before,
-                f"{result.drag.std_calibrated[-1] / force:.1%}",
-                largest,
-                f"{step.remedy}: {step.std / force:.1%}",
-            )
+            calibrated = f"{result.drag.std_calibrated[-1] / force:.1%}"
+            table.add_row(motion, *before, calibrated, largest, f"{step.remedy}: {step.std / force:.1%}")
     if table.row_count:
         print_table(table)
-
-
-def _band(drag: DragBand, *, turns: bool) -> str:
-    """Drag force and its uncertainty at the lowest and highest speed."""
-    speed_unit, unit = ("rad/s", "N m") if turns else ("m/s", "N")
-    ends = [
-        f"{measured(drag.force[at], drag.std_calibrated[at])} {unit} at {drag.speed[at]:.2g} {speed_unit}"
-        for at in (0, -1)
-    ]
-    return f"drag: {', '.join(ends)}"
 
 
 def identify_run(
@@ -144,3 +141,61 @@ def identify_run(
     traces = traces_of(folder.bag, identified.origin)
     write(folder.report, run_page(RunReport(vehicle, results, identified.outcome.assessments, conditions, traces)))
     return identified
+
+
+# ---- result files and what they hold of the bag
+
+
+def bag_hash(bag: Path) -> str:
+    """SHA-256 over the files of a bag, in order."""
+    digest = hashlib.sha256()
+    for file in bag_files(bag):
+        with file.open("rb") as stream:
+            while data := stream.read(CHUNK_BYTES):
+                digest.update(data)
+    return digest.hexdigest()
+
+
+def bag_conditions(bag: Path, vehicle: Vehicle, results: Results, *, mock: bool, aborted: str = "") -> Conditions:
+    """Conditions of a result over one bag; `aborted` is an end that neither the bag nor its run tells yet."""
+    conditions = conditions_of(vehicle, mock=mock, motions=tuple(results.motions))
+    flown = maneuver_record(bag)
+    aborted = aborted or told_end(bag) or flown.aborted
+    conditions = replace(conditions, aborted=aborted, flown_s=flown.flown_s, blocked_s=flown.blocked_s)
+    return replace(conditions, date=date_of(bag), bag=str(bag), bag_sha256=bag_hash(bag), software=software_version())
+
+
+def told_end(bag: Path) -> str:
+    """By what a run was aborted, as the coefficients beside its bag tell: a Ctrl-C or a refused start is in no bag."""
+    run = RunFolder(bag.parent)
+    if bag.name != run.bag.name or not run.coefficients.is_file():
+        return ""
+    with contextlib.suppress(HindraxError):  # a file of somebody else's
+        return read_coefficients(run.coefficients).conditions.aborted
+    return ""
+
+
+def write(file: Path, text: str) -> None:
+    """Write a file of text; HindraxError when that fails."""
+    with writing(file):
+        replace_text(file, text)
+
+
+def traces_of(bag: Path, origin: Stamp | None) -> dict[str, Trace]:
+    """Online estimates of the live identifier, per motion; times from `origin`; none without one."""
+    if origin is None:
+        return {}
+    rows: dict[str, list[tuple[float, Any]]] = {}
+    for message in messages(bag, {resolved(ESTIMATE)}):
+        estimate = message.decoded()
+        at_s = estimate.header.stamp.sec + 1e-9 * estimate.header.stamp.nanosec - 1e-9 * origin
+        rows.setdefault(estimate.motion, []).append((at_s, estimate))
+    traces = {}
+    for motion, found in rows.items():
+        names = tuple(found[-1][1].names)
+        same = [(t, one) for t, one in found if tuple(one.names) == names]
+        values = np.array([one.values for _, one in same]).reshape(-1, len(names))
+        squares = np.array([one.covariance for _, one in same]).reshape(-1, len(names), len(names))
+        stds = np.sqrt(np.maximum(0.0, np.diagonal(squares, axis1=1, axis2=2)))
+        traces[motion] = Trace.of(names, np.array([t for t, _ in same]), values, stds)
+    return traces

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from hindrax_analysis.plain import plain
 from hindrax_ident.assess.assessment import METHOD, Assessment
-from hindrax_ident.assess.results import DragBand, MotionResult
+from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
 from hindrax_ident.model.motion_model import MOTIONS
 from hindrax_ident.model.sign_dependent import reported_parameters
@@ -52,14 +52,6 @@ class DragError:
 
 
 @dataclass(frozen=True, slots=True)
-class HullTruth:
-    """What is true of the hull that flew: coefficients by motion, drag of a motion at a signed speed [N, Nm]."""
-
-    coefficients: dict[str, dict[str, float]]
-    drag: Callable[[str, float], float]
-
-
-@dataclass(frozen=True, slots=True)
 class Trial:
     """One run: errors of its coefficients, and the reason for missing ones (empty: none)."""
 
@@ -70,16 +62,25 @@ class Trial:
 
 
 def trial_of(
-    seed: int, outcome: Outcome, hull: HullTruth, *, trouble: str = "", thrust_s: float | None = None
+    seed: int,
+    outcome: Outcome,
+    truth: dict[str, dict[str, float]],
+    drag_force: Callable[[str, float], float],
+    *,
+    trouble: str = "",
+    thrust_s: float | None = None,
 ) -> Trial:
-    """Compare the outcome of a run with the truth of the hull; `thrust_s` as in `bound_of`."""
+    """Compare the outcome of a run with what is true of the hull that flew.
+
+    `truth`: coefficients by motion; `drag_force`: of a motion at a signed speed [N, Nm]; `thrust_s` as in `bound_of`.
+    """
     found: list[CoefficientError] = []
     drag: list[DragError] = []
     for result in outcome.results.motions.values():
         assessment = outcome.assessments.get(MOTIONS[result.motion].axis)
         if assessment is not None and result.coefficients:
-            found += _found(result, assessment, hull.coefficients, thrust_s)
-            drag += _drag(result, hull)
+            found += _found(result, assessment, truth, thrust_s)
+            drag += _drag(result, drag_force)
     return Trial(seed, tuple(found), tuple(drag), trouble)
 
 
@@ -88,7 +89,7 @@ def _found(
     assessment: Assessment,
     truth: dict[str, dict[str, float]],
     thrust_s: float | None,
-) -> list[CoefficientError]:
+) -> Iterator[CoefficientError]:
     fit, motion = assessment.fit, MOTIONS[result.motion]
     face = reported_parameters(fit.model, motion)
     bound = bound_of(fit, true_parameters(fit.model, truth), thrust_s)
@@ -96,38 +97,24 @@ def _found(
     bound = bound + assessment.budget.prior_band("tilt of the accelerometer")
     limits = dict(zip(face.names, np.sqrt(np.diag(bound[face.square])).tolist(), strict=True))
     methods = {METHOD: result.coefficients, **result.methods}
-    return [
-        CoefficientError(
-            motion=result.motion,
-            coefficient=name,
-            method=method,
-            error=number.value - truth[result.motion][name],
-            std=number.std,
-            bound=limits[name],
-            truth=truth[result.motion][name],
-            std_calibrated=number.std_calibrated,
-        )
-        for method, numbers in methods.items()
-        for name, number in numbers.items()
-    ]
+    for method, numbers in methods.items():
+        for name, number in numbers.items():
+            true, stds = truth[result.motion][name], (number.std, limits[name])
+            error = number.value - true
+            yield CoefficientError(result.motion, name, method, error, *stds, true, number.std_calibrated)
 
 
-def _drag(result: MotionResult, hull: HullTruth) -> list[DragError]:
+def _drag(result: MotionResult, drag_force: Callable[[str, float], float]) -> Iterator[DragError]:
     """At every share, in every direction that the coefficients hold for."""
-    side = MOTIONS[result.motion].side
-    out = []
+    side, band = MOTIONS[result.motion].side, result.drag
     for v in (sign * share * result.speeds[1] for share in SHARES for sign in ((side,) if side else (1.0, -1.0))):
-        true = hull.drag(result.motion, v)
-        std = _calibrated_std(result.drag, abs(v)) if result.drag else math.nan
+        true, std = drag_force(result.motion, v), math.nan
+        if band is not None:
+            # The variance is speed squared times a parabola of the speed.
+            parabola = np.polyfit(band.speed, (band.std_calibrated / band.speed) ** 2, 2)
+            std = abs(v) * math.sqrt(max(0.0, float(np.polyval(parabola, abs(v)))))
         error = result.drag_force(v)[0] / true - 1.0
-        out.append(DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true)))
-    return out
-
-
-def _calibrated_std(band: DragBand, speed: float) -> float:
-    """Deviation of the drag force at any speed: its variance is speed squared times a parabola of the speed."""
-    parabola = np.polyfit(band.speed, (band.std_calibrated / band.speed) ** 2, 2)
-    return speed * math.sqrt(max(0.0, float(np.polyval(parabola, speed))))
+        yield DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true))
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,21 +140,18 @@ def tabulate(trials: Sequence[Trial]) -> list[AccuracyCell]:
     for trial in trials:
         for one in trial.found:
             groups.setdefault((one.motion, one.coefficient, one.method), []).append(one)
-    return [_cell(group) for group in groups.values()]
+    return [_cell(*key, group) for key, group in groups.items()]
 
 
-def _cell(group: list[CoefficientError]) -> AccuracyCell:
-    errors = np.array([one.error for one in group])
-    bounds = np.array([one.bound for one in group])
-    stds = np.array([one.std for one in group])
-    calibrated = np.array([one.std_calibrated for one in group])
-    first = group[0]
+def _cell(motion: str, coefficient: str, method: str, group: list[CoefficientError]) -> AccuracyCell:
+    rows = [(one.error, one.bound, one.std, one.std_calibrated, one.truth) for one in group]
+    errors, bounds, stds, calibrated, truths = np.array(rows).T
     return AccuracyCell(
-        motion=first.motion,
-        coefficient=first.coefficient,
-        method=first.method,
+        motion=motion,
+        coefficient=coefficient,
+        method=method,
         runs=len(group),
-        truth=float(np.mean([one.truth for one in group])),
+        truth=float(truths.mean()),
         bias=float(errors.mean()),
         rmse=float(np.sqrt(np.mean(errors**2))),
         crlb=float(np.sqrt(np.mean(bounds**2))),
@@ -192,20 +176,15 @@ def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     for trial in trials:
         for one in trial.drag:
             groups.setdefault((one.motion, round(one.share, 6)), []).append(one)
-    return [{"motion": motion, "share_of_speed": share, **_scatter(group)} for (motion, share), group in groups.items()]
-
-
-def _scatter(group: list[DragError]) -> dict[str, float]:
-    errors = np.array([one.error for one in group])
-    stds = np.array([one.std_calibrated for one in group])
-    rmse = float(np.sqrt(np.mean(errors**2)))
-    return {
-        "bias": float(np.mean(errors)),
-        "rmse": rmse,
-        "coverage95_calibrated": float(np.mean(np.abs(errors) <= Z95 * stds)),
-        "rmse_per_band": rmse / float(np.median(stds)),
-        "cases": len(group),
-    }
+    out = []
+    for (motion, share), group in groups.items():
+        errors, stds = np.array([(one.error, one.std_calibrated) for one in group]).T
+        rmse = float(np.sqrt(np.mean(errors**2)))
+        coverage = float(np.mean(np.abs(errors) <= Z95 * stds))
+        row = {"bias": float(np.mean(errors)), "rmse": rmse, "coverage95_calibrated": coverage}
+        row |= {"rmse_per_band": rmse / float(np.median(stds)), "cases": len(group)}
+        out.append({"motion": motion, "share_of_speed": share, **row})
+    return out
 
 
 def summary(trials: Sequence[Trial]) -> dict[str, Any]:

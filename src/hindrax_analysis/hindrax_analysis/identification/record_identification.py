@@ -11,9 +11,9 @@ import numpy as np
 
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
-from hindrax_analysis.records.bag_events import bag_events
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.damage import without_damage
+from hindrax_analysis.records.own_bag import bag_events, is_mock, truth_in
 from hindrax_analysis.records.plausibility import (
     with_doubt_of_inertia,
     with_plausibility_check,
@@ -21,7 +21,6 @@ from hindrax_analysis.records.plausibility import (
     with_weight_check,
     wrong_thrust_sign,
 )
-from hindrax_analysis.records.provenance import is_mock, truth_in
 from hindrax_analysis.records.recording import (
     Recording,
     are_parts,
@@ -314,26 +313,18 @@ def _identify_recordings(
             motions |= _skipped(recordings[0], axis)
     if not motions:
         # No axis was excited: report the verdict on every measured axis.
-        motions = {
-            name: one
-            for axis in axes
-            for name, one in _skipped(recordings[0], axis).items()
-            if has_samples(recordings[0], axis)
-        }
+        for axis in axes:
+            motions |= _skipped(recordings[0], axis) if has_samples(recordings[0], axis) else {}
     if not motions:
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
-    if task.mass_known:
-        motions = {
-            name: with_doubt_of_inertia(with_weight_check(one, vehicle), vehicle) for name, one in motions.items()
-        }
-    else:
-        motions = {name: _without_mass(one) for name, one in motions.items()}
+    for name, one in motions.items():
+        if task.mass_known:
+            motions[name] = with_doubt_of_inertia(with_weight_check(one, vehicle), vehicle)
+        else:
+            kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
+            motions[name] = replace(one, coefficients=kept)
     results = Results(motions, vehicle)
     return IdentifiedRecords(IdentifiedBag(Outcome(results, assessments), results, mock=False), traces)
-
-
-def _without_mass(result: MotionResult) -> MotionResult:
-    return replace(result, coefficients={key: one for key, one in result.coefficients.items() if key != "added_mass"})
 
 
 def _skipped(recording: Recording, axis: int) -> dict[str, MotionResult]:
@@ -382,25 +373,22 @@ def _with_spread(pooled: Results, runs: Sequence[Results]) -> tuple[Results, dic
     spreads: dict[str, dict[str, RunScatter]] = {}
     motions = {}
     for name, result in pooled.motions.items():
-        own = [run.motions[name] for run in runs if name in run.motions]
-        found = {key: spread for key in result.coefficients if (spread := _run_scatter(own, key)) is not None}
-        spreads[name] = found
-        motions[name] = widened_by_scatter(result, found)
+        own = [run.motions[name].coefficients for run in runs if name in run.motions]
+        found = {key: pool_runs([one[key] for one in own if key in one]) for key in result.coefficients}
+        spreads[name] = {key: spread for key, spread in found.items() if spread is not None}
+        motions[name] = widened_by_scatter(result, spreads[name])
     return replace(pooled, motions=motions), spreads
-
-
-def _run_scatter(own: Sequence[MotionResult], key: str) -> RunScatter | None:
-    return pool_runs([one.coefficients[key] for one in own if key in one.coefficients])
 
 
 def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) -> MotionResult:
     """Widen each coefficient by what differs between the runs, and keep the correlations."""
     own = {key: one.std for key, one in result.coefficients.items()}
     ratio = {key: max(1.0, spreads[key].std / std) if key in spreads and std > 0.0 else 1.0 for key, std in own.items()}
-    numbers = {
-        key: replace(one, std=ratio[key] * one.std, std_calibrated=_with_added(one.std_calibrated, one.std, ratio[key]))
-        for key, one in result.coefficients.items()
-    }
+    numbers = {}
+    for key, one in result.coefficients.items():
+        # Of the deviation with calibration only the statistical part grows; NaN stays.
+        calibrated = math.sqrt(one.std_calibrated**2 + one.std**2 * (ratio[key] ** 2 - 1.0))
+        numbers[key] = replace(one, std=ratio[key] * one.std, std_calibrated=calibrated)
     scale = np.array([ratio.get(name, 1.0) for name in result.names])
     widened = replace(result, coefficients=numbers, covariance=array(result.covariance * np.outer(scale, scale)))
     if result.drag is None:
@@ -410,11 +398,6 @@ def widened_by_scatter(result: MotionResult, spreads: Mapping[str, RunScatter]) 
     step = result.next_step and replace(result.next_step, std=math.hypot(result.next_step.std, math.sqrt(added[-1])))
     drag = replace(result.drag, std=std, std_calibrated=np.sqrt(result.drag.std_calibrated**2 + added))
     return replace(widened, drag=drag, next_step=step)
-
-
-def _with_added(calibrated: float, std: float, ratio: float) -> float:
-    """Deviation with calibration, with its statistical part widened by a ratio."""
-    return math.sqrt(calibrated**2 + std**2 * (ratio**2 - 1.0)) if math.isfinite(calibrated) else calibrated
 
 
 def axes_named(names: Sequence[str]) -> list[int]:

@@ -3,7 +3,9 @@
 Velocities are those of the autopilot's estimator, in north, east, down: they are turned into body axes by its attitude.
 Pulses become forces by the thrust curves of the vehicle file at the logged supply voltage. ArduPilot's are read by
 pymavlink: its log messages XKF1, NKF1, ATT, IMU, RCOU, BAT; MAVLink common LOCAL_POSITION_NED, ATTITUDE,
-SERVO_OUTPUT_RAW, SYS_STATUS.
+SERVO_OUTPUT_RAW, SYS_STATUS. PX4's are read by pyulog: PX4 guide, "ULog File Format", with its messages
+VehicleLocalPosition, VehicleAttitude (w, x, y, z from front, right, down to north, east, down), VehicleAngularVelocity,
+ActuatorOutputs, BatteryStatus.
 """
 
 from __future__ import annotations
@@ -11,22 +13,26 @@ from __future__ import annotations
 import functools
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from hindrax_analysis.records import px4_log
-from hindrax_analysis.records.px4_log import Quantity, Tables
+from hindrax_analysis.records.bag_track import tilts_of
 from hindrax_analysis.records.recording import Recording
 from hindrax_control.allocation.thrust_curve import AppliedWrench, pulses_of_channels
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array, array
 
-ENDINGS = (".bin", ".tlog", px4_log.ENDING)
+Quantity: TypeAlias = Literal["velocity", "attitude", "rate", "pulses", "supply"]
+Tables: TypeAlias = dict[Quantity, tuple[Array, Array]]
+"""Quantity -> times (n,) [s] and rows (n, k): m/s in north, east, down; roll, pitch, yaw [rad]; rad/s; us; V."""
+
+ULOG = ".ulg"
+ENDINGS = (".bin", ".tlog", ULOG)
 CHANNELS = 14
 DEGREE = math.pi / 180.0
 FIELDS: dict[str, tuple[tuple[Quantity, float, tuple[str, ...]], ...]] = {
@@ -47,6 +53,16 @@ WANTED: dict[Quantity, str] = {
     "attitude": "attitude (ATT, ATTITUDE or vehicle_attitude)",
     "pulses": "pulses (RCOU, SERVO_OUTPUT_RAW or actuator_outputs)",
 }
+OUTPUTS = 16
+PX4_FIELDS: dict[str, tuple[Quantity, tuple[str, ...]]] = {
+    "vehicle_local_position": ("velocity", ("vx", "vy", "vz")),
+    "vehicle_attitude": ("attitude", tuple(f"q[{n}]" for n in range(4))),
+    "vehicle_angular_velocity": ("rate", tuple(f"xyz[{n}]" for n in range(3))),
+    "actuator_outputs": ("pulses", tuple(f"output[{n}]" for n in range(OUTPUTS))),
+    "battery_status": ("supply", ("voltage_v",)),
+}
+VALID = ("v_xy_valid", "v_z_valid")
+"""Fields without which a row is no measurement."""
 INSTANCES = ("C", "I", "Inst", "Instance", "port")
 """Fields that number the sensors, estimators or ports of a kind; the first of each is used."""
 MOST_ROWS = 2_000_000
@@ -71,7 +87,9 @@ def read_log(path: Path, vehicle: Vehicle | None) -> Recording:
     tables = {name: (array(t - origin), rows) for name, (t, rows) in tables.items()}
     attitude_t, attitude = tables["attitude"]
     velocity_t, world = tables["velocity"]
-    moved = _in_body(world, _at(velocity_t, attitude_t, attitude))
+    steady = np.unwrap(attitude, axis=0)
+    turned = array(np.column_stack([np.interp(velocity_t, attitude_t, column) for column in steady.T]))
+    moved = _in_body(world, turned)
     parts = [(velocity_t, array(np.column_stack([moved, np.full_like(moved, np.nan)])))]
     if "rate" in tables:
         rate_t, rates = tables["rate"]
@@ -90,8 +108,8 @@ def _tables(path: Path, vehicle: Vehicle) -> Tables:
     """Times [s since 1970, or since power-up] and rows of each quantity; times that step back are left out."""
     if not path.stat().st_size:
         raise UsageError(f"{path}: is empty")
-    if path.suffix.lower() == px4_log.ENDING:
-        return px4_log.tables_of(path, [thruster.channel for thruster in vehicle.thrusters])
+    if path.suffix.lower() == ULOG:
+        return _px4_tables(path, [thruster.channel for thruster in vehicle.thrusters])
     tables: dict[Quantity, tuple[list[float], list[list[float]]]] = {}
     for message in _messages(path):
         if any(getattr(message, name, 0) for name in INSTANCES):
@@ -120,10 +138,44 @@ def _messages(path: Path) -> Iterator[Any]:
         raise UsageError(f"{path}: is no log of ArduPilot that pymavlink can read ({error!r})") from error
 
 
-def _at(t: Array, attitude_t: Array, attitude: Array) -> Array:
-    """Attitude (n, 3) [rad] at other times (n,) [s], between those before and after."""
-    steady = np.unwrap(attitude, axis=0)
-    return array(np.column_stack([np.interp(t, attitude_t, column) for column in steady.T]))
+def _px4_tables(path: Path, channels: Sequence[int]) -> Tables:
+    """Read a log; of several drivers of outputs that which moved one of these channels, else the first."""
+    try:
+        from pyulog import ULog  # noqa: PLC0415  # a vehicle does without it
+    except ImportError as error:
+        raise HindraxError(f"{path}: logs of PX4 need pyulog, which a set-up for the desk brings") from error
+    try:
+        datasets = ULog(str(path), list(PX4_FIELDS)).data_list
+        found: dict[Quantity, list[tuple[Array, Array]]] = {}
+        for one in sorted(datasets, key=lambda one: int(one.multi_id)):
+            quantity, fields = PX4_FIELDS[one.name]
+            found.setdefault(quantity, []).append(_px4_rows(one.data, fields))
+    except Exception as error:  # pyulog raises plain ones on garbage
+        raise UsageError(f"{path}: is no log of PX4 that pyulog can read ({error!r})") from error
+    tables: Tables = {quantity: some[0] for quantity, some in found.items() if len(some[0][0])}
+    ours = [channel for channel in channels if channel < OUTPUTS]
+    moved = [one for one in found.get("pulses", ()) if (one[1] != one[1][:1])[:, ours].any()]
+    if moved:
+        tables["pulses"] = moved[0]
+    if "attitude" in tables:
+        t, turned = tables["attitude"]
+        w, x, y, z = turned.T
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        tables["attitude"] = t, array(np.column_stack([tilts_of(array(turned[:, [1, 2, 3, 0]])), yaw]))
+    return tables
+
+
+def _px4_rows(data: Mapping[str, Any], fields: Sequence[str]) -> tuple[Array, Array]:
+    """Times and valid rows; of a time that steps back nothing."""
+    # What an estimator says is true when its sample was taken, not when it was published.
+    sampled = data.get("timestamp_sample")
+    t = data["timestamp"] if sampled is None or not np.all(sampled) else sampled
+    t_s = array(np.asarray(t, dtype=np.float64) * 1e-6)
+    kept = np.diff(np.maximum.accumulate(t_s), prepend=-np.inf) > 0.0
+    for name in VALID:
+        kept &= np.asarray(data.get(name, 1)) != 0
+    rows = np.column_stack([np.asarray(data[name], dtype=np.float64) for name in fields])
+    return array(t_s[kept]), array(rows[kept])
 
 
 def _in_body(world: Array, attitude: Array) -> Array:

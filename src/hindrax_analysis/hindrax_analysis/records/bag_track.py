@@ -48,11 +48,12 @@ class Track:
         """Append one message."""
         content = message.decoded()
         header = getattr(content, "header", None)
-        self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header is not None else 0)
+        self.stamped.append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec if header else 0)
         self.received.append(message.received)
-        self.frame = header.frame_id if header is not None else ""
+        self.frame = header.frame_id if header else ""
         if self.kind in WRENCH_TYPES:
-            self.rows.append(_wrench(getattr(content, "wrench", content)))
+            wrench = getattr(content, "wrench", content)
+            self.rows.append(_six(wrench.force, wrench.torque))
         elif self.kind in PULSE_FIELDS:
             self.rows.append([float(value) for value in getattr(content, PULSE_FIELDS[self.kind])])
         else:
@@ -61,29 +62,27 @@ class Track:
     def _add_motion(self, content: Any) -> None:
         if hasattr(content, "pose"):
             pose = getattr(content.pose, "pose", content.pose)
-            p, q = pose.position, pose.orientation
-            self.poses.append([float(value) for value in (p.x, p.y, p.z, q.x, q.y, q.z, q.w)])
+            self.poses.append([*_six(pose.position, pose.orientation), float(pose.orientation.w)])
             # The header of a pose names the world.
             self.frame = getattr(content, "child_frame_id", "")
         if hasattr(content, "angular_velocity"):
             rate = content.angular_velocity
-            self.rows.append([UNKNOWN] * 3 + [float(value) for value in (rate.x, rate.y, rate.z)])
+            self.rows.append([UNKNOWN, UNKNOWN, UNKNOWN, float(rate.x), float(rate.y), float(rate.z)])
         elif not self.kind.startswith("geometry_msgs/msg/Pose"):
             self.rows.append(_twist(getattr(content, "twist", content)))
 
 
-def _wrench(content: Any) -> list[float]:
-    f, m = content.force, content.torque
-    return [float(value) for value in (f.x, f.y, f.z, m.x, m.y, m.z)]
+def _six(linear: Any, angular: Any) -> list[float]:
+    """Components of two vectors of a message."""
+    return [float(value) for one in (linear, angular) for value in (one.x, one.y, one.z)]
 
 
 def _twist(content: Any) -> list[float]:
     """Six velocities; NaN where the covariance marks one as not measured."""
     inner = getattr(content, "twist", content)
-    a, b = inner.linear, inner.angular
-    row = [float(value) for value in (a.x, a.y, a.z, b.x, b.y, b.z)]
-    variances = [float(content.covariance[7 * i]) for i in range(6)] if hasattr(content, "covariance") else [0.0] * 6
-    return [v if 0.0 <= variance < UNKNOWN_VARIANCE else UNKNOWN for v, variance in zip(row, variances, strict=True)]
+    variances = content.covariance[::7] if hasattr(content, "covariance") else [0.0] * 6
+    pairs = zip(_six(inner.linear, inner.angular), variances, strict=True)
+    return [value if 0.0 <= variance < UNKNOWN_VARIANCE else UNKNOWN for value, variance in pairs]
 
 
 def quaternions_of(track: Track) -> Array:

@@ -8,8 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from hindrax_analysis.records.csv_columns import Meaning, factor_of, meaning_of, near_miss, number, time_of
-from hindrax_analysis.records.csv_rows import Row, cells_of, check_width, rows_of
+from hindrax_analysis.records.csv_columns import (
+    Meaning,
+    Row,
+    cells_of,
+    check_width,
+    factor_of,
+    meaning_of,
+    near_miss,
+    number,
+    rows_of,
+    time_of,
+)
 from hindrax_analysis.records.recording import Recording
 from hindrax_core.errors import HindraxError
 from hindrax_core.signals import NAN
@@ -41,9 +51,11 @@ def read_csv(text: str, source: str, frame: str = "", *, part: bool = False) -> 
     if "t_ns" in columns:
         columns["t"] = array(columns["t"] + columns.pop("t_ns"))
     _check_times(columns["t"], rows, source)
-    has_unit = any(meaning.has_unit for meaning in meanings.values() if meaning.name == "t")
-    scale, by_size = (1.0, "") if has_unit else _unix_unit(columns["t"])
-    columns["t"] = array(scale * columns["t"])
+    by_size = ""
+    if not any(meaning.has_unit for meaning in meanings.values() if meaning.name == "t"):
+        size = abs(float(np.median(columns["t"])))
+        for factor, unit in [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least][:1]:
+            columns["t"], by_size = array(factor * columns["t"]), f"times are in {unit} since 1970, by their size"
     order = np.argsort(columns["t"], kind="stable")
     recording = _recording(source, {name: array(values[order]) for name, values in columns.items()})
     axes = "x forward, y left, z up, as named" if frame == "flu" else "SNAME: x forward, y starboard, z down"
@@ -82,13 +94,8 @@ def _meanings(header: list[str], source: str, *, part: bool) -> dict[int, Meanin
         found = {i: known for i, cell in enumerate(header) if (known := meaning_of(cell))}
     except HindraxError as error:
         raise HindraxError(f"{source}, {error}") from None
-    _check_names([(known.name, header[i]) for i, known in found.items()], header, source, part=part)
-    return found
-
-
-def _check_names(found: list[tuple[str, str]], header: list[str], source: str, *, part: bool) -> None:
-    names = [name for name, _ in found]
-    twice = [cell for name, cell in found if names.count(name) > 1]
+    names = [known.name for known in found.values()]
+    twice = [header[i] for i, known in found.items() if names.count(known.name) > 1]
     if twice:
         raise HindraxError(f"{source}: columns {' and '.join(twice)} mean the same, wanted one; remove the other")
     pairs = [(speed, force) for speed, force in zip("uvwpqr", "XYZKMN", strict=True) if force in names]
@@ -99,6 +106,7 @@ def _check_names(found: list[tuple[str, str]], header: list[str], source: str, *
             "of the same axis (u and X, v and Y, w and Z, p and K, q and M, r and N), with the unit where it is not "
             f"SI, such as u_cmps; rename them in the header line{_hint(set(names), header)}"
         )
+    return found
 
 
 def _hint(names: set[str], header: list[str]) -> str:
@@ -156,26 +164,12 @@ def _check_times(time: Array, rows: list[Row], source: str) -> None:
         raise HindraxError(f"{source}: all times are the same ({time[0]:g}), wanted increasing times")
 
 
-def _unix_unit(time: Array) -> tuple[float, str]:
-    """Seconds per unit of times without a unit, by their size, and the assumption made."""
-    size = abs(float(np.median(time)))
-    found = [(factor, unit) for least, factor, unit in UNIX_SCALES if size > least]
-    return (found[0][0], f"times are in {found[0][1]} since 1970, by their size") if found else (1.0, "")
-
-
 def _recording(source: str, columns: dict[str, Array]) -> Recording:
     t = columns["t"]
-    origin = float(t[0])
-    time = array(t - origin)
-    empty = np.full(len(t), NAN)
-    velocity = np.stack([columns.get(name, empty) for name in "uvwpqr"], axis=1)
-    wrench = np.stack([columns.get(name, empty) for name in "XYZKMN"], axis=1)
-    attitude = np.stack([columns.get(name, empty) for name in ("roll", "pitch", "depth")], axis=1)
-    parts = [_rows_with_data(time, table) for table in (velocity, wrench, attitude)]
+    origin, empty = float(t[0]), np.full(len(t), NAN)
+    parts = []
+    for names in ("uvwpqr", "XYZKMN", ("roll", "pitch", "depth")):
+        table = np.stack([columns.get(name, empty) for name in names], axis=1)
+        known = np.isfinite(table).any(axis=1)
+        parts.append((array(t[known] - origin), array(table[known])))
     return Recording(source, *parts[0], *parts[1], *parts[2], origin)
-
-
-def _rows_with_data(time: Array, table: Array) -> tuple[Array, Array]:
-    """Times [s], (m,), and rows, (m, k), with at least one finite value."""
-    rows = np.isfinite(table).any(axis=1)
-    return array(time[rows]), array(table[rows])

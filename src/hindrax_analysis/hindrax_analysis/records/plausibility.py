@@ -36,10 +36,9 @@ AGAINST = -0.6
 
 def wrong_thrust_sign(recordings: Sequence[Recording], axis: int) -> str:
     """Reason against a result with motion opposite to the thrust; otherwise empty."""
-    pairs = [pair for one in recordings if len(pair := _velocity_and_thrust(one, axis))]
-    if not pairs:
+    v, force = np.concatenate([np.zeros((0, 2)), *(_velocity_and_thrust(one, axis) for one in recordings)]).T
+    if not len(v):
         return ""
-    v, force = np.concatenate(pairs).T
     spread = float(np.std(v) * np.std(force))
     if spread == 0.0 or float(np.mean((v - v.mean()) * (force - force.mean()))) > AGAINST * spread:
         return ""
@@ -108,16 +107,11 @@ def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:
     if added is not None and axis < 3 and added.value > MOST_ADDED * own:
         out.append(f"the added mass is {added.value / own:.0f} times the body's own: {REMEDY}")
     if axis < 3 and result.drag is not None:
-        coefficient = _drag_coefficient(result, vehicle)
+        # On the area of COB-2023-1394, volume to the power of two thirds, at the highest speed.
+        pressure = 0.5 * vehicle.water.density_kgpm3 * float(result.drag.speed[-1]) ** 2
+        area_m2 = vehicle.characteristic_length_m**2
+        coefficient = float(result.drag.force[-1]) / max(1e-12, pressure * area_m2)
         if coefficient > 0.0 and not DRAG_COEFFICIENTS[0] < coefficient < DRAG_COEFFICIENTS[1]:
             low, high = DRAG_COEFFICIENTS
             out.append(f"the drag coefficient is {coefficient:.2g}, wanted {low:g} to {high:g}: {REMEDY}")
     return out
-
-
-def _drag_coefficient(result: MotionResult, vehicle: Vehicle) -> float:
-    """C_D of the highest speed, on the area of COB-2023-1394: volume to the power of two thirds."""
-    assert result.drag is not None
-    speed, force = float(result.drag.speed[-1]), float(result.drag.force[-1])
-    pressure = 0.5 * vehicle.water.density_kgpm3 * speed * speed
-    return force / float(np.maximum(1e-12, pressure * vehicle.characteristic_length_m**2))

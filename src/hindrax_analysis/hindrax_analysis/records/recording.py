@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hindrax_core.events import Stamp, Stamped, stamp_from_s
+from hindrax_core.events import Stamped, stamp_from_s
 from hindrax_core.signals import NAN, Attitude, IdentEvent, Phase, Thrust, Velocity
 from hindrax_core.vehicle import AXES
 from hindrax_ident.arrays import Array, Flags, array
@@ -71,7 +71,7 @@ class Recording:
 
     def between(self, start_s: float, end_s: float) -> Recording:
         """Part of a record, with the force at its start."""
-        v, a = (_inside(t, start_s, end_s) for t in (self.velocity_t, self.attitude_t))
+        v, a = ((t >= start_s) & (t <= end_s) for t in (self.velocity_t, self.attitude_t))
         first = max(0, int(np.searchsorted(self.wrench_t, start_s, side="right")) - 1)
         w = slice(first, int(np.searchsorted(self.wrench_t, end_s, side="right")))
         return replace(
@@ -124,24 +124,14 @@ def _times(recording: Recording) -> tuple[float, float]:
 def joined(one: Recording, other: Recording) -> Recording:
     """One record of two parts with different columns; their stamps have the same origin."""
     origin = min(one.origin_s, other.origin_s)
-    later, other_later = one.origin_s - origin, other.origin_s - origin
-    velocity = _merged((one.velocity_t + later, one.velocity), (other.velocity_t + other_later, other.velocity))
-    wrench = _merged((one.wrench_t + later, one.wrench), (other.wrench_t + other_later, other.wrench))
-    attitude = _merged((one.attitude_t + later, one.attitude), (other.attitude_t + other_later, other.attitude))
+    tables = []
+    for name in ("velocity", "wrench", "attitude"):
+        t = np.concatenate([getattr(part, f"{name}_t") + (part.origin_s - origin) for part in (one, other)])
+        order = np.argsort(t, kind="stable")
+        tables.append((array(t[order]), array(np.concatenate([getattr(one, name), getattr(other, name)])[order])))
     told = f"{one.source} and {other.source} count time from one origin"
     assumptions = tuple(dict.fromkeys((*one.assumptions, *other.assumptions, told)))
-    return Recording(one.source, *velocity, *wrench, *attitude, origin, assumptions)
-
-
-def _merged(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Times (n,) [s] and rows (n, k) of both, in the order of time."""
-    t = np.concatenate((one[0], other[0]))
-    order = np.argsort(t, kind="stable")
-    return array(t[order]), array(np.concatenate((one[1], other[1]))[order])
-
-
-def _inside(t: Array, start_s: float, end_s: float) -> slice:
-    return slice(int(np.searchsorted(t, start_s)), int(np.searchsorted(t, end_s, side="right")))
+    return Recording(one.source, *tables[0], *tables[1], *tables[2], origin, assumptions)
 
 
 # ---- usable axes
@@ -181,13 +171,9 @@ def _rounding(table: Array, axis: int) -> float:
 
 def _axes_that_change(table: Array) -> str:
     """Note that names the axes with changes; empty without any."""
-    changing = [name for axis, name in enumerate(AXES) if _changes(table, axis)]
+    columns = {name: (_finite(table[:, axis]), _rounding(table, axis)) for axis, name in enumerate(AXES)}
+    changing = [name for name, (known, rounding) in columns.items() if len(known) and np.ptp(known) > rounding]
     return f" (on {' and '.join(changing)} it does)" if changing else ""
-
-
-def _changes(table: Array, axis: int) -> bool:
-    known = _finite(table[:, axis])
-    return bool(len(known) and np.ptp(known) > _rounding(table, axis))
 
 
 def has_signal(recording: Recording, axis: int) -> bool:
@@ -220,11 +206,8 @@ def tuned(recordings: Sequence[Recording], tuning: Tuning | None = None) -> Tuni
     base = for_foreign_records(tuning or Tuning())
     slowest_v = max((_period(one.velocity_t) for one in recordings), default=0.0)
     slowest_w = max((_period(one.wrench_t) for one in recordings), default=0.0)
-    return replace(
-        base,
-        gap_s=min(60.0, max(base.gap_s, 5.0 * slowest_v)),
-        thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w),
-    )
+    gap_s = min(60.0, max(base.gap_s, 5.0 * slowest_v))
+    return replace(base, gap_s=gap_s, thrust_age_s=max(base.thrust_age_s, 3.0 * slowest_w))
 
 
 def _period(t: Array) -> float:
@@ -240,8 +223,8 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     """Events of one axis in the order of time, the record's origin at `begin_s`; the last one ends the motion."""
     motion = motions_of(axis)[0].name
     parts: list[tuple[float, int, IdentEvent]] = [(recording.begin_s, 1, Phase(motion, "excite"))]
-    forces = recording.wrench[:, axis]
-    parts += [(t, 0, Thrust(on_axis_only(axis, f, 0.0))) for t, f in _pairs(recording.wrench_t, forces)]
+    forces = zip(recording.wrench_t.tolist(), recording.wrench[:, axis].tolist(), strict=True)
+    parts += [(t, 0, Thrust(on_axis_only(axis, force, 0.0))) for t, force in forces if math.isfinite(force)]
     unknown = on_axis_only(axis, NAN, NAN)
     known = np.isfinite(recording.velocity).any(axis=1)
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
@@ -249,17 +232,8 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     parts += [(t, 3, Velocity((u, v, w, p, q, r), unknown, SOURCE)) for t, (u, v, w, p, q, r) in rows]
     parts += [(t, 2, attitude) for t, attitude in _attitudes(recording, axis)]
     parts.sort(key=lambda part: part[:2])
-    yield from (Stamped(_at(begin_s + t), event) for t, _, event in parts)
-    yield Stamped(_at(begin_s + parts[-1][0] + 1e-3), Phase("", ""))
-
-
-def _at(t_s: float) -> Stamp:
-    return stamp_from_s(t_s)
-
-
-def _pairs(t: Array, values: Array) -> list[tuple[float, float]]:
-    known = np.isfinite(values)
-    return list(zip(t[known].tolist(), values[known].tolist(), strict=True))
+    yield from (Stamped(stamp_from_s(begin_s + t), event) for t, _, event in parts)
+    yield Stamped(stamp_from_s(begin_s + parts[-1][0] + 1e-3), Phase("", ""))
 
 
 def _attitudes(recording: Recording, axis: int) -> Iterator[tuple[float, Attitude]]:

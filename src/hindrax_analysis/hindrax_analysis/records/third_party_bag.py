@@ -62,14 +62,9 @@ def topics_of(bag: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for message in messages(bag):
         if message.topic not in found:
-            found[message.topic] = _plain_type(message.type)
+            package, _, short = message.type.replace("/msg/", "/").partition("/")
+            found[message.topic] = f"{package}/msg/{short}"
     return found
-
-
-def _plain_type(name: str) -> str:
-    """A type in the form `package/msg/Type`."""
-    package, _, short = name.replace("/msg/", "/").partition("/")
-    return f"{package}/msg/{short}"
 
 
 def is_ours(topics: Mapping[str, str]) -> bool:
@@ -127,7 +122,9 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
     origin = min(t_v.min(), t_w.min())
     v, w = np.argsort(t_v, kind="stable"), np.argsort(t_w, kind="stable")
     at_v, at_w = (1e-9 * (t[order] - origin).astype(float) for t, order in ((t_v, v), (t_w, w)))
-    poses = _poses(velocity, v)
+    poses: tuple[Array, Array] | None = None
+    if velocity.poses:
+        poses = array(np.array(velocity.poses)[v, :3]), quaternions_of(velocity)[v]
     moving_t, moving = _velocities(velocity, v, at_v, poses, axes)
     signs = _signs_to_sname(velocity, axes)
     tilts = np.column_stack([tilts_of(poses[1]), np.full(len(at_v), np.nan)]) if poses else np.zeros((0, 3))
@@ -158,13 +155,6 @@ def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, ve
         axes.notes.append(f"{wrench.topic} names no frame: it is in the axes of {velocity.topic}")
     axes.notes.append(f"{wrench.topic} is the wrench achieved by the thrusters, about the center of mass")
     return array(np.array(wrench.rows) * signs)
-
-
-def _poses(velocity: Track, order: Index) -> tuple[Array, Array] | None:
-    """Positions (n, 3) and attitudes (n, 4) in the order of time; None where the topic has none."""
-    if not velocity.poses:
-        return None
-    return array(np.array(velocity.poses)[order, :3]), quaternions_of(velocity)[order]
 
 
 def _velocities(

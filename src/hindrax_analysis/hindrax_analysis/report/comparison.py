@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED, SavedCoefficients, SavedMotion
-from hindrax_analysis.published import Published, published_of
+from hindrax_analysis.published import PAPER, Published, published_of
 from hindrax_analysis.report.chart import Role
 from hindrax_analysis.report.figures import LABELS, pretty_unit
 from hindrax_analysis.report.forest import Entry, forest
@@ -50,22 +50,17 @@ def pool_runs(numbers: Sequence[Number]) -> RunScatter | None:
     variance = max(0.0, (power - freedom) / (total - float(weights @ weights) / total))
     weights = 1.0 / (1.0 / weights + variance)
     std = float(weights.sum()) ** -0.5
+    calibrated = [one for one in known if math.isfinite(one.std_calibrated)]
+    added = [math.sqrt(max(0.0, one.std_calibrated**2 - one.std**2)) for one in calibrated]
     return RunScatter(
         mean=float(np.average(values, weights=weights)),
         std=std,
-        std_calibrated=math.hypot(std, _common(known)),
+        std_calibrated=math.hypot(std, sum(added) / len(added) if added else math.nan),
         scatter=float(np.std(values, ddof=1)),
         between=math.sqrt(variance),
         ratio=math.sqrt(power / freedom),
         runs=len(known),
     )
-
-
-def _common(numbers: Sequence[Number]) -> float:
-    """Mean contribution of the calibration; NaN where no run has it."""
-    known = [one for one in numbers if math.isfinite(one.std_calibrated)]
-    added = [math.sqrt(max(0.0, one.std_calibrated**2 - one.std**2)) for one in known]
-    return sum(added) / len(added) if added else math.nan
 
 
 def comparison_page(runs: Sequence[SavedCoefficients]) -> str:
@@ -105,11 +100,16 @@ def _motion(motion: str, runs: Sequence[SavedCoefficients]) -> str:
     own = [(run.label, run.motions[motion]) for run in runs if motion in run.motions]
     vehicles = {run.conditions.vehicle for run in runs}
     paper = published_of(vehicles.pop(), motion) if len(vehicles) == 1 else None
-    plots = [plot for name in TABULATED if (plot := _forest(motion, paper, name, own))]
-    return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own)}<div class="plots">{"".join(plots)}</div>'
+    pooled = {}
+    for name in TABULATED:
+        believed = [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
+        pooled[name] = pool_runs(believed)
+    plots = [_forest(motion, paper, name, own, pooled[name]) for name in TABULATED]
+    drawn = f'<div class="plots">{"".join(plots)}</div>'
+    return f'<h2 id="{motion}">{title_of(motion)}</h2>{_table(motion, own, pooled)}{drawn}'
 
 
-def _table(motion: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
+def _table(motion: str, own: Sequence[tuple[str, SavedMotion]], pooled: Mapping[str, RunScatter | None]) -> str:
     units = coefficients(MOTIONS[motion].axis)
     heads = [f"{head} [{pretty_unit(units[name].unit)}]" for name, head in zip(TABULATED, HEADINGS, strict=True)]
     rows = []
@@ -119,8 +119,12 @@ def _table(motion: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
     marked = []
     if len(own) > 1:
         marked = [len(rows)]
-        rows.append(["all, weighted", *(_pooled(name, own) for name in TABULATED), ""])
-        rows.append(["scatter of the runs", *(_scatter(name, own) for name in TABULATED), ""])
+        means, spread = [], []
+        for one in pooled.values():
+            means.append("" if one is None else plus_minus(one.mean, one.std, one.std_calibrated))
+            spread.append("" if one is None else f"{one.scatter:.2g} <small>({one.ratio:.1f} \u00d7 as stated)</small>")
+        rows.append(["all, weighted", *means, ""])
+        rows.append(["scatter of the runs", *spread, ""])
     return table(["run", *heads, "verdict"], rows, marked)
 
 
@@ -128,46 +132,31 @@ def _cell(found: Number | None) -> str:
     return "" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
 
 
-def _believed(name: str, own: Sequence[tuple[str, SavedMotion]]) -> list[Number]:
-    return [found.numbers[name] for _, found in own if name in found.numbers and found.identifiable]
-
-
-def _pooled(name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
-    found = pool_runs(_believed(name, own))
-    return "" if found is None else plus_minus(found.mean, found.std, found.std_calibrated)
-
-
-def _scatter(name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
-    found = pool_runs(_believed(name, own))
-    return "" if found is None else f"{found.scatter:.2g} <small>({found.ratio:.1f} \u00d7 as stated)</small>"
-
-
-def _forest(motion: str, paper: Published | None, name: str, own: Sequence[tuple[str, SavedMotion]]) -> str:
-    entries = []
+def _forest(
+    motion: str,
+    paper: Published | None,
+    name: str,
+    own: Sequence[tuple[str, SavedMotion]],
+    pooled: RunScatter | None,
+) -> str:
+    """Plot of a coefficient of every run; empty where none has it."""
+    entries, truths = [], set()
     for label, found in own:
         if name in found.numbers:
-            number = found.numbers[name]
-            believed = found.identifiable
+            number, believed = found.numbers[name], found.identifiable
             role: Role = "model" if believed else "earlier"
             entries.append(Entry(label, number.value, number.std, number.std_calibrated, role, not believed))
+            truths |= {number.truth} - {None}
     if not entries:
         return ""
-    pooled = pool_runs(_believed(name, own))
     if pooled is not None:
         entries.append(Entry("all, weighted", pooled.mean, pooled.std, pooled.std_calibrated, "online"))
     if paper is not None and name in paper.coefficients:
-        entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
-    known = [found.numbers[name].truth for _, found in own if name in found.numbers]
-    truths = {truth for truth in known if truth is not None}
+        entries.append(Entry(PAPER, *paper.in_our_axes[name], math.nan, "paper"))
     truth = truths.pop() if len(truths) == 1 else None
-    unit = coefficients(MOTIONS[motion].axis)[name].unit
-    return forest(LABELS[name], pretty_unit(unit), entries, _caption(name, own, truth), truth)
-
-
-def _caption(name: str, own: Sequence[tuple[str, SavedMotion]], truth: float | None) -> str:
     words = [f"{LABELS[name]} of every run: thick 95 % from noise, thin 95 % with calibration"]
     if not all(found.identifiable for _, found in own):
         words.append("gray: not identifiable, not in the mean, an arrow if outside the frame")
-    if truth is not None:
-        words.append("dashed: the truth of the mock")
-    return "; ".join(words) + "."
+    words += ["dashed: the truth of the mock"] if truth is not None else []
+    unit = coefficients(MOTIONS[motion].axis)[name].unit
+    return forest(LABELS[name], pretty_unit(unit), entries, f"{'; '.join(words)}.", truth)

@@ -28,6 +28,11 @@ def prose(sentence: str) -> str:
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(sentence))
 
 
+def bullets(sentences: Sequence[str]) -> str:
+    """An unordered list of sentences."""
+    return f"<ul>{''.join(f'<li>{prose(one)}</li>' for one in sentences)}</ul>"
+
+
 def chips(texts: Sequence[tuple[str, str]]) -> str:
     """Small labels: text and kind (good, bad, mock or nothing)."""
     spans = "".join(f'<span class="{f"chip {kind}".strip()}">{escape(text)}</span>' for text, kind in texts)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
 
 from hindrax_analysis.coefficients_file import TABULATED
 from hindrax_analysis.published import PAPER, published_of
-from hindrax_analysis.report.dimensionless import dimensionless, format_reynolds
 from hindrax_analysis.report.figures import (
     METHODS,
     PREDICTORS,
@@ -17,6 +19,7 @@ from hindrax_analysis.report.figures import (
 )
 from hindrax_analysis.report.page import decimals, number, plus_minus, prose, table
 from hindrax_core.vehicle import AXES, Vehicle
+from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results
 from hindrax_ident.model.motion_model import MOTIONS, coefficients
@@ -29,6 +32,7 @@ CONTRIBUTIONS = (
 SIGN_OF_B = (
     "The paper prints b of heave along the motion; here it is along the axis, so its sign is reversed for heave, up."
 )
+RAISED = str.maketrans("0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b")
 TITLE_3, TITLE_4 = "Coefficients", "Drag coefficient and Reynolds number"
 
 RIGHTING = "Plateaus are omitted: the mean moment of each includes the restoring moment of the vehicle."
@@ -46,14 +50,20 @@ def table_3(results: Results) -> str:
     own: list[int] = []
     for motion, result in results.motions.items():
         own += [len(rows)] if result.identifiable else []
-        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in TABULATED), _verdict(result)])
+        verdict = "identified" if result.identifiable else "not identifiable"
+        rows.append([title_of(motion), *(_cell(result.coefficients.get(name)) for name in TABULATED), verdict])
         if any(one.truth is not None for one in result.coefficients.values()):
-            rows.append(["<small>truth of the mock</small>", *_truths(result), ""])
+            known = [result.coefficients.get(name) for name in TABULATED]
+            truths = [
+                number(one.truth, decimals(one.value, one.std)) if one and one.truth is not None else ""
+                for one in known
+            ]
+            rows.append([*map(_small, ("truth of the mock", *truths)), ""])
         paper = published_of(results.vehicle.name, motion)
         if paper is not None:
             pairs = paper.in_our_axes
             printed = [as_printed(*pairs[name]) if name in pairs else "" for name in TABULATED]
-            rows.append(["<small>COB-2023-1394</small>", *map(_small, printed), ""])
+            rows.append([*map(_small, (PAPER, *printed)), ""])
     # Straight motions and turns have different units; the heading has those of what was flown.
     units = [units_of(motion) for motion in results.motions]
     heads = [
@@ -89,17 +99,37 @@ def _cell(found: Number | None) -> str:
     return "<small>not found</small>" if found is None else plus_minus(found.value, found.std, found.std_calibrated)
 
 
-def _truths(result: MotionResult) -> list[str]:
-    cells = []
-    for name in TABULATED:
-        found = result.coefficients.get(name)
-        known = found is not None and found.truth is not None
-        cells.append(f"<small>{number(found.truth, decimals(found.value, found.std))}</small>" if known else "")  # type: ignore[union-attr, arg-type]  # known says both
-    return cells
+@dataclass(frozen=True, slots=True)
+class Dimensionless:
+    """C_D at each speed of the drag band, its standard deviations (noise; with calibration), and Re: (n,) each."""
+
+    reynolds: Array
+    drag_coefficient: Array
+    std: Array
+    std_calibrated: Array
+
+    @property
+    def mean(self) -> tuple[float, float, float]:
+        """Mean over the speeds and the means of both standard deviations."""
+        return float(np.mean(self.drag_coefficient)), float(np.mean(self.std)), float(np.mean(self.std_calibrated))
 
 
-def _verdict(result: MotionResult) -> str:
-    return "identified" if result.identifiable else "not identifiable"
+def dimensionless(vehicle: Vehicle, result: MotionResult) -> Dimensionless | None:
+    """Drag force in the paper's terms; None where the motion has no band of speeds.
+
+    C_D = F / (1/2 rho V^(2/3) U^2) and Re = U V^(1/3) / nu, for turns C_D = M / (1/2 rho L^5 w^2) and
+    Re = w L^2 / nu with the length of the vehicle.
+    """
+    band = result.drag
+    if band is None:
+        return None
+    rho, nu = vehicle.water.density_kgpm3, vehicle.water.kinematic_viscosity_m2ps
+    turns = MOTIONS[result.motion].axis >= 3
+    length = vehicle.envelope_m[0] if turns else vehicle.characteristic_length_m
+    per_force = 2.0 / (rho * length ** (5 if turns else 2) * band.speed**2)
+    reynolds = band.speed * length ** (2 if turns else 1) / nu
+    parts = (reynolds, band.force * per_force, band.std * per_force, band.std_calibrated * per_force)
+    return Dimensionless(*map(array, parts))
 
 
 def table_4(vehicle: Vehicle, results: Results) -> str:
@@ -110,19 +140,24 @@ def table_4(vehicle: Vehicle, results: Results) -> str:
         found = dimensionless(vehicle, result)
         if found is not None:
             own += [len(rows)] if result.identifiable else []
-            low, high = float(found.reynolds[0]), float(found.reynolds[-1])
+            between = " to ".join(_reynolds(float(found.reynolds[end])) for end in (0, -1))
             top = plus_minus(*(float(part[-1]) for part in (found.drag_coefficient, found.std, found.std_calibrated)))
-            rows.append([title_of(motion), plus_minus(*found.mean), top, _range(low, high)])
+            rows.append([title_of(motion), plus_minus(*found.mean), top, between])
             paper = published_of(vehicle.name, motion)
             if paper is not None:
-                cells = [as_printed(*paper.drag_coefficient), "", _range(*paper.reynolds)]
-                rows.append(["<small>COB-2023-1394</small>", *map(_small, cells)])
+                cells = [PAPER, as_printed(*paper.drag_coefficient), "", " to ".join(map(_reynolds, paper.reynolds))]
+                rows.append([*map(_small, cells)])
     heads = ["motion", "C<sub>D</sub>, mean over the speeds", "C<sub>D</sub> at the highest speed", "Re"]
     return _titled(TITLE_4, 4, results) + table(heads, rows, own) if rows else ""
 
 
-def _range(low: float, high: float) -> str:
-    return f"{format_reynolds(low)} to {format_reynolds(high)}"
+def _reynolds(reynolds: float) -> str:
+    """A Reynolds number as the paper prints it: 1.1 times ten to the fifth."""
+    if not reynolds > 0.0:
+        return "0"
+    power = math.floor(math.log10(reynolds))
+    raised = str(power).translate(RAISED)
+    return f"{reynolds / 10.0**power:.1f} \u00d7 10{raised}"
 
 
 def table_predictions(assessments: Mapping[int, Assessment]) -> str:
@@ -171,24 +206,13 @@ def table_budget(result: MotionResult) -> str:
     wide = {name: number.std_calibrated for name, number in result.coefficients.items()}
     if result.drag is not None:
         wide["drag"] = float(result.drag.std_calibrated[-1])
-    rows = [
-        [
-            influence,
-            *(_contribution(shares[name].get(influence, 0.0), wide.get(name)) for name in columns),
-            prose(remedy),
-        ]
-        for influence, remedy in remedies.items()
-    ]
+    rows = []
+    for influence, remedy in remedies.items():
+        stds = [(shares[name].get(influence, 0.0), wide.get(name)) for name in columns]
+        # Empty where it is below a twentieth of the band.
+        cells = [f"{std:.2g}" if band is None or std >= 0.05 * band else "" for std, band in stds]
+        rows.append([influence, *cells, prose(remedy)])
     heads = headings_of(result.motion)
-    total = ["calibrated band", *(_digits(wide.get(name)) for name in columns), ""]
+    total = ["calibrated band", *(f"{wide[name]:.2g}" if name in wide else "" for name in columns), ""]
     heading = ["influence", *(heads[name] for name in columns), "what would shrink it"]
     return table(heading, [total, *rows], own=(0,)) + f'<p class="soft">{CONTRIBUTIONS}</p>'
-
-
-def _contribution(std: float, band: float | None) -> str:
-    """A contribution with two digits; empty where it is below a twentieth of the band."""
-    return _digits(std) if band is None or std >= 0.05 * band else ""
-
-
-def _digits(std: float | None) -> str:
-    return "" if std is None else f"{std:.2g}"

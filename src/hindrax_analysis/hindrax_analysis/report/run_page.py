@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hindrax_analysis.coefficients_file import TABULATED, Conditions, SavedCoefficients
-from hindrax_analysis.published import published_of
+from hindrax_analysis.published import PAPER, published_of
 from hindrax_analysis.report.chart import Role, figure
 from hindrax_analysis.report.figures import (
     LABELS,
@@ -22,7 +22,7 @@ from hindrax_analysis.report.figures import (
     pretty_unit,
 )
 from hindrax_analysis.report.forest import Entry, forest
-from hindrax_analysis.report.page import chips, definitions, page, plus_minus, prose
+from hindrax_analysis.report.page import bullets, chips, definitions, page, plus_minus, prose
 from hindrax_analysis.report.report_tables import (
     table_3,
     table_4,
@@ -34,8 +34,9 @@ from hindrax_analysis.report.report_tables import (
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.assess.assessment import Assessment
 from hindrax_ident.assess.results import MotionResult, Number, Results, truth_of
-from hindrax_ident.model.motion_model import MOTIONS
+from hindrax_ident.model.motion_model import MOTIONS, coefficients
 
+SEPARATOR = " \u00b7 "
 PREDICTED = (
     '<p class="soft">RMS errors over windows of the last quarter of the run, of several the last run, by a model that '
     "was fitted to the rest and moves freely with the recorded thrust. Beside it two predictors that know nothing. "
@@ -111,15 +112,14 @@ def _headline(results: Results, predicted: Mapping[str, float]) -> str:
     for motion, result in results.motions.items():
         if not result.identifiable or result.drag is None:
             continue
-        turns = MOTIONS[motion].axis >= 3
         speed, force, std = (
             float(part[-1]) for part in (result.drag.speed, result.drag.force, result.drag.std_calibrated)
         )
-        units = ("rad/s", "N\u00b7m") if turns else ("m/s", "N")
-        value = plus_minus(force, std)
+        units = ("rad/s", "N\u00b7m") if MOTIONS[motion].axis >= 3 else ("m/s", "N")
         told = f": {predicted[motion]:.1%} predicted, {std / force:.1%} reached" if motion in predicted else ""
         cards.append(
-            f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small><b>{value} {units[1]}</b>"
+            f"<div><small>{title_of(motion)}: drag at {speed:.2f} {units[0]}</small>"
+            f"<b>{plus_minus(force, std)} {units[1]}</b>"
             f"<small>one standard deviation, with calibration{told}</small></div>"
         )
     return f'<div class="headline">{"".join(cards)}</div>' if cards else ""
@@ -133,8 +133,7 @@ def _how_to_read(report: RunReport) -> str:
         "budget; below it is the part that is the noise of this run.</p>"
     )
     if report.conditions.assumptions:
-        rows = "".join(f"<li>{prose(one)}</li>" for one in report.conditions.assumptions)
-        words += f"<p>Assumptions:</p><ul>{rows}</ul>"
+        words += f"<p>Assumptions:</p>{bullets(report.conditions.assumptions)}"
     return words
 
 
@@ -142,21 +141,16 @@ def _tables(report: RunReport) -> str:
     third, fourth = table_3(report.results), table_4(report.vehicle, report.results)
     text = third
     if fourth:
-        text += f"{fourth}{_what_is_c_d(report.vehicle)}"
+        straight = "C<sub>D</sub> = F / (\u00bd \u03c1 V<sup>2/3</sup> U\u00b2) and Re = U V<sup>1/3</sup> / \u03bd"
+        turning = "M / (\u00bd \u03c1 L\u2075 \u03c9\u00b2) and \u03c9 L\u00b2 / \u03bd"
+        text += (
+            f'{fourth}<p class="soft">{straight} with V<sup>1/3</sup> = {report.vehicle.characteristic_length_m:.4f} '
+            f"m; for turns {turning} with L = {report.vehicle.envelope_m[0]:g} m.</p>"
+        )
     predictions = table_predictions(report.assessments)
     if predictions:
         text += f"<h3>Prediction of what was not fitted</h3>{predictions}{PREDICTED}"
     return text
-
-
-def _what_is_c_d(vehicle: Vehicle) -> str:
-    straight = "C<sub>D</sub> = F / (\u00bd \u03c1 V<sup>2/3</sup> U\u00b2) and Re = U V<sup>1/3</sup> / \u03bd"
-    turning = "M / (\u00bd \u03c1 L\u2075 \u03c9\u00b2) and \u03c9 L\u00b2 / \u03bd"
-    lengths = f"{vehicle.characteristic_length_m:.4f} m", f"{vehicle.envelope_m[0]:g} m"
-    return (
-        f'<p class="soft">{straight} with V<sup>1/3</sup> = {lengths[0]}; '
-        f"for turns {turning} with L = {lengths[1]}.</p>"
-    )
 
 
 # ---- one motion
@@ -189,12 +183,7 @@ def _next(result: MotionResult) -> str:
 
 def _reasons(result: MotionResult) -> str:
     lists = (("Not identifiable from this record.", result.reasons), ("Beside the model:", result.warnings))
-    return "".join(_warning(title, sentences) for title, sentences in lists if sentences)
-
-
-def _warning(title: str, sentences: Sequence[str]) -> str:
-    rows = "".join(f"<li>{prose(one)}</li>" for one in sentences)
-    return f'<div class="warning"><b>{title}</b><ul>{rows}</ul></div>'
+    return "".join(f'<div class="warning"><b>{title}</b>{bullets(those)}</div>' for title, those in lists if those)
 
 
 def _facts(result: MotionResult) -> str:
@@ -208,8 +197,7 @@ def _facts(result: MotionResult) -> str:
         words.append(f"thruster lag {quality['lag_s']:.3f} s")
     if quality.get("latency_s"):
         words.append(f"stamps late by {quality['latency_s']:.3f} s")
-    joined = " \u00b7 ".join(words)
-    return f'<p class="soft">{joined}</p>'
+    return f'<p class="soft">{SEPARATOR.join(words)}</p>'
 
 
 def _forests(report: RunReport, result: MotionResult) -> list[str]:
@@ -218,7 +206,7 @@ def _forests(report: RunReport, result: MotionResult) -> list[str]:
         entries = _entries(report, result, name)
         if len(entries) < 2:
             continue
-        unit = next((found.unit for found in _known(result, name) if found.unit), "")
+        unit = coefficients(MOTIONS[result.motion].axis)[name].unit
         truth = result.coefficients[name].truth if name in result.coefficients else None
         caption = f"{LABELS[name]} by every method and source: thick 95 % from noise, thin 95 % with calibration"
         caption += ", dashed the truth of the mock." if truth is not None else "."
@@ -226,30 +214,19 @@ def _forests(report: RunReport, result: MotionResult) -> list[str]:
     return out
 
 
-def _known(result: MotionResult, name: str) -> list[Number]:
-    sources = [result.coefficients, *comparable_methods(result).values()]
-    return [source[name] for source in sources if name in source]
-
-
 def _entries(report: RunReport, result: MotionResult, name: str) -> list[Entry]:
-    own = [
-        (
-            METHODS.get(result.method, result.method).partition(" (")[0],
-            result.coefficients,
-            ROLES.get(result.method, "model"),
-        )
-    ]
-    own += [
-        (METHODS.get(key, key).partition(" (")[0], numbers, ROLES.get(key, "online"))
-        for key, numbers in comparable_methods(result).items()
-    ]
-    entries = [_entry(label, numbers[name], role) for label, numbers, role in own if name in numbers]
+    methods = {result.method: result.coefficients, **comparable_methods(result)}
+    entries = []
+    for method, numbers in methods.items():
+        if name in numbers:
+            role = ROLES.get(method, "model" if method == result.method else "online")
+            entries.append(_entry(METHODS.get(method, method).partition(" (")[0], numbers[name], role))
     prior = truth_of(report.vehicle).get(result.motion, {})
     if name in prior and not report.conditions.mock:
         entries.append(Entry("vehicle file", prior[name], math.nan, math.nan, "prior"))
     paper = published_of(report.vehicle.name, result.motion)
     if paper is not None and name in paper.coefficients:
-        entries.append(Entry("COB-2023-1394", *paper.in_our_axes[name], math.nan, "paper"))
+        entries.append(Entry(PAPER, *paper.in_our_axes[name], math.nan, "paper"))
     for saved in report.earlier:
         motion = saved.motions.get(result.motion)
         if motion is not None and name in motion.numbers:
@@ -269,10 +246,7 @@ def _conditions(of: Conditions) -> str:
     pairs = [
         ("vehicle", of.vehicle),
         ("mass, volume", f"{of.mass_kg:g} kg, {of.volume_m3:g} m\u00b3"),
-        (
-            "water",
-            f"{of.density_kgpm3:g} kg/m\u00b3, \u03bd = {of.kinematic_viscosity_m2ps:g} m\u00b2/s",
-        ),
+        ("water", f"{of.density_kgpm3:g} kg/m\u00b3, \u03bd = {of.kinematic_viscosity_m2ps:g} m\u00b2/s"),
         ("data", "mock vehicle (simulated)" if of.mock else "recorded on a vehicle"),
         ("motions", ", ".join(of.motions)),
         ("date of the record", of.date),

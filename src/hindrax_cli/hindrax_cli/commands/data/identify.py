@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, SavedMotion, as_yaml, conditions_of
-from hindrax_analysis.identification.bag_identification import show
+from hindrax_analysis.identification.bag_identification import bag_hash, show, told_end, traces_of, write
 from hindrax_analysis.identification.record_identification import (
     IdentificationTask,
     IdentifiedRecords,
@@ -21,11 +21,9 @@ from hindrax_analysis.identification.record_identification import (
     open_sources,
     recorded_vehicle,
 )
-from hindrax_analysis.identification.result_files import bag_hash, told_end, traces_of, write
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.records.csv_columns import COLUMNS
-from hindrax_analysis.records.maneuver_record import maneuver_record
-from hindrax_analysis.records.provenance import date_of
+from hindrax_analysis.records.own_bag import date_of, maneuver_record
 from hindrax_analysis.records.third_party_bag import FRAMES, TopicSelection
 from hindrax_analysis.report import RunReport, run_page
 from hindrax_analysis.terminal import working

@@ -13,7 +13,7 @@ from pathlib import Path
 from hindrax_analysis.experiments.known_weight import Hold, Span, Weighing, holds_of, weigh
 from hindrax_analysis.experiments.least_squares import Value
 from hindrax_analysis.plain import print_json
-from hindrax_analysis.records.bag_events import bag_events
+from hindrax_analysis.records.own_bag import bag_events
 from hindrax_analysis.terminal import make_table, print_table, print_values, working
 from hindrax_bringup.stack import WORLD_HELP
 from hindrax_bringup.stack_runner import report

@@ -7,8 +7,8 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from hindrax_analysis.identification.executor import executor_for
-from hindrax_analysis.identification.montecarlo import HullTruth, Trial, summary, trial_of
+from hindrax_analysis.identification.executor import run_all
+from hindrax_analysis.identification.montecarlo import Trial, summary, trial_of
 from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import make_table, print_table
 from hindrax_cli.argument_types import add_json, add_vehicle
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     seeds = range(arguments.seed, arguments.seed + arguments.runs)
     jobs = [Job(seed, servable.flown, arguments.excitation, arguments.vehicle, arguments.world) for seed in seeds]
     trials: list[Trial] = []
-    for one in executor_for(arguments.cluster, arguments.workers).map(trial, jobs):
+    for one in run_all(trial, jobs, cluster=arguments.cluster, workers=arguments.workers):
         trials.append(one)
         print_fitted(f"run {len(trials)} of {len(jobs)}: seed {one.seed} {one.trouble}", sys.stderr)
     document = summary(trials)
@@ -79,8 +79,8 @@ def trial(job: Job) -> Trial:
     """Fly one pool test in lock-step and compare its results with the truth."""
     flight = fly(job.motions, job.seed, job.world, vehicle=load_vehicle(job.vehicle_file), excitation=job.excitation)
     thrust_s = flight.world.conditions.thrust_density_s
-    hull = HullTruth(flight.truth, flight.drag_N)
-    return trial_of(job.seed, flight.outcome, hull, trouble=flight.aborted, thrust_s=thrust_s)
+    hull = flight.truth, flight.drag_N
+    return trial_of(job.seed, flight.outcome, *hull, trouble=flight.aborted, thrust_s=thrust_s)
 
 
 def show(document: dict[str, Any]) -> None:

@@ -7,10 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from hindrax_analysis.coefficients_file import Conditions, SavedCoefficients, read_coefficients
-from hindrax_analysis.identification.bag_identification import identify_bag
+from hindrax_analysis.identification.bag_identification import bag_conditions, identify_bag, traces_of, write
 from hindrax_analysis.identification.record_identification import RecordSource, recorded_vehicle
-from hindrax_analysis.identification.result_files import bag_conditions, traces_of, write
-from hindrax_analysis.records.provenance import is_mock
+from hindrax_analysis.records.own_bag import is_mock
 from hindrax_analysis.report import RunReport, comparison_page, run_page
 from hindrax_analysis.terminal import working
 from hindrax_bag.run_folder import RunFolder

@@ -1,0 +1,108 @@
+"""What a bag of this stack tells: events by the feed of the live identifier, what was flown, its date, its truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Message, Metadata
+
+from hindrax_bag.metadata import DESCRIPTION
+from hindrax_bag.read.bag_reader import bag_files, messages
+from hindrax_bag.read.mcap_records import records
+from hindrax_core.events import Stamped
+from hindrax_core.signals import BLOCKED, IdentEvent
+from hindrax_core.topics import MANEUVER, resolved
+from hindrax_core.vehicle import Vehicle
+from hindrax_ident.assess.results import truth_of
+from hindrax_ident.nodes.measurement_messages import LISTENERS
+from hindrax_ident.records.feed import Feed
+from hindrax_ident.tuning import Tuning
+
+LATEST_S = 30.0
+"""Largest delay of a message against its neighbors in a bag. At nine times real time, a process that pauses briefly is
+seconds late; its thruster commands must not be dropped."""
+FLOWN = ("transient", "plateau", "coast", "excite")
+"""Phases that excite a motion; the others only lead there."""
+JOINED_S = 1.0
+"""Longest time between two messages of one flight; the pilot publishes at 10 Hz."""
+FIRST_YEAR = 2000
+"""The mock's clock starts in 1970: before this year, the date is that of the file."""
+
+
+def bag_events(bag: str | Path, vehicle: Vehicle, tuning: Tuning | None = None) -> Iterator[Stamped[IdentEvent]]:
+    """Events of a bag, in the order of their stamps."""
+    by_topic = {resolved(topic): listen for topic, listen in LISTENERS.items()}
+    measurements = (by_topic[one.topic](one.decoded()) for one in messages(bag, by_topic))
+    return Feed(vehicle, replace(tuning or Tuning(), reorder_s=LATEST_S)).all(measurements)
+
+
+@dataclass(frozen=True, slots=True)
+class ManeuverRecord:
+    """End of the last maneuver, `guard: sentence`, empty when it was not aborted.
+
+    Of each motion the time of its excitation, and that of thrust without motion, as against a wall [s].
+    """
+
+    aborted: str = ""
+    flown_s: Mapping[str, float] = field(default_factory=dict)
+    blocked_s: Mapping[str, float] = field(default_factory=dict)
+
+
+def maneuver_record(bag: Path) -> ManeuverRecord:
+    """Read the maneuvers of a bag of ours; empty where it holds none."""
+    return record_of(one.decoded() for one in messages(bag, {resolved(MANEUVER)}))
+
+
+def record_of(statuses: Iterable[Any]) -> ManeuverRecord:
+    """Fold ManeuverStatus messages, in their order."""
+    aborted, before_s = "", 0.0
+    before: tuple[dict[str, float], str] | None = None
+    flown_s: dict[str, float] = {}
+    blocked_s: dict[str, float] = {}
+    for told in statuses:
+        at_s = told.header.stamp.sec + 1e-9 * told.header.stamp.nanosec
+        if before and 0.0 < at_s - before_s < JOINED_S:
+            times_s, motion = before
+            times_s[motion] = times_s.get(motion, 0.0) + at_s - before_s
+        counts = blocked_s if told.phase == BLOCKED else flown_s if told.phase in FLOWN else None
+        before, before_s = (None if counts is None else (counts, str(told.motion))), at_s
+        aborted = str(told.aborted)
+    return ManeuverRecord(aborted, flown_s, blocked_s)
+
+
+def date_of(bag: Path) -> str:
+    """Time of the first message of a bag, ISO 8601 in UTC; that of its file with the mock's clock."""
+    for message in messages(bag):
+        recorded = datetime.fromtimestamp(message.received // 1_000_000_000, UTC)
+        if recorded.year < FIRST_YEAR:
+            recorded = datetime.fromtimestamp(bag_files(bag)[0].stat().st_mtime, UTC)
+        return recorded.strftime("%Y-%m-%dT%H:%M:%SZ")
+    return ""
+
+
+def _told(bag: Path) -> Mapping[str, str]:
+    """What the recorder says of a bag of this stack; empty for third-party bags."""
+    for file in bag_files(bag):
+        if file.suffix == ".db3":
+            return {}
+        for record in takewhile(lambda one: not isinstance(one, Message), records(file)):
+            if isinstance(record, Metadata) and record.name == DESCRIPTION:
+                return dict(record.metadata)
+    return {}
+
+
+def is_mock(bag: Path) -> bool:
+    """Whether a bag of this stack was recorded on the mock vehicle."""
+    return "in mock" in _told(bag).get("notes", "")
+
+
+def truth_in(bag: Path, vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """True coefficients of the hull that the mock flew, by motion; without any in the bag, of the vehicle file."""
+    found: dict[str, dict[str, float]] = json.loads(_told(bag).get("truth") or "{}")
+    return found or truth_of(vehicle)
