@@ -31,11 +31,6 @@ class PriorDynamics:
         """Force against drag at a steady rate [m/s, rad/s]."""
         return self.drag.resistance(rate)
 
-    def drag_slope(self, rate: float) -> float:
-        """Derivative of the drag force at a rate."""
-        k_q, k_l = self.drag.of(backward=rate < 0.0)
-        return 2.0 * k_q * abs(rate) + k_l
-
     def rate_at(self, force: float) -> float:
         """Steady rate at which drag balances a force: the inverse of `drag_force`."""
         k_q, k_l = self.drag.of(backward=force < 0.0)

@@ -113,7 +113,7 @@ class Regulator:
 def gains(freedom: PriorDynamics, bandwidth_radps: float, damping: float) -> tuple[float, float]:
     """Proportional and derivative gain [N/m, N s/m; Nm/rad, Nm s/rad]; a fifth of the stiffness is always ours."""
     stiffness = freedom.inertia * bandwidth_radps * bandwidth_radps
-    derivative = 2.0 * damping * bandwidth_radps * freedom.inertia - freedom.drag_slope(0.0)
+    derivative = 2.0 * damping * bandwidth_radps * freedom.inertia - freedom.drag.k_l
     return max(stiffness - freedom.restoring, 0.2 * stiffness), max(derivative, 0.0)
 
 
