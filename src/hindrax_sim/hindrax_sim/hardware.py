@@ -18,15 +18,7 @@ from hindrax_sim.devices.emulator import Emulator, SerialEmulator
 from hindrax_sim.devices.ina226 import SupplyTruth
 from hindrax_sim.devices.pca9685 import LoopBack, Pca9685
 from hindrax_sim.devices.stm32 import Stm32
-from hindrax_sim.faults.fault_registry import (
-    FAULTS,
-    SERIAL,
-    FaultSpec,
-    fault_injector,
-    liar,
-    with_bus_faults,
-    with_faults,
-)
+from hindrax_sim.faults import fault_registry
 from hindrax_sim.world import Conditions, World
 
 EMULATORS: dict[str, Emulator] = {
@@ -89,7 +81,7 @@ class Hardware:
         vehicle: Vehicle,
         seed: int,
         conditions: Conditions | None = None,
-        faults: Sequence[FaultSpec] = (),
+        faults: Sequence[fault_registry.FaultSpec] = (),
     ) -> None:
         self.vehicle = vehicle
         self.world = World(vehicle, seed, conditions)
@@ -99,7 +91,7 @@ class Hardware:
         self.output: Pca9685 | Stm32
         self._channels = tuple(thruster.channel for thruster in vehicle.thrusters)
         self._tellers: list[Callable[[float], None]] = []
-        self._faults, self._inject = faults, fault_injector(self.world, faults, to_s(START))
+        self._faults, self._inject = faults, fault_registry.fault_injector(self.world, faults, to_s(START))
         self._attach_output(seed)
         for number, (name, mount) in enumerate(vehicle.sensors.items()):
             self._attach(name, mount, seed * 101 + number)
@@ -144,11 +136,11 @@ class Hardware:
         if output.device == "stm32":
             board = self.output = Stm32(len(self._channels), len(output.light_channels), to_s(START))
             board.set_truth(SupplyTruth(self.vehicle.supply_V), to_s(START))
-            on_line = [spec for spec in self._faults if FAULTS[spec.name].make is not None]
-            self.serial[THRUSTERS] = with_faults(THRUSTERS, board, on_line, seed, to_s(START))
+            on_line = [spec for spec in self._faults if fault_registry.FAULTS[spec.name].make is not None]
+            self.serial[THRUSTERS] = fault_registry.with_faults(THRUSTERS, board, on_line, seed, to_s(START))
             return
         chip = self.output = Pca9685()
-        afflicted = with_bus_faults(THRUSTERS, chip, self._faults, seed, to_s(START))
+        afflicted = fault_registry.with_bus_faults(THRUSTERS, chip, self._faults, seed, to_s(START))
         self.i2c.attach(output.address, afflicted(chip))
         self.i2c.attach(ALL_CALL, chip.all_call)
         self.i2c.attach(GENERAL_CALL, chip.general_call)
@@ -160,13 +152,13 @@ class Hardware:
         row = EMULATORS[mount.device]
         device = row.make(seed)
         at = self.world.mounting(mount)
-        told = liar(name, self._faults, to_s(START))
+        told = fault_registry.liar(name, self._faults, to_s(START))
         self._tellers.append(lambda now_s: device.set_truth(told(row.truth(self.world, at), now_s), now_s))
-        if mount.device in SERIAL:
-            self.serial[name] = with_faults(name, device, self._faults, seed, to_s(START))
+        if mount.device in fault_registry.SERIAL:
+            self.serial[name] = fault_registry.with_faults(name, device, self._faults, seed, to_s(START))
             return
         self.registers[name] = device
-        afflicted = with_bus_faults(name, device, self._faults, seed, to_s(START))
+        afflicted = fault_registry.with_bus_faults(name, device, self._faults, seed, to_s(START))
         self.i2c.attach(mount.address or row.address, afflicted(device))
         for address, part in row.also_at(device, mount).items():
             self.i2c.attach(address, part if address >= EDGES else afflicted(part))

@@ -17,18 +17,8 @@ import numpy as np
 
 from hindrax_core.readings import BottomTrack, BottomVelocity, DeviceText, Position, Vec3
 from hindrax_core.rotation import matrix, rotate
-from hindrax_sim.devices.dvl75_sentences import (
-    DvlSettings,
-    DvlTruth,
-    Interval,
-    Track,
-    configuration,
-    delta,
-    extended,
-    kalman,
-    minimum,
-    over_ground,
-)
+from hindrax_sim.devices import dvl75_sentences as sentences
+from hindrax_sim.devices.dvl75_sentences import DvlSettings, DvlTruth, Interval
 from hindrax_sim.devices.emulator import BaudRateLine, Emulator, Part
 from hindrax_sim.physics.geometry import minus, plus
 from hindrax_sim.world import Mounting, World
@@ -176,7 +166,7 @@ class Dvl75(Part[DvlTruth]):
         """End an interval, send its sentences, start the next."""
         locked = self._update_lock()
         if locked:  # dead reckoning
-            north, east, _ = over_ground(self._truth)
+            north, east, _ = sentences.over_ground(self._truth)
             latitude, longitude = self._place_deg
             step = self._span_us * 1e-6 / M_PER_DEGREE
             self._place_deg = (latitude + north * step, longitude + east * step / math.cos(math.radians(latitude)))
@@ -231,16 +221,16 @@ class Dvl75(Part[DvlTruth]):
         """Yield the sentences of an interval that are switched on."""
         settings = self.settings
         if settings.deltas:
-            yield delta(interval)
+            yield sentences.delta(interval)
         if settings.extended:
             noise = self._random.normal(0.0, BEAM_NOISE_mps, 4).tolist()
-            track = Track(locked, self._skips, self._place_deg, noise)
-            yield extended(self._truth, settings, interval.span_us, track)
+            track = sentences.Track(locked, self._skips, self._place_deg, noise)
+            yield sentences.extended(self._truth, settings, interval.span_us, track)
         if settings.kalman:
-            yield kalman(self._sequence, interval.span_us)
+            yield sentences.kalman(self._sequence, interval.span_us)
             self._sequence += 1
         if settings.minimum:
-            yield minimum(interval.end_us * 1e-6, self._place_deg, self._told)
+            yield sentences.minimum(interval.end_us * 1e-6, self._place_deg, self._told)
         if settings.retweet_gps and self._next_s >= self._gps_s:
             self._gps_s = self._next_s + GPS_EVERY_S
             yield b"GPS:" + FOREIGN
@@ -258,7 +248,7 @@ class Dvl75(Part[DvlTruth]):
         if self._disguised or not word:
             return b""
         if word == "CONFIGURATION" or word.startswith("?"):
-            return configuration(self.settings)
+            return sentences.configuration(self.settings)
         if word == "REBOOT":
             self.power_cycle(now_s)
             return b""

@@ -13,16 +13,10 @@ from hindrax_core.bus_operations import EDGES
 from hindrax_core.readings import DeviceText, Inertial, Magnetic
 from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_sim.devices.emulator import Emulator, NackError, Part
+from hindrax_sim.devices.imu import imu_signal
 from hindrax_sim.devices.imu.ak09916 import Ak09916, Bypass
 from hindrax_sim.devices.imu.icm20948_fifo_master import MAG_ADDRESS, Fifo, InnerMaster
-from hindrax_sim.devices.imu.imu_signal import (
-    SELF_TEST_CODES,
-    Converters,
-    ImuSignal,
-    ImuTruth,
-    SensorErrors,
-    typical,
-)
+from hindrax_sim.devices.imu.imu_signal import Converters, ImuSignal, ImuTruth, SensorErrors
 from hindrax_sim.world import Mounting, World
 
 WHO_AM_I, USER_CTRL, LP_CONFIG, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x05, 0x06, 0x07, 0x0F
@@ -53,7 +47,7 @@ class Icm20948(Part[ImuTruth]):
 
     def __init__(self, seed: int = 0, imperfections: SensorErrors | None = None) -> None:
         super().__init__(ImuTruth())
-        self.signal = ImuSignal(typical(seed) if imperfections is None else imperfections, seed)
+        self.signal = ImuSignal(imu_signal.typical(seed) if imperfections is None else imperfections, seed)
         self.compass = Ak09916(self.signal)
         self.magnetometer = Bypass(self._bypassed)
         self._converters = Converters(self.signal)
@@ -84,8 +78,8 @@ class Icm20948(Part[ImuTruth]):
     def _reset(self, now_s: float) -> None:
         self._banks = [bytearray(128) for _ in range(4)]
         self._banks[0][PWR_MGMT_1], self._banks[0][LP_CONFIG] = SLEEP | 0x01, 0x40
-        self._banks[1][SELF_TEST_GYRO : SELF_TEST_GYRO + 3] = SELF_TEST_CODES
-        self._banks[1][SELF_TEST_ACCEL : SELF_TEST_ACCEL + 3] = SELF_TEST_CODES
+        self._banks[1][SELF_TEST_GYRO : SELF_TEST_GYRO + 3] = imu_signal.SELF_TEST_CODES
+        self._banks[1][SELF_TEST_ACCEL : SELF_TEST_ACCEL + 3] = imu_signal.SELF_TEST_CODES
         self._banks[2][GYRO_CONFIG_1] = self._banks[2][ACCEL_CONFIG] = 0x01
         self._bank = self._pointer = 0
         self._sample = bytes(12)

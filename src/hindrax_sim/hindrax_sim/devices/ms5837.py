@@ -20,10 +20,7 @@ RELOAD_S = 0.0028
 CONVERSION_S_PER_SAMPLE = 2.2e-6
 FULL_SCALE = 0xFFFFFF
 
-NOISE_Pa = {
-    "30BA": (157.0, 84.0, 54.0, 38.0, 28.0, 20.0),
-    "02BA": (11.0, 6.2, 4.2, 3.2, 2.2, 1.6),
-}
+NOISE_Pa = {"30BA": (157.0, 84.0, 54.0, 38.0, 28.0, 20.0), "02BA": (11.0, 6.2, 4.2, 3.2, 2.2, 1.6)}
 """Datasheet, pressure output characteristics: resolution RMS at oversampling 256 to 8192."""
 NOISE_C = 0.002
 

@@ -15,11 +15,10 @@ from typing import Any, TypeVar
 from hindrax_core.errors import UsageError
 from hindrax_core.sensor_table import SENSORS
 from hindrax_sim.devices.emulator import RegisterEmulator, SerialEmulator
-from hindrax_sim.faults import bus_faults, stream_faults, truth_faults
-from hindrax_sim.faults.bus_faults import BusFault, FaultyPort
+from hindrax_sim.faults import bus_faults as bus
+from hindrax_sim.faults import stream_faults as line
+from hindrax_sim.faults import truth_faults as truth
 from hindrax_sim.faults.fault_schedule import FaultSchedule, Scheduled
-from hindrax_sim.faults.stream_faults import FaultyLine, StreamFault
-from hindrax_sim.faults.truth_faults import SensorFault, WorldFault
 from hindrax_sim.world import World
 
 FaultT = TypeVar("FaultT")
@@ -39,10 +38,10 @@ class FaultKind:
     name: str
     devices: tuple[str, ...]
     meaning: str
-    make: Callable[[int], StreamFault] | None = None
-    on_bus: Callable[[int], BusFault] | None = None
-    on_world: WorldFault | None = None
-    on_truth: SensorFault | None = None
+    make: Callable[[int], line.StreamFault] | None = None
+    on_bus: Callable[[int], bus.BusFault] | None = None
+    on_world: truth.WorldFault | None = None
+    on_truth: truth.SensorFault | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,45 +54,40 @@ class FaultSpec:
     duration_s: float = DEFAULT_DURATION_S
 
 
-_LINE, _BUS, _TRUTH = stream_faults, bus_faults, truth_faults
 _KINDS = (
-    FaultKind("absent", SERIAL + I2C + GPIO, "nothing is plugged in", _LINE.Absent, _BUS.Absent),
+    FaultKind("absent", SERIAL + I2C + GPIO, "nothing is plugged in", line.Absent, bus.Absent),
     FaultKind(
-        "wrong_identity", SERIAL + SENSORS_I2C + GPIO, "another device answers", _LINE.WrongIdentity, _BUS.WrongIdentity
+        "wrong_identity", SERIAL + SENSORS_I2C + GPIO, "another device answers", line.WrongIdentity, bus.WrongIdentity
     ),
-    FaultKind("nack", I2C + GPIO, "one transaction in ten is not acknowledged", on_bus=_BUS.Nack),
-    FaultKind("bus_stuck", I2C, "a line of the bus is held low", on_bus=_BUS.BusStuck),
-    FaultKind("short_read", I2C, "one read in ten ends early", on_bus=_BUS.ShortRead),
-    FaultKind("cut_frames", SERIAL, "a piece is missing from every second message", _LINE.CutFrames),
-    FaultKind("bytewise", SERIAL, "every byte arrives by itself", _LINE.Bytewise),
-    FaultKind("merged", SERIAL, "messages arrive a quarter of a second at a time", _LINE.Merged),
-    FaultKind("garbage", SERIAL, "bursts of random bytes among the messages", _LINE.Garbage),
-    FaultKind("bit_flips", SERIAL + I2C, "one bit in a thousand is wrong", _LINE.BitFlips, _BUS.BitFlips),
-    FaultKind("baud_mismatch", SERIAL, "both ends speak at different speeds", _LINE.BaudMismatch),
-    FaultKind("unplug_replug", SERIAL, "the port vanishes and comes back", _LINE.UnplugReplug),
-    FaultKind("reset", SERIAL + I2C + GPIO, "the device restarts in mid-stream", _LINE.Reset, _BUS.Reset),
-    FaultKind("clock_jump", ("dvl75",), "the device's clock leaps ahead, and back at the end", _LINE.ClockJump),
+    FaultKind("nack", I2C + GPIO, "one transaction in ten is not acknowledged", on_bus=bus.Nack),
+    FaultKind("bus_stuck", I2C, "a line of the bus is held low", on_bus=bus.BusStuck),
+    FaultKind("short_read", I2C, "one read in ten ends early", on_bus=bus.ShortRead),
+    FaultKind("cut_frames", SERIAL, "a piece is missing from every second message", line.CutFrames),
+    FaultKind("bytewise", SERIAL, "every byte arrives by itself", line.Bytewise),
+    FaultKind("merged", SERIAL, "messages arrive a quarter of a second at a time", line.Merged),
+    FaultKind("garbage", SERIAL, "bursts of random bytes among the messages", line.Garbage),
+    FaultKind("bit_flips", SERIAL + I2C, "one bit in a thousand is wrong", line.BitFlips, bus.BitFlips),
+    FaultKind("baud_mismatch", SERIAL, "both ends speak at different speeds", line.BaudMismatch),
+    FaultKind("unplug_replug", SERIAL, "the port vanishes and comes back", line.UnplugReplug),
+    FaultKind("reset", SERIAL + I2C + GPIO, "the device restarts in mid-stream", line.Reset, bus.Reset),
+    FaultKind("clock_jump", ("dvl75",), "the device's clock leaps ahead, and back at the end", line.ClockJump),
     FaultKind(
-        "saturated", SERIAL + SENSORS_I2C, "measurements at the end of their scale", _LINE.Saturated, _BUS.Saturated
+        "saturated", SERIAL + SENSORS_I2C, "measurements at the end of their scale", line.Saturated, bus.Saturated
     ),
     FaultKind(
-        "repeated",
-        SERIAL + SENSORS_I2C,
-        "the device says its last words again and again",
-        _LINE.Repeated,
-        _BUS.Repeated,
+        "repeated", SERIAL + SENSORS_I2C, "the device says its last words again and again", line.Repeated, bus.Repeated
     ),
-    FaultKind("velocity_bias", ("dvl75",), "0.25 m/s forward too much", on_truth=_TRUTH.velocity_bias),
-    FaultKind("velocity_frozen", ("dvl75",), "the velocity stays as it is", on_truth=_TRUTH.velocity_frozen),
-    FaultKind("false_lock", ("dvl75",), "locked on what moves along with the vehicle", on_truth=_TRUTH.false_lock),
-    FaultKind("gyro_offset", ("icm20948",), "40 deg/s of roll too much", on_truth=_TRUTH.gyro_offset),
-    FaultKind("force_offset", ("icm20948",), "3 m/s^2 to starboard too much", on_truth=_TRUTH.force_offset),
-    FaultKind("depth_stuck", ("ms5837",), "the pressure stays as it is", on_truth=_TRUTH.depth_stuck),
-    FaultKind("range_short", ("ping1d",), "an echo half a meter too near, as of a fish", on_truth=_TRUTH.range_short),
-    FaultKind("thruster_fails", THRUSTERS, "a thruster gives no thrust", on_world=_TRUTH.thruster_fails),
-    FaultKind("lock_lost", ("dvl75",), "the DVL finds no bottom", on_world=_TRUTH.lock_lost),
-    FaultKind("leak", ("hull",), "water comes into the dry hull", on_world=_TRUTH.leak),
-    FaultKind("current", ("water",), "0.15 m/s across the pool", on_world=_TRUTH.current),
+    FaultKind("velocity_bias", ("dvl75",), "0.25 m/s forward too much", on_truth=truth.velocity_bias),
+    FaultKind("velocity_frozen", ("dvl75",), "the velocity stays as it is", on_truth=truth.velocity_frozen),
+    FaultKind("false_lock", ("dvl75",), "locked on what moves along with the vehicle", on_truth=truth.false_lock),
+    FaultKind("gyro_offset", ("icm20948",), "40 deg/s of roll too much", on_truth=truth.gyro_offset),
+    FaultKind("force_offset", ("icm20948",), "3 m/s^2 to starboard too much", on_truth=truth.force_offset),
+    FaultKind("depth_stuck", ("ms5837",), "the pressure stays as it is", on_truth=truth.depth_stuck),
+    FaultKind("range_short", ("ping1d",), "an echo half a meter too near, as of a fish", on_truth=truth.range_short),
+    FaultKind("thruster_fails", THRUSTERS, "a thruster gives no thrust", on_world=truth.thruster_fails),
+    FaultKind("lock_lost", ("dvl75",), "the DVL finds no bottom", on_world=truth.lock_lost),
+    FaultKind("leak", ("hull",), "water comes into the dry hull", on_world=truth.leak),
+    FaultKind("current", ("water",), "0.15 m/s across the pool", on_world=truth.current),
 )
 
 FAULTS: Mapping[str, FaultKind] = {kind.name: kind for kind in _KINDS}
@@ -136,7 +130,7 @@ def with_faults(
     Times of the specifications count from `start_s` of the world's time.
     """
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.make and kind.make(seed * 1009 + at))
-    return FaultyLine(device, schedule) if schedule else device
+    return line.FaultyLine(device, schedule) if schedule else device
 
 
 def with_bus_faults(
@@ -144,7 +138,7 @@ def with_bus_faults(
 ) -> Callable[[RegisterEmulator], RegisterEmulator]:
     """Return what wraps every address of the I2C part `name` with its faults. Times count from `start_s`."""
     schedule = _schedule(name, specs, start_s, lambda kind, at: kind.on_bus and kind.on_bus(seed * 1009 + at))
-    return partial(FaultyPort, device, FaultSchedule(schedule))
+    return partial(bus.FaultyPort, device, FaultSchedule(schedule))
 
 
 def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[float], None]:
@@ -164,16 +158,16 @@ def fault_injector(world: World, specs: Sequence[FaultSpec], start_s: float = 0.
 def liar(name: str, specs: Sequence[FaultSpec], start_s: float = 0.0) -> Callable[[Any, float], Any]:
     """Return what the device `name` takes for the truth, from what is true and when. Times count from `start_s`."""
     schedule = FaultSchedule(_schedule(name, specs, start_s, lambda kind, _at: kind.on_truth))
-    before: dict[SensorFault, tuple[Any, float]] = {}
+    before: dict[truth.SensorFault, tuple[Any, float]] = {}
 
-    def told(truth: Any, now_s: float) -> Any:
+    def told(true: Any, now_s: float) -> Any:
         for lie, _ in schedule.advance(now_s):
             before.pop(lie, None)
         for lie in schedule.active:
-            was, was_s = before.get(lie, (truth, now_s))
-            truth = lie(truth, was, now_s - was_s)
-            before[lie] = truth, now_s
-        return truth
+            was, was_s = before.get(lie, (true, now_s))
+            true = lie(true, was, now_s - was_s)
+            before[lie] = true, now_s
+        return true
 
     return told
 

@@ -84,11 +84,7 @@ class BytesRig:
     """Every byte: emulators on wires and a virtual bus, read by the real drivers."""
 
     def __init__(
-        self,
-        vehicle: Vehicle,
-        seed: int,
-        conditions: Conditions | None = None,
-        faults: Sequence[FaultSpec] = (),
+        self, vehicle: Vehicle, seed: int, conditions: Conditions | None = None, faults: Sequence[FaultSpec] = ()
     ) -> None:
         if vehicle.output.device != "pca9685":
             raise UsageError(f"output.device: found {vehicle.output.device}, in lock-step by bytes wanted pca9685")

@@ -9,18 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hindrax_core import readings
 from hindrax_core.events import NS_PER_S, Stamp, Stamped, to_s
-from hindrax_core.readings import (
-    Battery,
-    BottomTrack,
-    BottomVelocity,
-    Echo,
-    Inertial,
-    Magnetic,
-    Pressure,
-    Reading,
-    Vec3,
-)
+from hindrax_core.readings import Reading, Vec3
 from hindrax_core.vehicle import Mount
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.world import World
@@ -103,7 +94,7 @@ class ImuSensor(SensorModel):
         force, rate = world.inertial(self._at)
         force = self._counted(force, self._force_bias, self._noise.accelerometer_mps2, self.FORCE_STEP)
         rate = self._counted(rate, self._rate_bias, self._noise.gyro_radps, self.RATE_STEP)
-        self._fifo.append(Stamped(world.stamp, Inertial(force, rate, WATER_C)))
+        self._fifo.append(Stamped(world.stamp, readings.Inertial(force, rate, WATER_C)))
         if world.stamp < self._fetch:
             return ()
         self._fetch = Stamp(self._fetch + self.FETCH_ns)
@@ -124,7 +115,7 @@ class MagnetometerSensor(SensorModel):
 
     def _read(self, world: World) -> Reading:
         true_T = world.magnetic_T(self._at)
-        return Magnetic(self._counted(true_T, self._hard_iron, self._noise.magnetometer_T, self.STEP_T))
+        return readings.Magnetic(self._counted(true_T, self._hard_iron, self._noise.magnetometer_T, self.STEP_T))
 
 
 class PressureSensor(SensorModel):
@@ -136,7 +127,7 @@ class PressureSensor(SensorModel):
 
     def _read(self, world: World) -> Reading:
         value = world.pressure_Pa(self._at) + self._noise.pressure_Pa * self._normal()
-        return Pressure(round(value / self.STEP_Pa) * self.STEP_Pa, WATER_C)
+        return readings.Pressure(round(value / self.STEP_Pa) * self.STEP_Pa, WATER_C)
 
 
 class SonarSensor(SensorModel):
@@ -151,7 +142,7 @@ class SonarSensor(SensorModel):
         if found is None or found <= 0.0:
             return None
         found += self._noise.echo_share * found * self._normal()
-        return Echo(max(0.0, round(found / self.STEP_m) * self.STEP_m), 0.95)
+        return readings.Echo(max(0.0, round(found / self.STEP_m) * self.STEP_m), 0.95)
 
 
 class DvlSensor(SensorModel):
@@ -188,21 +179,21 @@ class DvlSensor(SensorModel):
             return (velocity,)
         return (velocity, Stamped(world.stamp, self._track(world, locked, range_m)))
 
-    def _velocity(self, now: Vec3, was: Vec3, span_s: float, locked: bool, device_us: int) -> BottomVelocity:
+    def _velocity(self, now: Vec3, was: Vec3, span_s: float, locked: bool, device_us: int) -> readings.BottomVelocity:
         if not locked:
-            return BottomVelocity(None, math.inf, 0.0, span_s, device_us)
+            return readings.BottomVelocity(None, math.inf, 0.0, span_s, device_us)
         noise, step = self._noise, self.STEP_m
         errors = self._three(noise.dvl_mps * span_s)
         moved = ((noise.dvl_gain * (b - a) + e) for a, b, e in zip(was, now, errors, strict=True))
         u, v, w = (round(one / step) * step / span_s for one in moved)
         sigma = math.hypot(0.01, step / math.sqrt(12.0) / span_s)
-        return BottomVelocity((u, v, w), sigma, 1.0, span_s, device_us)
+        return readings.BottomVelocity((u, v, w), sigma, 1.0, span_s, device_us)
 
-    def _track(self, world: World, locked: bool, range_m: float | None) -> BottomTrack:
+    def _track(self, world: World, locked: bool, range_m: float | None) -> readings.BottomTrack:
         roll, pitch, heading = world.attitude_rad
         heading += self._noise.dvl_heading_rad * self._normal()
         altitude = round(range_m, 2) if locked and range_m is not None else None
-        return BottomTrack(locked, roll, pitch, heading, altitude, (0.0, 0.0), (), "3333", 0)
+        return readings.BottomTrack(locked, roll, pitch, heading, altitude, (0.0, 0.0), (), "3333", 0)
 
 
 class BatterySensor(SensorModel):
@@ -212,7 +203,7 @@ class BatterySensor(SensorModel):
     STEP_V = 1.25e-3
 
     def _read(self, world: World) -> Reading:
-        return Battery(round(world.plant.supply_V / self.STEP_V) * self.STEP_V, world.supply_A)
+        return readings.Battery(round(world.plant.supply_V / self.STEP_V) * self.STEP_V, world.supply_A)
 
 
 KINDS: dict[str, tuple[type[SensorModel], ...]] = {

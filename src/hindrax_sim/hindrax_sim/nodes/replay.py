@@ -16,18 +16,8 @@ from pathlib import Path
 from rosgraph_msgs.msg import Clock
 
 from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
+from hindrax_core import topics
 from hindrax_core.events import NS_PER_S, Stamp, to_s
-from hindrax_core.topics import (
-    BATTERY,
-    CLOCK,
-    ESTIMATE,
-    MANEUVER,
-    NAMESPACE,
-    NAVIGATION,
-    THRUSTER_HEALTH,
-    THRUSTER_STATE,
-    resolved,
-)
 from hindrax_core.vehicle import load_vehicle
 from hindrax_ros.batched_node import BatchedNode
 from hindrax_ros.graph import message_class, publisher, subscription
@@ -39,7 +29,7 @@ from hindrax_sim.mock_vehicle import Ports
 from hindrax_sim.nodes.hardware_process import graph, main_of, outlast_output
 from hindrax_sim.recorded_hardware import RecordedHardware, recorded_frames
 
-PLAYED = (THRUSTER_STATE, MANEUVER, THRUSTER_HEALTH, BATTERY)
+PLAYED = (topics.THRUSTER_STATE, topics.MANEUVER, topics.THRUSTER_HEALTH, topics.BATTERY)
 CLOCK_NS = 4 * STEP_ns
 PATIENCE_S = 30.0
 """Wall time for which the beginning waits for everybody; then it begins without."""
@@ -55,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--bag", required=True, type=Path)
     made.add_argument("--vehicle", help="vehicle file; default: the one inside the bag")
     made.add_argument("--rate", type=float, default=0.0, help="times real time at most; default: as the nodes follow")
-    made.add_argument("--namespace", default=NAMESPACE, help="in which it is played")
+    made.add_argument("--namespace", default=topics.NAMESPACE, help="in which it is played")
     made.add_argument("--folder", help="where sockets and ptys lie; default a temporary folder")
     return made
 
@@ -81,18 +71,18 @@ class Player(BatchedNode):
     def __init__(self, bag: Path, ports: RecordedPorts) -> None:
         super().__init__("replay", enable_rosout=False, start_parameter_services=False)
         self._ports, self._clock_at = ports, 0
-        self._clock = self.create_publisher(Clock, CLOCK, 1)
-        self._out = {resolved(topic): publisher(self, topic) for topic in PLAYED}
+        self._clock = self.create_publisher(Clock, topics.CLOCK, 1)
+        self._out = {topics.resolved(topic): publisher(self, topic) for topic in PLAYED}
         self._messages: Iterator[BagMessage] = messages(bag, self._out)
         self._next_message = next(self._messages, None)
-        subscription(self, NAVIGATION, self._on_navigation, raw=True)
+        subscription(self, topics.NAVIGATION, self._on_navigation, raw=True)
         ports.after_step.append(self.play)
 
     @property
     def complete(self) -> bool:
         """Whether navigator, identifier and subscribers of the thruster topics are on the graph."""
-        wanted = (NAVIGATION.name, ESTIMATE.name)
-        return all(self.count_publishers(name) for name in wanted) and bool(self.count_subscribers(THRUSTER_STATE.name))
+        heard = self.count_subscribers(topics.THRUSTER_STATE.name) > 0
+        return heard and all(self.count_publishers(one.name) for one in (topics.NAVIGATION, topics.ESTIMATE))
 
     def play(self, now: Stamp) -> None:
         """Publish the messages that are due."""
