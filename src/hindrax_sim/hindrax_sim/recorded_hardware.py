@@ -36,7 +36,6 @@ class RecordedLine:
     """A serial device that replays its recorded bytes."""
 
     frames: Sequence[tuple[int, bytes]]
-    connected: bool = True
     _at: int = 0
 
     def receive(self, _data: bytes, _now_s: float) -> bytes:

@@ -17,14 +17,7 @@ from dataclasses import dataclass
 from hindrax_core.bus_operations import Read, Transaction, Write, WriteRead
 from hindrax_core.events import Stamp
 
-I2C_RETRIES = 0x0701
-I2C_TIMEOUT = 0x0702
-I2C_SLAVE = 0x0703
-I2C_TENBIT = 0x0704
-I2C_FUNCS = 0x0705
-I2C_SLAVE_FORCE = 0x0706
-I2C_RDWR = 0x0707
-I2C_PEC = 0x0708
+I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_TENBIT, I2C_FUNCS, I2C_SLAVE_FORCE, I2C_RDWR, I2C_PEC = range(0x0701, 0x0709)
 I2C_SMBUS = 0x0720
 
 I2C_M_RD = 0x0001
