@@ -13,7 +13,7 @@ from typing import TypeAlias
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Vehicle
 from hindrax_sim.conditions.realization import TESTED, Realization
-from hindrax_sim.physics.geometry import lever_wrench, rotate_back, six, unit
+from hindrax_sim.physics.geometry import lever_wrench, minus, plus, rotate_back, six, unit
 from hindrax_sim.physics.normal_draws import NormalDraws
 from hindrax_sim.physics.plant import Plant
 
@@ -69,9 +69,7 @@ def center_of_mass(world: Realization, size: float, draws: NormalDraws) -> None:
 
     Size: A quarter of the distance to the center of buoyancy.
     """
-    x, y, z = unit(draws.three(1.0))
-    cx, cy, cz = world.vehicle.center_of_mass_m
-    world.change_vehicle(center_of_mass_m=(cx + size * x, cy + size * y, cz + size * z))
+    world.change_vehicle(center_of_mass_m=plus(world.vehicle.center_of_mass_m, unit(draws.three(1.0)), size))
 
 
 class KnownLoad:
@@ -83,15 +81,12 @@ class KnownLoad:
     def __init__(self, vehicle: Vehicle, force: Vec3, hook: Vec3) -> None:
         self.share = 1.0
         self._force = force
-        self._lever_m: Vec3 = tuple(  # type: ignore[assignment]  # three of three
-            0.5 * size * part - center
-            for size, part, center in zip(vehicle.envelope_m, hook, vehicle.center_of_mass_m, strict=True)
-        )
+        x, y, z = (0.5 * size * part for size, part in zip(vehicle.envelope_m, hook, strict=True))
+        self._lever_m = minus((x, y, z), vehicle.center_of_mass_m)
 
     def __call__(self, plant: Plant, _dt: float) -> Vec6:
         """Force and moment in body axes."""
-        a, b, c = self._force
-        force = (self.share * a, self.share * b, self.share * c)
+        force = plus(MIDDLE, self._force, self.share)
         return lever_wrench(rotate_back(plant.quaternion, force), self._lever_m)
 
     @property
@@ -102,8 +97,7 @@ class KnownLoad:
 
 def _hung(direction: Vec3, hook: Vec3, about: str) -> Hang:
     def hang(world: Realization, size: float, _draws: NormalDraws) -> None:
-        x, y, z = direction
-        world.influences.append(KnownLoad(world.vehicle, (size * x, size * y, size * z), hook))
+        world.influences.append(KnownLoad(world.vehicle, plus(MIDDLE, direction, size), hook))
 
     hang.__doc__ = about
     return hang
