@@ -23,6 +23,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from hindrax_core.topics import NAMESPACE, Topic
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 TURN_S = 0.05
 """Longest wait between two turns of a process [wall time]."""
+UNREAD = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class PublishQueue:
@@ -99,7 +101,7 @@ class BatchedNode(CheckedNode):
         """Read a topic no more from the graph if `source`, of the same process, publishes it under the same name.
 
         The caller then passes its messages on by call. Where a remap separates the two, this changes nothing. A
-        subscription that is `shown` stays in the graph unread, which costs 20 us a message.
+        subscription that is `shown` stays in the graph unread; receipts for its messages would only wake threads.
         """
         name = self.resolve_topic_name(topic.name)
         if source.resolve_topic_name(topic.name) != name:
@@ -107,10 +109,9 @@ class BatchedNode(CheckedNode):
         (passed,) = (one for one in super().subscriptions if one.topic_name == name)
         if passed is self.lead:
             self.lead = None
+        self.destroy_subscription(passed)
         if shown:
-            self._bypassed |= {passed}
-        else:
-            self.destroy_subscription(passed)
+            self._bypassed |= {self.create_subscription(passed.msg_type, topic.name, passed.callback, UNREAD)}
         return True
 
     def every(self, seconds: float, act: Callable[[], None]) -> None:

@@ -14,6 +14,7 @@ pytest.importorskip("rclpy", reason="needs the ROS environment")
 
 import rclpy
 from rclpy.context import Context
+from rclpy.qos import ReliabilityPolicy
 
 from hindrax_core.topics import BATTERY, HOLD_STATUS, THRUSTER_COMMAND
 from hindrax_msgs.msg import HoldStatus, ThrusterCommand
@@ -154,6 +155,8 @@ def test_what_comes_by_call_is_not_read_from_the_graph_unless_a_remap_separates_
     name = apart.resolve_topic_name(HOLD_STATUS.name)
     out = [publisher(source, HOLD_STATUS), source.create_publisher(HoldStatus, name, 10)]
     wait_for(lambda: all(one.get_subscription_count() == 1 for one in out))
+    (shown,) = source.get_subscriptions_info_by_topic(HOLD_STATUS.name)
+    assert shown.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
     for one in out:
         one.publish(HoldStatus())
     source.publish_queue.flush()
