@@ -4,8 +4,6 @@ A `Program` is a generator that yields operations and returns its result. Nothin
 thread, so the same program runs on a Raspberry Pi, against an emulator and in a test transcript.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import struct
@@ -54,7 +52,8 @@ class Pause:
 
 EDGES = 0x80
 """Addresses from here on are GPIO lines beside the bus, EDGES + line. A write of the chip's name watches the line; a
-read of 12 bytes gives the number of its rising edges and the time of the newest, `>Iq`, in ns of the bus's clock."""
+read of 12 bytes gives the number of its rising edges and the time of the newest, `EDGE`, in ns of the bus's clock."""
+EDGE = struct.Struct(">Iq")
 
 Transaction: TypeAlias = Write | Read | WriteRead
 Operation: TypeAlias = Transaction | Pause

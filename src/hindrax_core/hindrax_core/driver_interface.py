@@ -4,8 +4,6 @@ A serial device turns bytes and the passing of time into outputs. A register dev
 objects run under a ROS node, in lock-step with the mock, and over the wire frames of a recorded bag.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias

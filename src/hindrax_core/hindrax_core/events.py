@@ -1,7 +1,5 @@
 """Output of a decoder: readings with the time at which they were valid, and rejected bytes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Generic, NewType, TypeVar
 

@@ -6,8 +6,6 @@ from the future would outrank every order after it. Neither counts, and one with
 Publishers: a message does not say who sent it, but the graph says who publishes. Where two do, neither is obeyed.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Collection
@@ -75,7 +73,7 @@ class StampWindow:
         return None
 
     @property
-    def of_lists(self) -> StampWindow:
+    def of_lists(self) -> "StampWindow":
         """Window without an age limit, for lists that stay in force until replaced and may be repeated later."""
         return replace(self, oldest_s=math.inf)
 

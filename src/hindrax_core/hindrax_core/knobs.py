@@ -4,8 +4,6 @@
 parameters), and every error names the key path, what was found and what was wanted.
 """
 
-from __future__ import annotations
-
 import math
 import types
 import typing

@@ -1,7 +1,5 @@
 """Sensor readings in SI units. One dataclass per kind of reading; a reading does not carry its time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """Body frames, and rotations in plain scalars: angles are roll, pitch, yaw, applied z-y-x (yaw first)."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

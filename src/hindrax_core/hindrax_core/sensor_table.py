@@ -5,8 +5,6 @@ A sensor called NAME is a driver `hindrax_drivers/devices/NAME.py` (which offers
 sensor in the vehicle file is that of its row: topics are found by it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -34,33 +32,17 @@ class Sensor:
         return self.wire == "serial"
 
 
+_DVL = dict.fromkeys(("velocity", "attitude", "detail", "altitude", "position"), 20)
+_AIR = dict.fromkeys(("pressure", "temperature", "humidity"), 5)
+_PING = {"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1}
+
 SENSORS: tuple[Sensor, ...] = (
-    Sensor(
-        "dvl75",
-        "serial",
-        publishes={"velocity": 20, "attitude": 20, "detail": 20, "altitude": 20, "position": 20},
-        meaning="Cerulean DVL-75",
-    ),
-    Sensor(
-        "ping1d",
-        "serial",
-        publishes={"range": 20, "profile": 0, "supply": 0.1, "processor_temperature": 0.1, "board_temperature": 0.1},
-        meaning="Blue Robotics Ping",
-    ),
-    Sensor(
-        "icm20948",
-        "i2c",
-        publishes={"data_raw": 225, "mag": 25, "die_temperature": 1},
-        meaning="TDK ICM-20948 with AK09916",
-    ),
-    Sensor("ms5837", "i2c", publishes={"pressure": 50, "temperature": 5}, meaning="TE MS5837 (Bar30, Bar02)"),
-    Sensor(
-        "bme280",
-        "i2c",
-        publishes={"pressure": 5, "temperature": 5, "humidity": 5},
-        meaning="Bosch BME280 or BMP280, air in the hull",
-    ),
-    Sensor("ina226", "i2c", publishes={"battery": 10}, meaning="TI INA226, supply voltage and current"),
-    Sensor("ads1115", "i2c", publishes={"battery": 10}, meaning="TI ADS1115 behind a power sense module"),
-    Sensor("sos_leak", "gpio", publishes={"leak": 10}, meaning="Blue Robotics SOS or any leak probe on a GPIO"),
+    Sensor("dvl75", "serial", _DVL, "Cerulean DVL-75"),
+    Sensor("ping1d", "serial", _PING, "Blue Robotics Ping"),
+    Sensor("icm20948", "i2c", {"data_raw": 225, "mag": 25, "die_temperature": 1}, "TDK ICM-20948 with AK09916"),
+    Sensor("ms5837", "i2c", {"pressure": 50, "temperature": 5}, "TE MS5837 (Bar30, Bar02)"),
+    Sensor("bme280", "i2c", _AIR, "Bosch BME280 or BMP280, air in the hull"),
+    Sensor("ina226", "i2c", {"battery": 10}, "TI INA226, supply voltage and current"),
+    Sensor("ads1115", "i2c", {"battery": 10}, "TI ADS1115 behind a power sense module"),
+    Sensor("sos_leak", "gpio", {"leak": 10}, "Blue Robotics SOS or any leak probe on a GPIO"),
 )

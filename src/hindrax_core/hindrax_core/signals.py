@@ -3,8 +3,6 @@
 All in SNAME body axes (x forward, y starboard, z down; order surge, sway, heave, roll, pitch, yaw) and SI units.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

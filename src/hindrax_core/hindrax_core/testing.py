@@ -1,9 +1,7 @@
 """Checkers shipped with the interfaces: transcripts for bus programs, chunking for decoders."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from hindrax_core.bus_operations import DeviceError, Operation, Program
 
@@ -16,10 +14,10 @@ def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, by
     Each line is the operation the program must yield and the answer it gets (bytes, or an error thrown into it).
     """
     lines = iter(enumerate(transcript))
-    answer: bytes | DeviceError | None = None
+    answer: Any = None
     try:
         while True:
-            operation = _advance(program, answer)
+            operation = program.throw(answer) if isinstance(answer, DeviceError) else program.send(answer)
             number, (expected, answer) = next(lines, (-1, (None, b"")))
             if operation != expected:
                 raise AssertionError(f"line {number}: program did {operation}, transcript says {expected}")
@@ -29,14 +27,6 @@ def rehearse(program: Program[ResultT], transcript: Sequence[tuple[Operation, by
             raise AssertionError(f"program ended before line {unsaid[0]}: {unsaid[1][0]}") from stop
         result: ResultT = stop.value
         return result
-
-
-def _advance(program: Program[ResultT], answer: bytes | DeviceError | None) -> Operation:
-    if answer is None:
-        return next(program)
-    if isinstance(answer, DeviceError):
-        return program.throw(answer)
-    return program.send(answer)
 
 
 def chunks(data: bytes, sizes: Sequence[int]) -> Iterator[bytes]:

@@ -3,8 +3,6 @@
 Names are relative to the vehicle's namespace (by default `/hindrax`), except those that begin with a slash.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

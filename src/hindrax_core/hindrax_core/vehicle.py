@@ -4,8 +4,6 @@ Frames: SNAME body axes (x forward, y starboard, z down); positions are from the
 envelope. How the vehicle is *tuned* is not here; that is in ROS parameters declared from the nodes' knobs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -219,8 +217,13 @@ class Vehicle:
             problems = problems_of(curve)
             if problems:
                 raise ValueError(f"curves.{name}: {'; '.join(problems)}")
+        known = [sensor.name for sensor in SENSORS]
         for name, mount in self.sensors.items():
-            _check_sensor(name, mount.device)
+            device = mount.device
+            if device not in known:
+                raise ValueError(f"sensors.{name}.device: found {device!r}, wanted one of {', '.join(known)}")
+            if name != device:  # topics are found by it
+                raise ValueError(f"sensors.{name}: found a {device} of another name, wanted it to be called {device}")
         for axis in self.thrust_gain:
             if axis not in AXES:
                 raise ValueError(f"thrust_gain: found {axis!r}, wanted one of {', '.join(AXES)}")
@@ -297,15 +300,6 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
     quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
     angle = degrees % 360.0
     return quarter.get(angle) or (math.cos(math.radians(angle)), math.sin(math.radians(angle)))
-
-
-def _check_sensor(name: str, device: str) -> None:
-    """Check that the table has the sensor and that it is named after its kind: topics are found by that name."""
-    known = [sensor.name for sensor in SENSORS]
-    if device not in known:
-        raise ValueError(f"sensors.{name}.device: found {device!r}, wanted one of {', '.join(known)}")
-    if name != device:
-        raise ValueError(f"sensors.{name}: found a {device} of another name, wanted it to be called {device}")
 
 
 def parse_vehicle(data: object, source: str) -> Vehicle:

@@ -1,7 +1,5 @@
 """Capture the readings of one I2C device for a while, without ROS: for calibration, with the stack down."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass

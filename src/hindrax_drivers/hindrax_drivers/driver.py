@@ -1,13 +1,16 @@
-"""What a driver file offers under the name DRIVER, its knobs and its constructor, and what register drivers share."""
-
-from __future__ import annotations
+"""What a driver file offers under the name DRIVER, its knobs and its constructor, and what drivers share."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from hindrax_core.bus_operations import DeviceError, Program, Write, WriteRead
+from hindrax_core.driver_interface import Trouble
+from hindrax_core.events import Stamp, seconds_between
+from hindrax_core.sensor_table import Wire
 from hindrax_core.vehicle import Mount, Vehicle
+
+Condition: TypeAlias = Literal["well", "silent", "foreign"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,13 @@ class Driver:
 
     knobs: type[Any]
     make: Callable[[Any, Mount, Vehicle], Any]
+    wire: Wire = "i2c"
+    """As the table says."""
+
+    @property
+    def serial(self) -> bool:
+        """Whether it is on a serial line; all others are on a register bus."""
+        return self.wire == "serial"
 
 
 def in_water(knobs: Any, vehicle: Vehicle) -> Any:
@@ -46,3 +56,34 @@ class RegisterPart:
     def error(self, text: str) -> DeviceError:
         """Error that names the address."""
         return DeviceError(f"address {self.address:#04x}: {text}")
+
+
+class SilenceMonitor:
+    """Reports silence and undecodable data of a serial line, once per episode.
+
+    `name` is the device for the operator, `wanted` the expected data. Silence is reported after
+    `stall_s`, foreign data after twice that.
+    """
+
+    def __init__(self, name: str, wanted: str, stall_s: float) -> None:
+        self._name, self._wanted, self._stall_s = name, wanted, stall_s
+        self.restart(Stamp(0))
+
+    def restart(self, stamp: Stamp) -> None:
+        """Reset after the line was opened."""
+        self.last_byte = self.last_valid = stamp
+        self.condition: Condition = "well"
+
+    def tick(self, stamp: Stamp) -> list[Trouble]:
+        """Update the condition; a new silent or foreign condition is returned as a Trouble."""
+        before, self.condition = self.condition, "well"
+        if seconds_between(self.last_byte, stamp) > self._stall_s:
+            self.condition = "silent"
+        elif seconds_between(self.last_valid, stamp) > 2.0 * self._stall_s:
+            self.condition = "foreign"
+        if self.condition in ("well", before):
+            return []
+        found = "bytes arrive but none of them verify", "check line speed and device"
+        if self.condition == "silent":
+            found = f"no byte for {self._stall_s:g} s", "check power, cable and port"
+        return [Trouble(stamp, f"{self._name}: {found[0]}, wanted {self._wanted}; {found[1]}")]

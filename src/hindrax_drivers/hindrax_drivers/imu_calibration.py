@@ -4,8 +4,6 @@ Calibrated = matrix (raw - offset), all in the axes of the inertial sensor. The 
 `sensors.<name>.calibration`, where `./hindrax imu calibrate` puts them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,8 +13,8 @@ import numpy.typing as npt
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.readings import Vec3
 
-Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
-"""Rows of a 3 x 3 matrix, one after the other."""
+Matrix3 = tuple[float, ...]
+"""Rows of a 3 x 3 matrix, one after the other: nine numbers."""
 
 IDENTITY: Matrix3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 FEWEST_POINTS = 50
@@ -48,14 +46,14 @@ class Correction:
         x, y, z = x - ox, y - oy, z - oz
         return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
-    def then(self, second: Correction) -> Correction:
+    def then(self, second: "Correction") -> "Correction":
         """Composition: this correction, then the second."""
         if self.idle:
             return second
         first_matrix, second_matrix = (np.array(one.matrix).reshape(3, 3) for one in (self, second))
         offset = np.array(self.offset) + np.linalg.solve(first_matrix, np.array(second.offset))
         matrix = second_matrix @ first_matrix
-        return Correction((float(offset[0]), float(offset[1]), float(offset[2])), _rows(matrix.ravel().tolist()))
+        return Correction((float(offset[0]), float(offset[1]), float(offset[2])), tuple(matrix.ravel().tolist()))
 
     def entries(self, prefix: str, unit: str) -> dict[str, tuple[float, ...]]:
         """Lines for the vehicle file, as `correction` reads them back."""
@@ -68,9 +66,9 @@ def correction(calibration: Mapping[str, tuple[float, ...]], prefix: str, unit: 
     UsageError names the key when the number of values is wrong.
     """
     offset = _values(calibration, f"{prefix}_offset_{unit}", 3) or (0.0, 0.0, 0.0)
-    scale = _values(calibration, f"{prefix}_scale", 3)
-    matrix = _values(calibration, f"{prefix}_matrix", 9) or _diagonal(scale or (1.0, 1.0, 1.0))
-    return Correction((offset[0], offset[1], offset[2]), _rows(matrix))
+    x, y, z = _values(calibration, f"{prefix}_scale", 3) or (1.0, 1.0, 1.0)
+    matrix = _values(calibration, f"{prefix}_matrix", 9) or (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
+    return Correction((offset[0], offset[1], offset[2]), matrix)
 
 
 def fit_sphere(points: Sequence[Vec3], radius: float | None = None) -> Correction:
@@ -94,7 +92,7 @@ def fit_sphere(points: Sequence[Vec3], radius: float | None = None) -> Correctio
         raise HindraxError(TURN_MORE)
     root *= np.linalg.det(root) ** (-1.0 / 3.0) if radius is None else radius / size
     offset = middle + size * center
-    found = Correction((float(offset[0]), float(offset[1]), float(offset[2])), _rows(root.ravel().tolist()))
+    found = Correction((float(offset[0]), float(offset[1]), float(offset[2])), tuple(root.ravel().tolist()))
     left = roundness(points, found)
     if left > ROUGHEST:
         raise HindraxError(
@@ -134,13 +132,3 @@ def _values(calibration: Mapping[str, tuple[float, ...]], key: str, count: int) 
     if found is not None and len(found) != count:
         raise UsageError(f"calibration.{key}: found {len(found)} values, wanted {count}")
     return found
-
-
-def _diagonal(scale: Sequence[float]) -> Matrix3:
-    x, y, z = scale
-    return (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
-
-
-def _rows(values: Sequence[float]) -> Matrix3:
-    a, b, c, d, e, f, g, h, i = values
-    return (a, b, c, d, e, f, g, h, i)

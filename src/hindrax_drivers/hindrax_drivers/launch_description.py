@@ -3,8 +3,6 @@
 Every setting is an argument: `ros2 launch hindrax_drivers dvl75.launch.py --show-args` lists the driver's knobs.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

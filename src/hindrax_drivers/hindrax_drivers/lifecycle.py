@@ -7,8 +7,6 @@ again, the node returns to the state that is wanted, never beyond it.
     unconfigured <--cleanup--   inactive <--deactivate-- active        any of them --shutdown--> finalized, for good
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

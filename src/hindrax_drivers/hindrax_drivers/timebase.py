@@ -7,8 +7,6 @@ lower convex hull over the last minute, its height that of the least delayed sam
 (Moon, Skelly and Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,26 +14,18 @@ from itertools import pairwise
 from typing import Literal, TypeAlias
 
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_core.knobs import knob
 
 BreakKind: TypeAlias = Literal["reset", "jump", "host step"]
 Point: TypeAlias = tuple[float, float]
 """Device time and delay against the nominal clock, both in ns from the last (re)start."""
 
 
-@dataclass(frozen=True, slots=True)
-class TimebaseKnobs:
-    """How far a device's clock is trusted."""
-
-    drift_ppm: float = knob(200.0, 0.0, 50_000.0, "largest believed error of the device's clock rate [ppm]")
-    latency_s: float = knob(0.0, 0.0, 1.0, "delay that every sample has, such as its time on the wire [s]")
-    jump_s: float = knob(0.25, 0.001, 60.0, "step of the device's clock that is taken for a jump [s]")
-    block_s: float = knob(2.0, 0.05, 60.0, "span of which the least delayed sample is kept [s]")
-    slope_blocks: int = knob(32, 2, 1000, "blocks that fix the rate [-]")
-    height_blocks: int = knob(12, 1, 1000, "newest blocks that fix the offset [-]")
-
-
-DEFAULT_KNOBS = TimebaseKnobs()
+JUMP_ns = 0.25 * NS_PER_S
+"""Step of the device's clock that is taken for a jump."""
+BLOCK_ns = 2.0 * NS_PER_S
+"""Span of which the least delayed sample is kept."""
+SLOPE_BLOCKS, HEIGHT_BLOCKS = 32, 12
+"""Newest blocks that fix the rate, and the offset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,26 +45,24 @@ class Break:
 class Timebase:
     """Maps device ticks to ROS time; one per device clock.
 
-    `tick_s` is the nominal length of a tick. `on_break` is called with each Break, from inside `map`, before it
-    returns.
+    `tick_s` is the nominal length of a tick, `drift_ppm` the largest believed error of its rate, `latency_s` the delay
+    that every sample has. `on_break` is called with each Break, from inside `map`, before it returns.
     """
 
     def __init__(
         self,
         tick_s: float,
-        knobs: TimebaseKnobs = DEFAULT_KNOBS,
         *,
+        drift_ppm: float = 200.0,
+        latency_s: float = 0.0,
         on_break: Callable[[Break], None] = lambda _: None,
     ) -> None:
         self._tick_ns = tick_s * NS_PER_S
         self._on_break = on_break
-        self._steepest = knobs.drift_ppm * 1e-6
-        self.latency_ns = round(knobs.latency_s * NS_PER_S)
+        self._steepest = drift_ppm * 1e-6
+        self.latency_ns = round(latency_s * NS_PER_S)
         """Taken off every stamp."""
-        self._jump_ns = knobs.jump_s * NS_PER_S
-        self._block_ns = knobs.block_s * NS_PER_S
-        self._height_blocks = knobs.height_blocks
-        self._lowest: deque[Point] = deque(maxlen=knobs.slope_blocks)
+        self._lowest: deque[Point] = deque(maxlen=SLOPE_BLOCKS)
         self._slope = 0.0
         self._running = False
         self._ticks = self._ticks_0 = 0
@@ -108,12 +96,12 @@ class Timebase:
             self._least = late
             self._least_point = (x, y)
             if late < 0.0:
-                if late < -self._jump_ns and self._lowest:
+                if late < -JUMP_ns and self._lowest:
                     self._break("jump", -late / NS_PER_S, ticks, arrival)
                     return self.map(ticks, arrival)
                 self._height += late
                 self._least = late = 0.0
-        if x >= self._block_end or late > self._jump_ns:
+        if x >= self._block_end or late > JUMP_ns:
             late = self._review(x, late, ticks, arrival)
         self._last = Stamp(max(self._last, arrival - int(late) - self.latency_ns))
         return self._last
@@ -135,11 +123,11 @@ class Timebase:
         self._lowest.clear()
         self._late_since = None
         self._last = Stamp(min(self._last, arrival - self.latency_ns))
-        self._open_block(0.0, self._block_ns / 8.0)
+        self._open_block(0.0, BLOCK_ns / 8.0)
 
     def _open_block(self, x: float, length_ns: float) -> None:
         """Short blocks first, so that a rate far off is found before it has done harm."""
-        self._block_length = min(length_ns, self._block_ns)
+        self._block_length = min(length_ns, BLOCK_ns)
         self._block_end = x + self._block_length
         self._least = float("inf")  # so the next sample is the least delayed one
 
@@ -149,7 +137,7 @@ class Timebase:
 
     def _review(self, x: float, late: float, ticks: int, arrival: Stamp) -> float:
         """Late beyond belief for a second: the device's clock lost that time. End of a block: fit the line."""
-        if late <= self._jump_ns:
+        if late <= JUMP_ns:
             self._late_since = None
         elif self._late_since is None:
             self._late_since = arrival
@@ -161,7 +149,7 @@ class Timebase:
         y = late + self._height + self._slope * x
         self._lowest.append(self._least_point)
         self._slope = max(-self._steepest, min(self._steepest, _slope_under(self._lowest)))
-        newest = list(self._lowest)[-self._height_blocks :]
+        newest = list(self._lowest)[-HEIGHT_BLOCKS:]
         self._height = min(height - self._slope * at for at, height in (*newest, (x, y)))
         self._open_block(x, 2.0 * self._block_length)
         return y - self._height - self._slope * x

@@ -16,10 +16,10 @@ from hindrax_core.knobs import build
 from hindrax_core.readings import Inertial, Magnetic, Reading
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import Vehicle
-from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, SILENT_LINE, Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import CROOKED, DRIVER, NO_DATA_S, SILENT_LINE, Icm20948
 from hindrax_drivers.devices.imu.ak09916 import REPEATS as MAG_REPEATS
 from hindrax_drivers.devices.imu.ak09916 import SET_UP_EVERY_S, Ak09916
-from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock
+from hindrax_drivers.devices.imu.icm20948_samples import HUNG_AFTER, REPEATS, EdgeClock, Icm20948Knobs
 from hindrax_drivers.imu_calibration import Correction
 
 START = stamp_from_s(10.0)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_core.testing import chunks
-from hindrax_drivers.protocols.nmea import (
+from hindrax_drivers.protocols.dvl75_protocol import (
     MAX_LINE,
     LineSplitter,
     SentenceError,
@@ -72,13 +72,6 @@ def test_a_sentence_that_begins_in_a_line_without_an_end_is_whole(head: bytes) -
     splitter, tail = LineSplitter(), b"$" + b"b" * 700
     assert splitter.feed(head + tail + b"$" + b"c" * 400) == [head, tail]
     assert splitter.feed(b"\n")[-1] == b"$" + b"c" * 400
-
-
-def test_clear_forgets_half_a_line() -> None:
-    splitter = LineSplitter()
-    splitter.feed(b"$half")
-    splitter.clear()
-    assert splitter.feed(b"$A\n") == [b"$A"]
 
 
 @pytest.mark.parametrize(

@@ -438,3 +438,12 @@ def test_silence_amid_the_orders_starts_anew_instead_of_telling_each_order() -> 
 def test_text_of_the_device_is_passed_on() -> None:
     outputs = ready().feed(encode(protocol.TEXT, b"hello\0"), Stamp(5))
     assert outputs == [Stamped(Stamp(5), DeviceText("hello"))]
+
+
+@pytest.mark.parametrize("before", [b"junk" + distance(1)[:5], distance(1)[:-1] + b"\xff", b"BR\0\0\0\0BR"])
+def test_a_new_start_forgets_half_a_frame_and_what_was_told_of_a_false_one(before: bytes) -> None:
+    driver = Ping1d()
+    driver.start(Stamp(0))
+    driver.feed(before, Stamp(1))
+    driver.start(Stamp(2))
+    assert driver.feed(bytes(64) + INFORMATION, Stamp(3))[0] == Rejected(Stamp(3), "frame: garbage", bytes(64))

@@ -84,13 +84,6 @@ def test_a_profile_whose_count_does_not_fit_is_none() -> None:
     assert message.strength == b"12345"
 
 
-def test_clear_forgets_half_a_frame() -> None:
-    splitter = FrameSplitter()
-    splitter.feed(b"junk" + SIMPLE[:5])
-    splitter.clear()
-    assert splitter.feed(SIMPLE) == split(SIMPLE)
-
-
 def test_what_a_corrupt_length_covers_comes_through_when_it_arrives() -> None:
     splitter = FrameSplitter()
     header = struct.pack("<2sHHBB", b"BR", 1000, protocol.PROFILE, 0, 0)
@@ -115,20 +108,6 @@ def test_what_follows_a_frame_inside_of_a_false_one_is_garbage_again() -> None:
     pieces = split(b"BR" + SIMPLE + bytes(64))
     assert [one.reason for one in pieces if isinstance(one, Refused)] == ["length", "garbage"]
     assert garbage(pieces) == [64]
-
-
-def test_clear_forgets_what_was_told_of_a_false_frame() -> None:
-    splitter = FrameSplitter()
-    assert [one.reason for one in splitter.feed(SIMPLE[:-1] + b"\xff") if isinstance(one, Refused)] == ["checksum"]
-    splitter.clear()
-    assert garbage(splitter.feed(bytes(64))) == [64]
-
-
-def test_clear_forgets_a_false_frame_whose_end_may_be_another() -> None:
-    splitter = FrameSplitter()
-    assert [one.reason for one in splitter.feed(b"BR\0\0\0\0BR") if isinstance(one, Refused)] == ["unknown"]
-    splitter.clear()
-    assert garbage(splitter.feed(bytes(64))) == [64]
 
 
 LENGTHS = {4: 6, 5: 4, 1201: 1, 1202: 2, 1203: 4, 1204: 8, 1205: 1, 1206: 2, 1207: 4, 1208: 2}

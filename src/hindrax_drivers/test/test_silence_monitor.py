@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hindrax_core.events import stamp_from_s
-from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
+from hindrax_drivers.driver import SilenceMonitor
 
 STALL_S = 3.0
 

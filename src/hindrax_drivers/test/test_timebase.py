@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_core.events import NS_PER_S, Stamp
-from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs, _slope_under
+from hindrax_drivers.timebase import BLOCK_ns, Break, Timebase, _slope_under
 
 START = 1_700_000_000 * NS_PER_S
 MS = 1_000_000
@@ -71,18 +71,18 @@ def test_a_batch_that_arrives_at_once_is_spread_over_the_time_it_was_taken() -> 
 
 @pytest.mark.parametrize("drift_ppm", [-30_000.0, 30_000.0])
 def test_a_clock_off_by_percents_is_followed_when_the_knob_allows_it(drift_ppm: float) -> None:
-    base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50_000.0))
+    base = Timebase(1e-6, drift_ppm=50_000.0)
     late = [base.map(t, a) - truth for t, truth, a in journey(5, drift_ppm, (1 / 225, 1 / 225), 9000, 5.0)]
     assert max(abs(one) for one in late[2500:]) < 2 * MS
 
 
 def test_known_latency_is_taken_off() -> None:
-    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.006))
+    base = Timebase(1e-6, latency_s=0.006)
     assert base.map(1000, Stamp(START)) == START - 6 * MS
 
 
 def test_the_rate_is_never_believed_beyond_its_bound() -> None:
-    base = Timebase(1e-6, TimebaseKnobs(drift_ppm=50.0))
+    base = Timebase(1e-6, drift_ppm=50.0)
     for ticks, _, arrival in journey(1, 400.0, (0.05, 0.05), 1000, 1.0):
         base.map(ticks, arrival)
     assert base.drift_ppm == pytest.approx(50.0)
@@ -190,7 +190,7 @@ def test_a_host_clock_set_back_is_told() -> None:
 
 @pytest.mark.parametrize("ticks", [21_000_000, 50_000], ids=["host", "device and host"])
 def test_after_a_host_clock_set_back_stamps_go_on_from_the_new_time(ticks: int) -> None:
-    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.006))
+    base = Timebase(1e-6, latency_s=0.006)
     for index in range(200):
         base.map(1_000_000 + index * 100_000, Stamp(START + index * 100 * MS))
     for index in range(100):
@@ -209,7 +209,7 @@ def test_a_restart_forgets_offset_but_keeps_the_rate() -> None:
 
 
 def test_after_a_restart_delays_from_before_count_no_more() -> None:
-    base = Timebase(1e-6, TimebaseKnobs(latency_s=0.0))
+    base = Timebase(1e-6, latency_s=0.0)
     for index in range(100):
         base.map(index * 100_000, Stamp(START + index * 100 * MS + (10 * MS if index == 0 else 0)))
     base.restart()
@@ -242,14 +242,13 @@ def test_a_step_back_of_either_clock_is_told_with_its_size(
 
 
 def test_the_least_delay_so_far_is_what_later_ones_are_counted_from() -> None:
-    timebase = Timebase(1e-6, TimebaseKnobs(latency_s=0.0))
+    timebase = Timebase(1e-6, latency_s=0.0)
     taken = [timebase.map(ms * 1000, Stamp(START + (ms + late) * MS)) for ms, late in ((0, 10), (100, 0), (200, 5))]
     assert taken == [START + 10 * MS, START + 100 * MS, START + 200 * MS]
 
 
 def test_a_drift_is_found_in_less_than_half_a_block() -> None:
-    knobs = TimebaseKnobs()
-    timebase = Timebase(1e-6, knobs)
-    for index in range(round(0.45 * knobs.block_s / 0.01)):
+    timebase = Timebase(1e-6)
+    for index in range(round(0.45 * BLOCK_ns / (10 * MS))):
         timebase.map(index * 10_000, Stamp(START + round(index * 10 * MS * (1.0 + 100e-6))))
     assert timebase.drift_ppm == pytest.approx(100.0, abs=1.0)

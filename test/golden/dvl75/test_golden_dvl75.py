@@ -15,7 +15,7 @@ from hindrax_core.driver_interface import Identity, Output
 from hindrax_core.events import Rejected, Stamp, Stamped
 from hindrax_core.readings import BottomTrack, BottomVelocity, Position
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_drivers.protocols.nmea import checksum
+from hindrax_drivers.protocols.dvl75_protocol import checksum
 
 ReadingT = TypeVar("ReadingT")
 CASES = yaml.safe_load((Path(__file__).parent / "cases.yaml").read_text(encoding="utf-8"))

@@ -13,10 +13,11 @@ from hindrax_core.events import Rejected, Stamp, Stamped, stamp_from_s
 from hindrax_core.readings import Inertial, Magnetic
 from hindrax_core.testing import rehearse
 from hindrax_core.vehicle import GRAVITY_mps2
-from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916
 from hindrax_drivers.devices.imu.ak09916 import self_test as ak09916_self_test
+from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import SelfTest, self_test
 from hindrax_drivers.imu_calibration import Correction
 

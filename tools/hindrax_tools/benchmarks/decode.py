@@ -12,8 +12,7 @@ import pynmea2
 
 from hindrax_core.events import Stamp
 from hindrax_drivers.devices.dvl75 import Dvl75
-from hindrax_drivers.protocols.dvl75_protocol import position_delta
-from hindrax_drivers.protocols.nmea import split_verified
+from hindrax_drivers.protocols.dvl75_protocol import position_delta, split_verified
 from hindrax_tools.benchmarks import interleaved_us, row
 
 LINES = 1000

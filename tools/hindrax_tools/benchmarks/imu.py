@@ -20,11 +20,10 @@ from smbus2 import __version__ as smbus2_version
 from hindrax_core.bus_operations import run
 from hindrax_core.events import after, stamp_from_s
 from hindrax_drivers.buses.i2cdev import Smbus2Bus
-from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import Icm20948
 from hindrax_drivers.devices.imu import icm20948_registers as registers
-from hindrax_drivers.devices.imu.icm20948_samples import SAMPLE, Samples
+from hindrax_drivers.devices.imu.icm20948_samples import SAMPLE, Icm20948Knobs, Samples
 from hindrax_drivers.imu_calibration import Correction
-from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 from hindrax_sim.buses.ioctl_seam import seam
 from hindrax_sim.buses.virtual_i2c import VirtualI2c
 from hindrax_tools.benchmarks import row
@@ -68,15 +67,7 @@ def _noise() -> list[bytes]:
 
 
 def _decode(batches: Sequence[bytes]) -> None:
-    samples = Samples(
-        gyro_scale=GYRO,
-        accel_scale=ACCEL,
-        largest_rate_step_radps=1.0,
-        largest_force_step_mps2=5.0,
-        correction=Correction(),
-        rate_Hz=RATE_Hz,
-        timebase=Timebase(1.0 / RATE_Hz, TimebaseKnobs(drift_ppm=50_000.0)),
-    )
+    samples = Samples(Icm20948Knobs(), Correction())
     for turn, data in enumerate(batches):
         samples.decode(data, after(START, turn * BATCH / RATE_Hz))
 

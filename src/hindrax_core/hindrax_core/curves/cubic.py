@@ -3,8 +3,6 @@
 The work that does not depend on the value is done once, so that one inverse is one or two calls into the C library.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import TypeAlias
@@ -47,7 +45,8 @@ def inverse(c: Coefficients, low: float, high: float) -> Inverse:
     """
     c1, c2, c3, c4 = c
     if c4 == 0.0:
-        return _clipped(_linear(c1, c2) if c3 == 0.0 else _quadratic(c1, c2, c3, 0.5 * (low + high)), c, low, high)
+        solve = _quadratic(c, 0.5 * (low + high)) if c3 else (lambda y: (y - c1) / c2)
+        return _clipped(solve, c, low, high)
     shift = -c3 / (3.0 * c4)
     # x = shift + t turns the cubic into t^3 + p t + q; only q depends on the value.
     p = c2 / c4 - 3.0 * shift * shift
@@ -73,11 +72,8 @@ def _clipped(solve: Inverse, c: Coefficients, low: float, high: float) -> Invers
     return clipped
 
 
-def _linear(c1: float, c2: float) -> Inverse:
-    return lambda y: (y - c1) / c2
-
-
-def _quadratic(c1: float, c2: float, c3: float, inside: float) -> Inverse:
+def _quadratic(c: Coefficients, inside: float) -> Inverse:
+    c1, c2, c3, _ = c
     vertex = -c2 / (2.0 * c3)
     side = math.copysign(1.0, inside - vertex)
     turning = c1 - c3 * vertex * vertex

@@ -3,8 +3,6 @@
 COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -86,14 +84,10 @@ def _branch_problems(branch: Branch, sign: float) -> list[str]:
     wanted = "positive" if sign > 0.0 else "negative"
     ends = ((pulse_us, branch.force_N(pulse_us)) for pulse_us in (branch.from_us, branch.to_us))
     wrong = [f"gives {force:.4g} N at {at:g} us, wanted a {wanted} force" for at, force in ends if force * sign < 0.0]
-    return _slope_problems(branch) + wrong
-
-
-def _slope_problems(branch: Branch) -> list[str]:
     low, high = branch.from_us, branch.to_us
     turns = [f"{point:.1f}" for point in cubic.stationary_points(branch.c) if low < point < high]
     if turns:
-        return [f"is not monotone: it turns at {' and '.join(turns)} us, within {low:g} to {high:g} us"]
+        return [f"is not monotone: it turns at {' and '.join(turns)} us, within {low:g} to {high:g} us", *wrong]
     if branch.force_N(low) >= branch.force_N(high):
-        return [f"does not rise from {low:g} to {high:g} us, wanted thrust that grows with the pulse"]
-    return []
+        return [f"does not rise from {low:g} to {high:g} us, wanted thrust that grows with the pulse", *wrong]
+    return wrong

@@ -1,7 +1,5 @@
 """Files of text that are whole or as they were, and the question beforehand whether one can be written."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -57,15 +55,11 @@ def require_place(file: Path, option: str = "") -> None:
         return
     with writing(f"{option}{file}", kind=UsageError if option else HindraxError), nothing_left(file):
         file.open("ab").close()
-        _require_room(file.parent)
+        disk = shutil.disk_usage(file.parent)
+        if disk.total and disk.free < LEAST_ROOM_bytes:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     if fresh:
         file.unlink(missing_ok=True)
-
-
-def _require_room(folder: Path) -> None:
-    disk = shutil.disk_usage(folder)
-    if disk.total and disk.free < LEAST_ROOM_bytes:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @contextlib.contextmanager

@@ -1,7 +1,5 @@
 """YAML from anybody: plain data, in bounded time and memory, without what YAML 1.1 reads otherwise than people do."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

@@ -5,11 +5,9 @@ run. A program is never cut between two pauses. Cycles begin at multiples of the
 devices, and pauses with slack, need one wake-up of the host.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -40,12 +38,8 @@ class _Task:
     failures: int = 0
 
 
-@dataclass(order=True, slots=True)
-class _Wake:
-    due: Stamp
-    serial: int
-    latest: Stamp = field(compare=False)
-    task: _Task = field(compare=False)
+_Wake: TypeAlias = tuple[Stamp, int, Stamp, _Task]
+"""When it is due, a serial number, the latest time, and the task."""
 
 
 class BusSchedule:
@@ -83,8 +77,8 @@ class BusSchedule:
         self._update_clock(now)
         if not self._heap:
             return NEVER
-        first = self._heap[0].due
-        return first if first <= now else min(wake.latest for wake in self._heap)
+        first = self._heap[0][0]
+        return first if first <= now else min(latest for _, _, latest, _ in self._heap)
 
     def step(self, now: Stamp, transfer: Transfer) -> list[Result]:
         """Run all that is due at `now`, for hosts whose transfers take no time (lock-step)."""
@@ -97,10 +91,12 @@ class BusSchedule:
         """Run the most urgent program that is due at `now`, up to its next pause, for hosts on a real bus."""
         if self.next_due(now) > now:
             return []
-        task = heapq.heappop(self._heap).task
+        *_, task = heapq.heappop(self._heap)
         try:
             if task.program is None:
-                task.program = _begin(task, now)
+                if seconds_between(task.planned, now) > task.device.period_s:  # missed cycles are not made up for
+                    task.planned = _cycle_start(now, task.device.period_s)
+                task.program = task.device.cycle(now) if task.configured else task.device.configure()
             pause = advance(task.program, transfer, partial(self._tap, task.name, now))
         except StopIteration as stop:
             return self._finished(task, stop.value, now)
@@ -113,8 +109,7 @@ class BusSchedule:
         """Shift the schedule when the clock was set back, and start the pauses of the last turn."""
         if now < self._last:
             back = self._last - now
-            for wake in self._heap:
-                wake.due, wake.latest = Stamp(wake.due - back), Stamp(wake.latest - back)
+            self._heap = [(Stamp(due - back), n, Stamp(last - back), task) for due, n, last, task in self._heap]
             for task in self._devices.values():
                 task.planned = Stamp(task.planned - back)
         self._last = now
@@ -124,7 +119,7 @@ class BusSchedule:
 
     def _push(self, task: _Task, due: Stamp, slack_s: float = 0.0) -> None:
         self._serial += 1
-        heapq.heappush(self._heap, _Wake(due, self._serial, after(due, slack_s), task))
+        heapq.heappush(self._heap, (due, self._serial, after(due, slack_s), task))
 
     def _finished(self, task: _Task, value: Any, now: Stamp) -> list[Result]:
         task.program = None
@@ -145,13 +140,6 @@ class BusSchedule:
         self._push(task, after(now, wait_s))
         when = f"in {wait_s:g} s" if wait_s else "at once"
         return [(task.name, (Trouble(now, f"{task.name}: {error}; configured anew {when}"),))]
-
-
-def _begin(task: _Task, now: Stamp) -> Program[Any]:
-    """Start a cycle, or the configuration. Missed cycles are skipped, not made up for."""
-    if seconds_between(task.planned, now) > task.device.period_s:
-        task.planned = _cycle_start(now, task.device.period_s)
-    return task.device.cycle(now) if task.configured else task.device.configure()
 
 
 def _cycle_start(now: Stamp, period_s: float) -> Stamp:

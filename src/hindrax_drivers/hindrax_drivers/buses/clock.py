@@ -3,8 +3,6 @@
 Every sleep can be ended by `wake()` from another thread or by a readable file descriptor.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -1,13 +1,10 @@
 """Lines of a GPIO chip by libgpiod 2: one line alone, or a chip as a register bus of one bit per line."""
 
-from __future__ import annotations
-
 import importlib
-import struct
 from pathlib import Path
 from typing import Any
 
-from hindrax_core.bus_operations import EDGES, DeviceError, Read, Transaction, Write
+from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Read, Transaction, Write
 from hindrax_core.errors import cause
 from hindrax_drivers.buses.clock import SystemClock
 
@@ -15,7 +12,6 @@ GPIO_PREFIX = "gpio:"
 DEVICES = Path("/dev")
 CONSUMER = "hindrax"
 BIASES = ("AS_IS", "PULL_UP", "PULL_DOWN")
-_EDGE = struct.Struct(">Iq")
 
 
 def library() -> Any:
@@ -53,43 +49,48 @@ def request_line(chip: str, line: int, **settings: Any) -> Any:
         ) from error
 
 
+class InputLines(dict[int, Any]):
+    """Requested input lines, by number."""
+
+    def request(self, chip: str, line: int, **settings: Any) -> None:
+        """Request a line, given back before where it is ours. DeviceError says what is wrong and the remedy."""
+        if line in self:
+            self.pop(line).release()
+        self[line] = request_line(chip, line, direction=library().line.Direction.INPUT, **settings)
+
+    def close(self) -> None:
+        """Give the lines back."""
+        for request in self.values():
+            request.release()
+        self.clear()
+
+
 class EdgeLines:
     """Lines beside a bus whose rising edges the kernel counts and stamps, at the addresses from EDGES on."""
 
     def __init__(self) -> None:
-        self._requests: dict[int, Any] = {}
+        self._lines = InputLines()
         self._newest: dict[int, tuple[int, int]] = {}
+        self.close = self._lines.close
 
     def transfer(self, transaction: Transaction) -> bytes:
         """Watch a line, or tell count and time of its edges. DeviceError names what is wrong."""
         line = transaction.address - EDGES
         if isinstance(transaction, Write):
-            self._watch(transaction.data.decode(errors="replace"), line)
+            kind, chip = library().line, transaction.data.decode(errors="replace")
+            self._lines.request(chip, line, edge_detection=kind.Edge.RISING, event_clock=kind.Clock.REALTIME)
+            self._newest[line] = (0, 0)
             return b""
-        if line not in self._requests:
+        if line not in self._lines:
             raise DeviceError(f"GPIO line {line}: wanted a line that is watched")
-        request = self._requests[line]
+        request = self._lines[line]
         try:
             while request.wait_edge_events(0.0):
                 event = request.read_edge_events()[-1]
                 self._newest[line] = (event.line_seqno & 0xFFFFFFFF, event.timestamp_ns)
         except OSError as error:
             raise DeviceError(f"GPIO line {line}: cannot be read ({cause(error)})") from error
-        return _EDGE.pack(*self._newest[line])
-
-    def close(self) -> None:
-        """Give the lines back."""
-        for request in self._requests.values():
-            request.release()
-        self._requests.clear()
-
-    def _watch(self, chip: str, line: int) -> None:
-        if line in self._requests:
-            self._requests.pop(line).release()
-        kind = library().line
-        wanted = {"direction": kind.Direction.INPUT, "edge_detection": kind.Edge.RISING}
-        self._requests[line] = request_line(chip, line, event_clock=kind.Clock.REALTIME, **wanted)
-        self._newest[line] = (0, 0)
+        return EDGE.pack(*self._newest[line])
 
 
 class GpioBus(SystemClock):
@@ -100,8 +101,7 @@ class GpioBus(SystemClock):
 
     def __init__(self, chip: str) -> None:
         super().__init__()
-        self._chip = chip
-        self._lines: dict[int, Any] = {}
+        self._chip, self._lines = chip, InputLines()
         try:
             find_chip(chip)
         except DeviceError:
@@ -112,7 +112,8 @@ class GpioBus(SystemClock):
         """Set up or read one line. DeviceError names chip and line."""
         line = transaction.address
         if isinstance(transaction, Write):
-            self._request(line, transaction.data[0])
+            bias = BIASES[transaction.data[0]]
+            self._lines.request(self._chip, line, bias=getattr(library().line.Bias, bias))
             return b""
         if not isinstance(transaction, Read) or line not in self._lines:
             raise DeviceError(f"GPIO {self._chip}:{line}: wanted a line that is set up, and a plain read")
@@ -123,14 +124,5 @@ class GpioBus(SystemClock):
 
     def close(self) -> None:
         """Give the lines back."""
-        for request in self._lines.values():
-            request.release()
-        self._lines.clear()
+        self._lines.close()
         super().close()
-
-    def _request(self, line: int, bias: int) -> None:
-        if line in self._lines:
-            self._lines.pop(line).release()
-        kind = library().line
-        settings = {"direction": kind.Direction.INPUT, "bias": getattr(kind.Bias, BIASES[bias])}
-        self._lines[line] = request_line(self._chip, line, **settings)

@@ -1,7 +1,5 @@
 """A Linux I2C adapter through smbus2, by I2C_RDWR alone: any length, repeated START, no SMBus emulation."""
 
-from __future__ import annotations
-
 import errno
 
 from smbus2 import SMBus, i2c_msg

@@ -1,7 +1,5 @@
 """Line to a device that sends by itself: a serial port, 8N1, or network datagrams with the same bytes."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import socket

@@ -4,8 +4,6 @@ The mock runs faster than real time because clients sleep on its clock: a client
 mock that nothing will come from it before, so the mock may jump there. Time does not pass while a client works.
 """
 
-from __future__ import annotations
-
 import mmap
 import select
 import socket
@@ -36,7 +34,6 @@ class VirtualClock:
         self._frames, self._answers, self._stale_answers = Frames(), deque[tuple[Kind, bytes]](), 0
         self._socket: socket.socket | None = None
         try:
-            self._page = _map_page(path)
             self._connect()
         except OSError as error:
             self._alarm.close()
@@ -116,7 +113,6 @@ class VirtualClock:
     def _connected(self) -> socket.socket:
         if self._socket is None:
             try:
-                self._page = _map_page(self._path)
                 self._connect()
             except OSError as error:
                 raise self._lost(error) from error
@@ -124,6 +120,10 @@ class VirtualClock:
         return self._socket
 
     def _connect(self) -> None:
+        """Map the time page, one signed 64-bit integer [ns] whose aligned load cannot be torn, then connect."""
+        with Path(self._path + mock_protocol.PAGE_SUFFIX).open("rb") as page:
+            mapped = mmap.mmap(page.fileno(), mock_protocol.PAGE_BYTES, access=mmap.ACCESS_READ)
+        self._page = memoryview(mapped).cast("q")
         link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         link.settimeout(ANSWER_TIMEOUT_S)
         self._frames, self._stale_answers = Frames(), 0
@@ -158,9 +158,3 @@ class VirtualBus(VirtualClock):
             code = mock_protocol.number(mock_protocol.ERRNO, body)
             raise wire_error(f"{MOCK_PREFIX}{self._path}", transaction.address, code)
         return body if isinstance(transaction, Read | WriteRead) else b""
-
-
-def _map_page(path: str) -> memoryview:
-    """Map the mock's time page as one signed 64-bit integer [ns]; an aligned load cannot be torn."""
-    with Path(path + mock_protocol.PAGE_SUFFIX).open("rb") as page:
-        return memoryview(mmap.mmap(page.fileno(), mock_protocol.PAGE_BYTES, access=mmap.ACCESS_READ)).cast("q")

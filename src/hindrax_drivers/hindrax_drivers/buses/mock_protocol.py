@@ -16,8 +16,6 @@ Beside the socket PATH lies the page PATH.time: the mock's time as one aligned i
 a system call.
 """
 
-from __future__ import annotations
-
 import struct
 from enum import IntEnum
 

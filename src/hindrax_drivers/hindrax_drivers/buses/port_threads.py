@@ -1,7 +1,5 @@
 """The threads that own a port: serve it until they are stopped, deliver what came, and report their own failure."""
 
-from __future__ import annotations
-
 import os
 import queue
 import signal

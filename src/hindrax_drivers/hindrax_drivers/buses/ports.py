@@ -1,7 +1,5 @@
 """Ports by their names in the vehicle file: a real bus or clock, or that of mock hardware."""
 
-from __future__ import annotations
-
 from hindrax_drivers.buses.clock import MOCK_PREFIX, Clock, RegisterBus, SystemClock
 from hindrax_drivers.buses.gpio import GPIO_PREFIX, GpioBus
 from hindrax_drivers.buses.i2cdev import Smbus2Bus

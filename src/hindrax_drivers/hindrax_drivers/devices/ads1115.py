@@ -4,8 +4,6 @@ Gains of a Blue Robotics Power Sense Module, as ArduSub has them: 11 V per volt;
 channels are those of a Blue Robotics Navigator. Nothing here has a checksum: a conversion is read twice.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Sources: Bosch BST-BME280-DS002-15 rev 1.6, pages and sections named below; BST-
 calibration has no checksum, so it is read twice.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence

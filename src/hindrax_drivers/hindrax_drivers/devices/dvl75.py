@@ -11,25 +11,27 @@ $DVPDL is off in the factory settings. When the device talks and no delta comes,
 times at most: the setting is kept in flash. Every other setting is touched only by `hindrax dvl setup`.
 """
 
-from __future__ import annotations
-
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.readings import BottomVelocity, DeviceText, Echo, Vec3
 from hindrax_drivers.devices.dvl75_settings import DEFAULT_KNOBS, Dvl75Knobs, commands, wanted_settings
-from hindrax_drivers.driver import Driver, in_water
+from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
 from hindrax_drivers.protocols import dvl75_protocol as protocol
-from hindrax_drivers.protocols.nmea import MAX_LINE, LineSplitter, SentenceError, require_numbers, split_verified
-from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
-from hindrax_drivers.timebase import Break, Timebase, TimebaseKnobs
+from hindrax_drivers.protocols.dvl75_protocol import (
+    MAX_LINE,
+    LineSplitter,
+    SentenceError,
+    require_numbers,
+    split_verified,
+)
+from hindrax_drivers.timebase import Break, Timebase
 
 ASK_CONFIGURATION = b"\nCONFIGURATION\n"
 ENABLE_DELTAS = b"SEND-DVPDL ON\n"
-RETWEET, RETWEET_TAG = b"GPS:", b"GPS"
+RETWEET = b"GPS:"
 """What the device puts before the sentences of a GPS. Page "Re-Tweeted GPS Messages"."""
 SHORTEST_us, LONGEST_us = 20_000, 1_000_000
 """Believable intervals: the page says 5 to 20 Hz, which is 50 to 200 ms."""
@@ -44,34 +46,25 @@ class Dvl75:
 
     def __init__(self, knobs: Dvl75Knobs = DEFAULT_KNOBS) -> None:
         self._knobs, self.baud = knobs, knobs.baud
-        self._min_confidence = knobs.min_confidence
-        self._max_speed_mps = knobs.max_speed_mps
-        self._axis_sign = knobs.axis_sign
-        self._floor_variance = knobs.sigma_floor_mps**2
         self._silence = SilenceMonitor("DVL", f"$DV sentences at {knobs.baud} baud", knobs.stall_s)
-        self._lines = LineSplitter()
-        self._clock = Timebase(
-            1e-6,
-            TimebaseKnobs(drift_ppm=knobs.clock_drift_ppm, latency_s=knobs.latency_s),
-            on_break=self._on_clock_break,
-        )
+        drift_ppm, latency_s = knobs.clock_drift_ppm, knobs.latency_s
+        self._clock = Timebase(1e-6, drift_ppm=drift_ppm, latency_s=latency_s, on_break=self._on_clock_break)
         self._handlers: dict[bytes, Callable[[list[bytes], bytes, Stamp], Iterable[Output]]] = {
             b"DVPDX": self._on_delta,
             b"DVEXT": self._on_extended,
             b"DVNVM": self._on_configuration,
             b"DVTXT": self._on_text,
             b"DVKFA": self._on_kalman,
-            b"DVKFC": self._on_counted,
+            b"DVKFC": self._on_known,
             b"GPRMC": self._on_minimum,
         }
-        self._counts: Counter[bytes] = Counter()
         self.configuration: Mapping[str, str] = {}
         """Last reported settings of the device; empty before the first report."""
         self._reset(Stamp(0))
 
     def _reset(self, stamp: Stamp) -> None:
         """Reset to the state after opening the line."""
-        self._lines.clear()
+        self._lines = LineSplitter()
         self._clock.restart()
         self._retweet = False
         self._identity = ""
@@ -88,11 +81,6 @@ class Dvl75:
         """Whether a Cerulean DVL has been recognized and its deltas keep coming."""
         return bool(self._identity) and self._last_us >= 0 and self._silence.condition == "well" and self._requests == 0
 
-    @property
-    def counts(self) -> Mapping[str, int]:
-        """Verified sentences by tag, whether or not a reading came of them."""
-        return {tag.decode("ascii"): count for tag, count in self._counts.items()}
-
     def start(self, stamp: Stamp) -> list[Output]:
         """Request the identity. Settings are not changed."""
         self._reset(stamp)
@@ -107,9 +95,8 @@ class Dvl75:
                 outputs += self._on_line(line, stamp)
             except SentenceError as bad:
                 outputs.append(Rejected(stamp, f"{_name(line)}: {bad}", line))
-        if self._troubles:
-            outputs += self._troubles
-            self._troubles = []
+        outputs += self._troubles
+        self._troubles = []
         return outputs
 
     def _on_line(self, line: bytes, stamp: Stamp) -> Iterable[Output]:
@@ -124,7 +111,7 @@ class Dvl75:
             return self._on_text(line[1:].split(b",", 1), line, stamp)
         fields = split_verified(line)
         if retweet and not fields[0].startswith(b"DV"):
-            return self._on_counted([RETWEET_TAG], line, stamp)
+            return self._on_known(fields, line, stamp)
         handler = self._handlers.get(fields[0])
         if handler is None:
             raise SentenceError("unknown")
@@ -140,48 +127,39 @@ class Dvl75:
         if now_us == self._last_us:
             if tag == self._last_tag:
                 raise SentenceError("repeated")
-            self._counts[tag] += 1
             self._last_tag = tag
-            return self._standoff(fields, percent, self._last_stamp) if tag == b"DVPDX" else []
+            return self._standoff(fields, percent, self._last_stamp)
         if 0 < now_us - self._last_us < 0.9 * span_us and self._last_us >= 0:
             raise SentenceError("overlap")
         reading = self._velocity(moved, span_us, percent, now_us)
-        at = self._middle(now_us, span_us, stamp)
-        self._counts[tag] += 1
+        middle = self._clock.map(now_us, stamp) - span_us * 500
+        at = self._last_stamp = Stamp(max(self._last_stamp, middle))  # never before the previous one
         self._last_us, self._last_tag = now_us, tag
         self._moved = self._silence.last_valid = stamp
         self._requests = 0
-        outputs: list[Output] = [Stamped(at, reading)]
-        if tag == b"DVPDX":
-            outputs += self._standoff(fields, percent, at)
-        if not self._identity:
-            outputs += self._identify("DVL-75" if tag == b"DVPDL" else "Tracker 650")
-        return outputs
+        standoff = self._standoff(fields, percent, at)
+        return [Stamped(at, reading), *standoff, *self._identify("DVL-75" if tag == b"DVPDL" else "Tracker 650")]
 
     def _standoff(self, fields: list[bytes], percent: int, at: Stamp) -> list[Output]:
         """Altitude of a Tracker 650 from its $DVPDX, while it tracks the bottom."""
         confidence = percent * 0.01
-        return [Stamped(at, Echo(protocol.standoff(fields), confidence))] if confidence >= self._min_confidence else []
-
-    def _middle(self, end_us: int, span_us: int, arrival: Stamp) -> Stamp:
-        """Middle of an interval with a known end; never before the previous one."""
-        middle = self._clock.map(end_us, arrival) - span_us * 500
-        self._last_stamp = Stamp(max(self._last_stamp, middle))
-        return self._last_stamp
+        if fields[0] != b"DVPDX" or confidence < self._knobs.min_confidence:
+            return []
+        return [Stamped(at, Echo(protocol.standoff(fields), confidence))]
 
     def _velocity(self, moved: Vec3, span_us: int, percent: int, now_us: int) -> BottomVelocity:
         """Mean velocity over the interval, or none at low confidence, when the deltas are zero or invalid."""
         span_s = span_us * 1e-6
         confidence = percent * 0.01
-        if confidence < self._min_confidence:
+        if confidence < self._knobs.min_confidence:
             return BottomVelocity(None, math.inf, confidence, span_s, now_us)
         x, y, z = moved
-        reach = self._max_speed_mps * span_s
+        reach = self._knobs.max_speed_mps * span_s
         if not (-reach <= x <= reach and -reach <= y <= reach and -reach <= z <= reach):
             raise SentenceError("range")
-        sx, sy, sz = self._axis_sign
+        sx, sy, sz = self._knobs.axis_sign
         velocity = (sx * x / span_s, sy * y / span_s, sz * z / span_s)
-        sigma = math.sqrt(self._floor_variance + ROUNDING_VARIANCE_m2 / (span_s * span_s))
+        sigma = math.sqrt(self._knobs.sigma_floor_mps**2 + ROUNDING_VARIANCE_m2 / (span_s * span_s))
         return BottomVelocity(velocity, sigma, confidence, span_s, now_us)
 
     def _on_extended(self, fields: list[bytes], line: bytes, stamp: Stamp) -> list[Output]:
@@ -191,7 +169,6 @@ class Dvl75:
             raise SentenceError("repeated")
         track = protocol.extended(fields, self._knobs.attitude_sign)
         self._last_extended = line
-        self._counts[b"DVEXT"] += 1
         on_wire_ns = round((len(line) + 2) * 10 * NS_PER_S / self._knobs.baud)
         self._last_track = min(stamp, max(self._last_track, Stamp(stamp - on_wire_ns)))
         outputs: list[Output] = [*self._identify("DVL-75"), Stamped(self._last_track, track)]
@@ -199,7 +176,6 @@ class Dvl75:
         return outputs if place is None else [*outputs, Stamped(self._last_track, place)]
 
     def _on_configuration(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
-        self._counts[b"DVNVM"] += 1
         self.configuration = protocol.configuration(fields)
         self._identity = self.configuration.get("Model", "DVL-75")
         firmware = self.configuration.get("Firmware", "unknown")
@@ -213,7 +189,6 @@ class Dvl75:
         return outputs
 
     def _on_text(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
-        self._counts[b"DVTXT"] += 1
         text = b",".join(fields[1:])
         if not _printable(text):
             raise SentenceError("text")
@@ -221,19 +196,16 @@ class Dvl75:
 
     def _on_kalman(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         support = protocol.kalman_support(fields)
-        self._counts[b"DVKFA"] += 1
         return [*self._identify("DVL-75"), Stamped(stamp, support)]
 
     def _on_minimum(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
         """Decode the device's own $GPRMC; $DVEXT has the same place with more digits."""
         place = protocol.recommended_minimum(fields)
-        self._counts[b"GPRMC"] += 1
         return [] if place is None or self._last_extended else [Stamped(stamp, place)]
 
-    def _on_counted(self, fields: list[bytes], _: bytes, stamp: Stamp) -> list[Output]:
-        """Count a known sentence without use here: a GPS behind the DVL, raw beams of a Tracker 650."""
+    def _on_known(self, _fields: list[bytes], _line: bytes, stamp: Stamp) -> list[Output]:
+        """Take a sentence without use here for a sign of life: a GPS behind the DVL, raw beams of a Tracker 650."""
         self._silence.last_valid = stamp
-        self._counts[fields[0]] += 1
         return []
 
     def _on_plain(self, line: bytes, stamp: Stamp) -> Sequence[Output]:
@@ -242,7 +214,6 @@ class Dvl75:
             return ()
         if line[:4] == b"IMU:":
             protocol.retweet(line)
-            self._counts[b"IMU"] += 1
             return []
         if line[-3:-2] == b"*":
             raise SentenceError("cut")

@@ -1,7 +1,5 @@
 """How a DVL-75 is read, and the settings in its flash."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

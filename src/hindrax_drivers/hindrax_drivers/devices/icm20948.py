@@ -5,81 +5,29 @@ they are stamped by the sample clock, not by the wake-up of a thread. Where INT1
 the edge of each sample, and no lateness of the host is in the stamps. Source: TDK DS-000189 r1.3.
 """
 
-from __future__ import annotations
-
-import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from hindrax_core.bus_operations import EDGES, Pause, Program, Read, Write
+from hindrax_core.bus_operations import EDGE, EDGES, Pause, Program, Read, Write
 from hindrax_core.driver_interface import Identity
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped, after, seconds_between
-from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Reading
 from hindrax_core.vehicle import Mount, chip_and_line
 from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.devices.imu.ak09916 import Ak09916
-from hindrax_drivers.devices.imu.icm20948_samples import Samples
+from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs, Samples
 from hindrax_drivers.driver import Driver, RegisterPart
 from hindrax_drivers.imu_calibration import correction
-from hindrax_drivers.timebase import Timebase, TimebaseKnobs
 
 NO_DATA_S = 0.25
 CROOKED = 5
 """Counts in a row that are no whole number of samples: a sample may be half written, but not every time."""
 LATE = 1.1
 """Samples may come faster than nominal by the drift of the clock; more than this, and the count itself is wrong."""
-FILL = 0.6
-"""Share of the FIFO that may fill up between two cycles; the rest is for a host that is late."""
 
 SILENT_LINE = f"data-ready line: not one edge per sample for {NO_DATA_S} s; the host's time instead"
 
-_EDGE = struct.Struct(">Iq")
-_COUNT = struct.Struct(">H")
-_TEMPERATURE = struct.Struct(">h")
-
 Outputs = list[Stamped[Reading] | Rejected]
-
-
-@dataclass(frozen=True, slots=True)
-class Icm20948Knobs:
-    """How the inertial sensor is set up."""
-
-    mode: str = choice("fifo", ("fifo", "burst"), "fetch all samples from the FIFO, or the newest from the registers")
-    divider: int = knob(4, 0, 255, "sample rate is 1125 Hz / (1 + divider) [-]")
-    period_s: float = knob(0.02, 0.001, 0.2, "time between two fetches [s]")
-    gyro_range_dps: str = choice("500", r.GYRO_RANGES, "full scale of the gyroscope [dps]")
-    accel_range_g: str = choice("4", r.ACCEL_RANGES, "full scale of the accelerometer [g]")
-    filter: int = knob(3, 0, 7, "low-pass filter of both; 3: 51 Hz gyroscope, 50 Hz accelerometer [-]")
-    drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest believed error of the sample clock [ppm]")
-    magnetometer: bool = knob(True, meaning="whether the magnetometer is used")
-    magnetometer_every: int = knob(2, 1, 1000, "the magnetometer is read in every n-th cycle [-]")
-    temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
-    largest_rate_change_radps2: float = knob(225.0, 0.0, 1e5, "faster changes of the rate are damage [rad/s^2]")
-    largest_force_change_mps3: float = knob(1125.0, 0.0, 1e6, "faster changes of the specific force are damage [m/s^3]")
-
-    data_ready: str = knob("", meaning="GPIO that INT1 is wired to, CHIP:LINE; times the samples of the FIFO")
-
-    @property
-    def rate_Hz(self) -> float:
-        """Nominal sample rate."""
-        return r.BASE_RATE_Hz / (1 + self.divider)
-
-    @property
-    def filter_delay_s(self) -> float:
-        """Delay of the low-pass filter, taken off the stamps."""
-        return r.FILTER_DELAY_S[self.filter]
-
-    def __post_init__(self) -> None:
-        """Check that the FIFO cannot overflow in normal operation, and the name of the line."""
-        if self.data_ready:
-            chip_and_line(self.data_ready, "data_ready")
-        wanted = self.period_s * self.rate_Hz * r.SAMPLE_BYTES
-        if self.mode == "fifo" and wanted > FILL * r.FIFO_BYTES:
-            longest = FILL * r.FIFO_BYTES / r.SAMPLE_BYTES / self.rate_Hz
-            raise ValueError(
-                f"period_s: found {self.period_s:g}, wanted at most {longest:.3g} at {self.rate_Hz:g} Hz (FIFO size)"
-            )
 
 
 DEFAULT_KNOBS = Icm20948Knobs()
@@ -97,17 +45,7 @@ class Icm20948(RegisterPart):
         super().__init__(address or r.ADDRESS)
         self._knobs = knobs
         self.period_s = knobs.period_s if knobs.mode == "fifo" else 1.0 / knobs.rate_Hz
-        self._samples = Samples(
-            gyro_scale=r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps)),
-            accel_scale=r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g)),
-            largest_rate_step_radps=knobs.largest_rate_change_radps2 / knobs.rate_Hz,
-            largest_force_step_mps2=knobs.largest_force_change_mps3 / knobs.rate_Hz,
-            correction=correction(calibration or {}, "accel", "mps2"),
-            rate_Hz=knobs.rate_Hz,
-            timebase=Timebase(
-                1.0 / knobs.rate_Hz, TimebaseKnobs(drift_ppm=knobs.drift_ppm, latency_s=knobs.filter_delay_s)
-            ),
-        )
+        self._samples = Samples(knobs, correction(calibration or {}, "accel", "mps2"))
         self._mag = Ak09916(correction(calibration or {}, "mag", "T"))
         self._turn = self._crooked = 0
         self._fetched = self._timed = Stamp(0)
@@ -210,7 +148,7 @@ class Icm20948(RegisterPart):
         """Read the count, then all samples in one burst; a FIFO that has overflowed is emptied."""
         last = yield from self._fetch_edge()
         raw = yield self.get(r.FIFO_COUNTH, 2)
-        count: int = _COUNT.unpack(raw)[0]
+        count = int.from_bytes(raw, "big")
         wrong = self._fifo_fault(count, stamp)
         if wrong:
             yield from self._empty_fifo()
@@ -224,13 +162,13 @@ class Icm20948(RegisterPart):
         if not self._chip:
             return self._samples.decode(data, stamp)
         edge = yield from self._fetch_edge()
-        still = edge == last and abs(_EDGE.unpack(edge)[1] - stamp) < NS_PER_S * LATE / self._knobs.rate_Hz
-        outputs = self._samples.decode(data, stamp, _EDGE.unpack(edge) if still else None)
+        still = edge == last and abs(EDGE.unpack(edge)[1] - stamp) < NS_PER_S * LATE / self._knobs.rate_Hz
+        outputs = self._samples.decode(data, stamp, EDGE.unpack(edge) if still else None)
         return outputs + self._watch_line(stamp, edge)
 
     def _fetch_edge(self) -> Program[bytes]:
         """Count and time of the newest edge; unchanged over a burst, it is that of the newest sample in it."""
-        return (yield Read(EDGES + self._line, _EDGE.size)) if self._chip else b""
+        return (yield Read(EDGES + self._line, EDGE.size)) if self._chip else b""
 
     def _watch_line(self, stamp: Stamp, edge: bytes) -> Outputs:
         """Tell, four times a second, that the line does not give the time of the samples."""
@@ -265,7 +203,7 @@ class Icm20948(RegisterPart):
 
     def _fetch_temperature(self) -> Program[None]:
         raw = yield self.get(r.TEMP_OUT_H, 2)
-        self._samples.temperature_C = r.temperature_C(_TEMPERATURE.unpack(raw)[0])
+        self._samples.temperature_C = r.temperature_C(int.from_bytes(raw, "big", signed=True))
 
     def _on_empty_fifo(self, stamp: Stamp) -> Outputs:
         """Check an empty FIFO: a sensor that has reset itself sleeps and gives no samples."""

@@ -4,8 +4,6 @@ The current is that of the shunt by Ohm's law; the chip's own current register i
 shunt monitor"). One conversion is read twice, because nothing on this bus has a checksum and a current may leap.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Sources: TE MS5837-30BA rev C2 (12/2019) pages 7, 9, 11; MS5837-02BA pages 6, 7,
 MS5837 library computes it. All divisions round down: only so does the datasheet's example come out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

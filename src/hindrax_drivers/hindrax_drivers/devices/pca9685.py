@@ -5,8 +5,6 @@ The oscillator has no tight specification: 1.7 % moves a 1500 us pulse out of th
 is a measured number of the vehicle file, and `applied` tells what the counts make with it.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence
@@ -78,7 +76,8 @@ class Pca9685(RegisterPart):
         yield self.set(MODE1, self._awake)
         yield self.set(MODE2, TOTEM_POLE)
         yield from self.check(self.rest_us)
-        return Identity(self._identity())
+        name, rate = f"PCA9685 at {self.address:#04x}", f"{self.rate_Hz:.2f} Hz, {self.step_us:.3f} us per count"
+        return Identity(f"{name}: {len(self._channels)} channels, {rate}")
 
     def write(self, pulses_us: Sequence[float]) -> Program[None]:
         """One pulse per channel, in one burst [us]. The speed controllers see all of them change together."""
@@ -110,7 +109,13 @@ class Pca9685(RegisterPart):
                 f"pca9685 at {self.address:#04x}: MODE1, MODE2, PRE_SCALE are {_hex(found)}, wanted {_hex(wanted)}: "
                 "another device, or its supply was lost; check address and supply"
             )
-        yield from self._check_channels(pulses_us)
+        channels = self._registers(pulses_us)
+        there = yield self.get(LED0 + 4 * self._first, len(channels))
+        if there != channels:
+            raise DeviceError(
+                f"pca9685 at {self.address:#04x}: channels read back {there.hex()}, wanted {channels.hex()}; "
+                "another device at this address, or a bad line"
+            )
 
     def _wake_neutral(self) -> Program[None]:
         yield self.set(MODE1, SLEEP | AUTO_INCREMENT)
@@ -124,15 +129,6 @@ class Pca9685(RegisterPart):
         # The outputs stay low after sleep until a channel register is written.
         yield from self.neutral()
 
-    def _check_channels(self, pulses_us: Sequence[float]) -> Program[None]:
-        wanted = self._registers(pulses_us)
-        found = yield self.get(LED0 + 4 * self._first, len(wanted))
-        if found != wanted:
-            raise DeviceError(
-                f"pca9685 at {self.address:#04x}: channels read back {found.hex()}, wanted {wanted.hex()}; "
-                "another device at this address, or a bad line"
-            )
-
     def _registers(self, pulses_us: Sequence[float]) -> bytes:
         """LEDn_ON and LEDn_OFF from the first to the last channel in use; channels between them are off."""
         counts = [0, OFF] * self._slots
@@ -145,10 +141,6 @@ class Pca9685(RegisterPart):
         if not 0 < count < STEPS:
             raise ValueError(f"pulse of {pulse_us:g} us: wanted more than 0 and less than {STEPS * self.step_us:g} us")
         return count
-
-    def _identity(self) -> str:
-        name = f"PCA9685 at {self.address:#04x}"
-        return f"{name}: {len(self._channels)} channels, {self.rate_Hz:.2f} Hz, {self.step_us:.3f} us per count"
 
 
 def pca9685_of(vehicle: Vehicle, rest_us: Sequence[float]) -> Pca9685:

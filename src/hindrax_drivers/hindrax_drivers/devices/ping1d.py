@@ -12,8 +12,6 @@ answer is moreover up to one ping interval old, which cannot be known from outsi
 several messages arrive at once.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable
@@ -22,10 +20,9 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, after, seconds_between
 from hindrax_core.readings import DeviceText, Echo, EchoProfile, SonarHealth
 from hindrax_drivers.devices.ping1d_settings import DEFAULT_KNOBS, DeviceSetting, Ping1dKnobs, device_settings
-from hindrax_drivers.driver import Driver, in_water
+from hindrax_drivers.driver import Driver, SilenceMonitor, in_water
 from hindrax_drivers.protocols import ping_protocol as protocol
 from hindrax_drivers.protocols.ping_protocol import EchoMessage, Frame, FrameSplitter, Refused
-from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
 HELLO = protocol.request(protocol.PROTOCOL_VERSION) + protocol.request(protocol.DEVICE_INFORMATION)
 HALF_COUNT = 1 << 31
@@ -41,10 +38,8 @@ class Ping1d:
 
     def __init__(self, knobs: Ping1dKnobs = DEFAULT_KNOBS) -> None:
         self._knobs, self.baud = knobs, knobs.baud
-        self._frames = FrameSplitter()
-        wanted = f"Ping frames at {knobs.baud} baud"
         self._stall_s = max(knobs.stall_s, 4.0 * knobs.interval_s)
-        self._silence = SilenceMonitor("Ping", wanted, self._stall_s)
+        self._silence = SilenceMonitor("Ping", f"Ping frames at {knobs.baud} baud", self._stall_s)
         self._handlers: dict[int, Callable[[Frame, Stamp], list[Output]]] = {
             protocol.DEVICE_INFORMATION: self._on_identity,
             protocol.ACK: self._on_ack,
@@ -58,8 +53,7 @@ class Ping1d:
         self._profile_wanted = knobs.profile
         self.round_trip_s: float | None = None
         """Time from the last question to its answer; None before the first."""
-        self._told_stranger = False
-        self._told_supply = False
+        self._told_stranger = self._told_supply = False
         self._last_stamp = Stamp(0)
         self._reset(Stamp(0))
 
@@ -89,7 +83,7 @@ class Ping1d:
 
     def start(self, stamp: Stamp) -> list[Output]:
         """Wake the sonar and request its identity."""
-        self._frames.clear()
+        self._frames = FrameSplitter()
         self._silence.restart(stamp)
         return self._wake(stamp)
 
@@ -98,8 +92,7 @@ class Ping1d:
         return self._ask(Send(HELLO, wake=True), stamp)
 
     def _ask(self, question: Send, stamp: Stamp) -> list[Output]:
-        self._asked = stamp
-        self._waiting = True
+        self._asked, self._waiting = stamp, True
         return [question]
 
     def _answered(self, stamp: Stamp) -> None:
@@ -132,26 +125,20 @@ class Ping1d:
         if self._known:
             return []
         if kind != protocol.PING1D_TYPE:
-            if self._told_stranger:
-                return []
-            self._told_stranger = True
+            told, self._told_stranger = self._told_stranger, True
             wanted = f"wanted {protocol.PING1D_TYPE} (Ping1D, Ping2); check which device is on this port"
-            return [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
-        self._known = True
-        self._told_stranger = False
+            return [] if told else [Trouble(stamp, f"Ping: found device type {kind}, {wanted}")]
+        self._known, self._told_stranger = True, False
         self._orders = deque(device_settings(self._knobs))
         identity = Identity(f"Blue Robotics Ping sonar, revision {revision}, firmware {major}.{minor}.{patch}")
         return [identity, *self._send_order(stamp)]
 
     def _send_order(self, stamp: Stamp) -> list[Output]:
         """Send the first setting in the queue; when it is empty, start measuring."""
-        self._tries = 1
-        self._acked = False
+        self._tries, self._acked = 1, False
         self._found: int | None = None
         if not self._orders:
-            self._running = True
-            self._fresh = stamp
-            self._waiting = False
+            self._running, self._waiting, self._fresh = True, False, stamp
             return self._ask_health(stamp)
         return self._ask(Send(self._orders[0].frames), stamp)
 
@@ -239,10 +226,10 @@ class Ping1d:
         if not self._running:
             # A restarted sonar uses its own settings until it is set up again.
             return outputs
-        refused = self._refusal(message.distance_mm, message.confidence, message)
+        reach_mm = message.start_mm + message.length_mm
+        refused = self._refusal(message.distance_mm, message.confidence, reach_mm)
         if refused:
             return [*outputs, Rejected(stamp, f"distance: {refused}", frame.payload)]
-        reach_mm = message.start_mm + message.length_mm
         at = self._echo_stamp(stamp, self._age_s(frame, 2 * reach_mm - message.distance_mm))
         return [*outputs, *(Stamped(at, reading) for reading in self._readings(message))]
 
@@ -255,11 +242,9 @@ class Ping1d:
         scan = (message.start_mm * 0.001, message.length_mm * 0.001)
         return [echo, EchoProfile(range_m, confidence, message.ping_number, *scan, message.gain, message.strength)]
 
-    def _refusal(self, distance_mm: int, percent: int, message: EchoMessage | None = None) -> str:
+    def _refusal(self, distance_mm: int, percent: int, reach_mm: int = FARTHEST_mm) -> str:
         """Reason why a distance is refused, or an empty text."""
-        if percent > 100 or not 0 < distance_mm <= FARTHEST_mm:
-            return "range"
-        if message is not None and not distance_mm <= message.start_mm + message.length_mm <= FARTHEST_mm:
+        if percent > 100 or not 0 < distance_mm <= reach_mm <= FARTHEST_mm:
             return "range"
         return "confidence" if percent * 0.01 < self._knobs.min_confidence else ""
 
@@ -284,9 +269,7 @@ class Ping1d:
         if ahead >= HALF_COUNT:
             sentence = f"Ping: the sonar has restarted (ping {before}, then {message.ping_number}); setting it up again"
             return [Trouble(stamp, sentence), *self._wake(stamp)]
-        if ahead == 1 or not self._streaming:
-            return []
-        if seconds_between(self._gap_reported, stamp) < 10.0:
+        if ahead == 1 or not self._streaming or seconds_between(self._gap_reported, stamp) < 10.0:
             return []
         self._gap_reported = stamp
         return [Trouble(stamp, f"Ping: {ahead - 1} pings lost before number {message.ping_number}")]
@@ -300,10 +283,9 @@ class Ping1d:
         if self._running and seconds_between(self._fresh, stamp) > self._stall_s:
             sentence = f"Ping: no new ping for {self._stall_s:g} s although it answers; setting it up again"
             return [*outputs, Trouble(stamp, sentence), *self._wake(stamp)]
-        if self._orders:
-            return [*outputs, *(self._repeat_order(stamp) if waited_s >= self._knobs.answer_s else [])]
-        if not self._known:
-            return [*outputs, *(self._wake(stamp) if waited_s >= self._knobs.answer_s else [])]
+        if self._orders or not self._known:
+            again = self._repeat_order if self._orders else self._wake
+            return [*outputs, *(again(stamp) if waited_s >= self._knobs.answer_s else [])]
         if seconds_between(self._health_asked, stamp) >= HEALTH_EVERY_S:
             outputs += self._ask_health(stamp)
         return [*outputs, *self._poll(stamp, waited_s)]

@@ -1,7 +1,5 @@
 """Settings of a Ping1D and the messages that set them."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 

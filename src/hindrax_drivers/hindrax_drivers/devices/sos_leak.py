@@ -4,8 +4,6 @@ Source: ArduSub, parameters LEAK1_LOGIC (0, its default: "low if dry") and LEAK1
 With the line pulled towards wet, a broken cable is reported as a leak: the harmless one of the two mistakes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

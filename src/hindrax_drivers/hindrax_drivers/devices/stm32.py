@@ -6,8 +6,6 @@ output. An autopilot with the same messages works too. Others on the same networ
 state comes from the controller alone, and answers to their commands are not ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +13,7 @@ from hindrax_core.driver_interface import Identity, Output, Send, Trouble
 from hindrax_core.events import Rejected, Stamp, Stamped, seconds_between
 from hindrax_core.knobs import knob
 from hindrax_core.readings import AppliedPulses, Battery, DeviceText
-from hindrax_core.vehicle import Vehicle
+from hindrax_drivers.driver import SilenceMonitor
 from hindrax_drivers.protocols.mavlink import (
     ARM_DISARM,
     UNKNOWN,
@@ -31,7 +29,6 @@ from hindrax_drivers.protocols.mavlink import (
     StatusText,
     encode,
 )
-from hindrax_drivers.protocols.silence_monitor import SilenceMonitor
 
 ONBOARD_CONTROLLER, INVALID_AUTOPILOT, STATE_ACTIVE = 18, 8, 4
 SYSTEM, AUTOPILOT, ONBOARD_COMPUTER = 1, 1, 191
@@ -82,8 +79,6 @@ class Stm32:
         wanted = f"MAVLink 2 of system {SYSTEM}, component {AUTOPILOT}, at {self._knobs.baud} Bd"
         self._silence = SilenceMonitor("stm32", wanted, self._knobs.lost_s)
         self._sequence = 0
-        self._pending: _PendingCommand | None = None
-        self._wanted: tuple[int, ...] = ()
         self._reset()
 
     @property
@@ -147,7 +142,8 @@ class Stm32:
     def _reset(self) -> None:
         self._decoder = Decoder()
         self.identity, self.refusal, self._complaint, self.armed = "", "", "", False
-        self._pending, self._wanted = None, ()
+        self._pending: _PendingCommand | None = None
+        self._wanted = ()
         self._wanted_at = self._sent_at = self._heartbeat_at = Stamp(0)
 
     def _on_frame(self, frame: Frame, stamp: Stamp) -> list[Output]:
@@ -220,8 +216,3 @@ class Stm32:
         data = encode(message, self._sequence, SYSTEM, ONBOARD_COMPUTER)
         self._sequence = (self._sequence + 1) & 0xFF
         return Send(data)
-
-
-def stm32_of(vehicle: Vehicle) -> Stm32:
-    """Controller of a vehicle file: the channels of its thrusters, in order, then those of its lights."""
-    return Stm32(vehicle.output_channels())

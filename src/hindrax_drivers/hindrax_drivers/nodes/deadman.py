@@ -7,8 +7,6 @@ goes neutral until it does. The two lie in different sessions, so that no signal
 frozen, the supervisor kills both: `--neutral`, or a new dead man, puts neutral on the wire.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -102,7 +100,7 @@ class WatchedProcess:
     told_s: float = 0.0
 
     @classmethod
-    def start(cls, arguments: Sequence[str]) -> WatchedProcess:
+    def start(cls, arguments: Sequence[str]) -> "WatchedProcess":
         """Start the node in a session of its own."""
         beats, beat = os.pipe()
         life_end, life = os.pipe()

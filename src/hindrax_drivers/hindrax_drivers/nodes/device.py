@@ -4,8 +4,6 @@ The same node as in the process of all sensors; port, address and frame come fro
 has a file for each device.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from functools import partial

@@ -6,8 +6,6 @@ itself, as far as an operator has not asked for another state; when it is lost, 
 Only an active node publishes readings; a finalized one publishes nothing but its diagnostics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from itertools import cycle
 from typing import Any

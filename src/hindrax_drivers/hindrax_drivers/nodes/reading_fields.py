@@ -3,8 +3,6 @@
 The rest is as in the first message that `reading_messages` makes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias

@@ -5,8 +5,6 @@
 The node of a device publishes them, a replay compares them with the record.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """The sensors process: one lifecycle node per sensor of the vehicle file, one thread per wire."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections import defaultdict

@@ -4,8 +4,6 @@ Follows ROS 2: `--params-file FILE` with blocks per node (wildcards `*` and `**`
 later wins.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise

@@ -6,8 +6,6 @@ output stays neutral and disarmed until `activate`. A finalized node goes on rep
 that nobody serves keeps its last pulses.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
@@ -145,17 +143,13 @@ class ThrustersNode(DeviceNode):
         except ValueError as error:
             self.refused(Refusal("not a command", str(error)), self._thread.now)
             return
-        if unfit := self._unfit_sender():
-            self.refused(Refusal("sender", unfit), self._thread.now)
-            return
-        self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
-
-    def _unfit_sender(self) -> str:
-        """Why the sender of commands is not obeyed, as the graph was at most `LOOK_S` ago; empty when it is."""
         if (now_s := time.monotonic()) >= self._look_s:
             self._look_s = now_s + LOOK_S
             self._look_for_commanders()
-        return self._unfit
+        if self._unfit:  # as the graph was at most LOOK_S ago
+            self.refused(Refusal("sender", self._unfit), self._thread.now)
+            return
+        self._thread.command(Command(ordered.pulses_us, ordered.lights_us, ordered.stamp, ordered.sequence))
 
     def _look_for_commanders(self) -> None:
         """Judge the publishers of commands; disarmed, and not armed again, while there is another one."""

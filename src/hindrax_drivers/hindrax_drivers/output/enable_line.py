@@ -5,8 +5,6 @@ line has died. A retriggerable timer between line and OE needs a pulse at least 
 also when the process is frozen, or the computer (circuit in docs/explanation/safety.md).
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Iterator
@@ -20,55 +18,42 @@ TRIGGER_S = 0.1
 
 
 class EnableLine:
-    """Enables the outputs as a whole. This one does nothing: its outputs are always enabled by their wiring."""
+    """A line that enables the outputs as a whole; without a name it does nothing: their wiring always enables them.
+
+    `timed`: it triggers a timer, by one low pulse for each write while the outputs are enabled.
+    """
+
+    def __init__(self, name: str = "", *, timed: bool = False) -> None:
+        self._timed, self._enabled, self._request = timed, False, None
+        if name:
+            chip, self._line = chip_and_line(name, "output.enable_line")
+            kind = library().line
+            self._level = {True: kind.Value.ACTIVE, False: kind.Value.INACTIVE}
+            off = {"direction": kind.Direction.OUTPUT, "active_low": True, "output_value": kind.Value.INACTIVE}
+            self._request = request_line(chip, self._line, **off)
 
     def set(self, *, enabled: bool) -> None:
-        """Enable or disable the outputs."""
+        """Enable (low) or disable the outputs; a timer disables them once its pulses end."""
+        self._enabled = enabled
+        if self._timed:
+            self.written()
+        else:
+            self._put(active=enabled)
 
     def written(self) -> None:
         """Take note that pulses were written: while they are, the outputs stay enabled."""
+        if self._timed and self._enabled:
+            self._put(active=True)
+            self._put(active=False)
 
     def close(self) -> None:
         """Give the line back."""
+        if self._request is not None:
+            self._request.release()
 
-
-class GpioLine(EnableLine):
-    """One line of a chip, found by the label or name of the chip."""
-
-    def __init__(self, chip: str, line: int) -> None:
-        self._value, self._line = library().line.Value, line
-        self._request = request_line(
-            chip,
-            line,
-            direction=library().line.Direction.OUTPUT,
-            active_low=True,
-            output_value=self._value.INACTIVE,
-        )
-
-    def set(self, *, enabled: bool) -> None:
-        """Low enables."""
-        self._request.set_value(self._line, self._value.ACTIVE if enabled else self._value.INACTIVE)
-
-    def close(self) -> None:
-        """Give the line back."""
-        self._request.release()
-
-
-class TimedLine(GpioLine):
-    """A line that triggers a timer: one low pulse for each write while the outputs are enabled."""
-
-    _enabled = False
-
-    def set(self, *, enabled: bool) -> None:
-        """Begin or end the pulses; without them the timer disables the outputs."""
-        self._enabled = enabled
-        self.written()
-
-    def written(self) -> None:
-        """Trigger the timer."""
-        if self._enabled:
-            self._request.set_value(self._line, self._value.ACTIVE)
-            self._request.set_value(self._line, self._value.INACTIVE)
+    def _put(self, *, active: bool) -> None:
+        if self._request is not None:
+            self._request.set_value(self._line, self._level[active])
 
 
 @contextlib.contextmanager
@@ -97,7 +82,6 @@ def open_enable_line(output: Output, port: str) -> EnableLine:
     if not output.enable_line or port.startswith(MOCK_PREFIX):
         return EnableLine()
     try:
-        chip, line = chip_and_line(output.enable_line, "output.enable_line")
-        return (TimedLine if output.enable_timer else GpioLine)(chip, line)
+        return EnableLine(output.enable_line, timed=output.enable_timer)
     except ValueError as error:
         raise DeviceError(str(error)) from error

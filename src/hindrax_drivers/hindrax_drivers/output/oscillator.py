@@ -4,13 +4,10 @@ The period of a pulse is 4096 * (PRE_SCALE + 1) cycles (NXP PCA9685 rev. 4, sect
 stamps the edges by the crystal of the computer, which is hundreds of times more exact than the oscillator.
 """
 
-from __future__ import annotations
-
-import struct
 from collections.abc import Sequence
 from itertools import pairwise
 
-from hindrax_core.bus_operations import EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
+from hindrax_core.bus_operations import EDGE, EDGES, DeviceError, Pause, Program, Read, Write, WriteRead
 from hindrax_drivers.devices.pca9685 import LED0, MODE1, OFF, PRE_SCALE, SLEEP, STEPS
 
 HALF = STEPS // 2
@@ -19,7 +16,6 @@ FEWEST = 100
 IRREGULAR = 0.05
 """Largest distance of an interval from a whole number of periods, in periods; a busy kernel is a tenth of that late."""
 BELIEVABLE_Hz = (20e6, 50e6)
-_EDGE = struct.Struct(">Iq")
 
 Edge = tuple[int, int]
 """Number of an edge on its line, and its time [ns]."""
@@ -46,7 +42,7 @@ def edges(chip: str, line: int, seconds: float) -> Program[Sequence[Edge]]:
     found = []
     for _ in range(LOOKS + 1):
         yield Pause(seconds / LOOKS)
-        found.append(_EDGE.unpack((yield Read(EDGES + line, _EDGE.size))))
+        found.append(EDGE.unpack((yield Read(EDGES + line, EDGE.size))))
     return found
 
 

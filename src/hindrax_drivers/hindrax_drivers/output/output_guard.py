@@ -9,8 +9,6 @@ host calls `command` for each command, `tick` no later than `due` says, and repo
     any --writes keep failing--> faulted --output set up again--> disarmed
 """
 
-from __future__ import annotations
-
 import math
 import secrets
 from collections.abc import Callable
@@ -61,11 +59,6 @@ class OutputGuardKnobs:
         if self.neutral_us and not least_us <= self.neutral_us <= self.high_us:
             wanted = f"{least_us:g} to {self.high_us:g}, or 0 for that of the vehicle file"
             raise ValueError(f"neutral_us: found {self.neutral_us:g}, wanted {wanted}")
-
-    @property
-    def trip_s(self) -> float:
-        """Time after the last valid command at which the guard goes neutral."""
-        return self.silence_s - self.margin_s
 
 
 class ArmingPhase(StrEnum):
@@ -203,7 +196,7 @@ class OutputGuard:
         if state.armed and state.last_command and not _newer(command.sequence, state.last_command.sequence):
             state = self.drop(state, "the sender of commands has started anew: arm again", now)
         held = self._held(state, now)
-        fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.trip_s)
+        fresh_until = after(Stamp(min(command.stamp, now)), self.knobs.silence_s - self.knobs.margin_s)
         state = replace(state, heard_at=now, fresh_until=fresh_until, last_command=command)
         state, now = self._observe(state, now)
         pulses = self._applied(state, held, command, now)

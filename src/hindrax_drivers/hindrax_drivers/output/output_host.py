@@ -4,8 +4,6 @@ Everything that moves a thruster goes through the guard, on the clock of the out
 as it is told, and ends it; every end writes neutral.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol

@@ -3,8 +3,6 @@
 One thread owns an output and its clock, that of all decisions about safety; only `wake` may be called by others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TypeAlias, TypeVar
@@ -18,7 +16,7 @@ from hindrax_drivers.buses.clock import Clock, Meanwhile, RegisterBus, nothing, 
 from hindrax_drivers.buses.line import SerialPort
 from hindrax_drivers.buses.ports import open_bus, open_clock
 from hindrax_drivers.devices.pca9685 import Pca9685, pca9685_of
-from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32, stm32_of
+from hindrax_drivers.devices.stm32 import BOARD_NEUTRAL_us, Stm32
 from hindrax_drivers.output.enable_line import EnableLine, open_enable_line
 from hindrax_drivers.output.output_guard import Pulses
 
@@ -199,7 +197,7 @@ def open_output(vehicle: Vehicle, port: str, clock: str, tap: Tap, name: str, *,
     DeviceError says what is missing.
     """
     if vehicle.output.device == "stm32":
-        return SerialOutput(port, stm32_of(vehicle), open_clock(clock, name), tap)
+        return SerialOutput(port, Stm32(vehicle.output_channels()), open_clock(clock, name), tap)
     line = open_enable_line(vehicle.output, port)
     try:
         return RegisterOutput(open_bus(port, name), pca9685_of(vehicle, neutral.all_us), line, tap)

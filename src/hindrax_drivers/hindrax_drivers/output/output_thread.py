@@ -1,12 +1,10 @@
 """The thread that owns the thruster output: open it, run its host, sleep on its clock, end with neutral."""
 
-from __future__ import annotations
-
 import contextlib
 import queue
 from collections.abc import Callable
 from concurrent.futures import Future
-from functools import partial
+from typing import Any
 
 from hindrax_core.bus_operations import DeviceError
 from hindrax_core.events import Stamp, seconds_between
@@ -31,7 +29,7 @@ class OutputThread(ServingThread):
     ) -> None:
         super().__init__("output")
         self._make, self._guard, self._listener, self._beat = make, guard, listener, beat
-        self._inbox: queue.SimpleQueue[Callable[[OutputHost | None], None]] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[tuple[Callable[[OutputHost], Any], Future[Any]]] = queue.SimpleQueue()
         self._output: ThrusterOutput | None = None
         self.ready = False
         """Whether the output is set up and follows commands."""
@@ -47,11 +45,11 @@ class OutputThread(ServingThread):
 
     def command(self, command: Command) -> None:
         """Check and apply a command at once. From any thread."""
-        self._put(lambda host: host.command(command) if host else None)
+        self._ask(lambda host: host.command(command))
 
     def light(self, levels: tuple[float, ...]) -> None:
         """Set the lamps, 0 (dark) to 1, at once. From any thread."""
-        self._put(lambda host: host.light(levels) if host else None)
+        self._ask(lambda host: host.light(levels))
 
     def arm(self, request: Request) -> Future[Answer]:
         """Begin to arm. From any thread."""
@@ -63,12 +61,12 @@ class OutputThread(ServingThread):
 
     def drop(self, reason: str) -> None:
         """Disarm for an internal reason. From any thread."""
-        self._put(lambda host: host.drop(reason) if host else None)
+        self._ask(lambda host: host.drop(reason))
 
     def inhibit(self, reason: str) -> None:
         """Hold neutral and disarmed while there is a reason; an empty reason ends it. From any thread."""
         self._inhibited_because = reason
-        self._put(lambda host: host.inhibit(reason) if host else None)
+        self._ask(lambda host: host.inhibit(reason))
 
     def stop(self, timeout_s: float = 3.0) -> None:
         """Write neutral and stop the thread. From any other thread."""
@@ -80,24 +78,16 @@ class OutputThread(ServingThread):
             with contextlib.suppress(OSError):  # it has just been closed
                 output.wake()
 
-    def _put(self, action: Callable[[OutputHost | None], None]) -> None:
-        self._inbox.put(action)
+    def _ask(self, action: Callable[[OutputHost], Any]) -> Future[Any]:
+        future: Future[Any] = Future()
+        self._inbox.put((action, future))
         self._wake()
-
-    def _ask(self, question: Callable[[OutputHost], Answer]) -> Future[Answer]:
-        future: Future[Answer] = Future()
-        self._put(partial(self._answer, question, future))
         return future
-
-    def _answer(
-        self, question: Callable[[OutputHost], Answer], future: Future[Answer], host: OutputHost | None
-    ) -> None:
-        closed = Answer(accepted=False, reason=self._closed_because)
-        future.set_result(closed if host is None else question(host))
 
     def _drain(self, host: OutputHost | None) -> None:
         while not self._inbox.empty():
-            self._inbox.get()(host)
+            action, future = self._inbox.get()
+            future.set_result(action(host) if host else Answer(accepted=False, reason=self._closed_because))
 
     def _serve(self) -> None:
         """Open the output and serve it until a stop request; a missing port is retried."""

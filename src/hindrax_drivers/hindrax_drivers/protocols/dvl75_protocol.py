@@ -1,17 +1,18 @@
-"""Sentences of a Cerulean DVL-75 and Tracker 650. Pure functions on verified fields.
+"""Sentences of a Cerulean DVL-75 and Tracker 650: lines out of a byte stream, the checksum, the fields, their meaning.
 
 Sources: docs.ceruleansonar.com, "DVL-75 / Communicating with the DVL" and "Tracker 650 / Communicating with the
 Tracker 650", with the sentence's own page named at each function; field counts as in captured lines, which end $DVEXT
 with an empty field that the page does not show.
+
+Lines follow NMEA 0183: `$`, fields between commas, `*`, and the XOR of all bytes between `$` and `*` as two hexadecimal
+digits. Line ends may be LF or CR LF.
 """
 
-from __future__ import annotations
-
 import math
+import re
 from typing import TypeAlias
 
 from hindrax_core.readings import Beam, BottomTrack, KalmanSupport, Position, Vec3
-from hindrax_drivers.protocols.nmea import SentenceError, integer, number, numbers
 
 Delta: TypeAlias = tuple[int, int, Vec3, int]
 """Device time [us], interval [us], change of position in it [m], confidence [%]."""
@@ -20,6 +21,91 @@ CLOCK_END_US = 1 << 63
 FARTHEST_m = 1000.0
 POSITION_STEP_m = 0.001
 """Position deltas are printed with three decimals."""
+MAX_LINE = 1024
+"""Bytes after which a line is no line. The longest known sentence, a $DVNVM with all its keys, has about 500."""
+
+_PIECE = re.compile(rb"(?s).[^$]{0,%d}" % (MAX_LINE - 1))
+_DIGITS = {form % value: value for value in range(256) for form in (b"*%02X", b"*%02x")}
+_NUMERIC = b"0123456789.,-+"
+
+
+class SentenceError(ValueError):
+    """A sentence that is refused; the text is the reason, out of a small set, so that refusals can be counted."""
+
+
+class LineSplitter:
+    """Cuts a byte stream into candidate lines, independent of its chunking.
+
+    A piece ends at a line end, before a `$` (a sentence cannot hold one, so a new one has begun and the old one was
+    cut or lost its line end), or when it has grown to MAX_LINE bytes; then it is garbage, and what follows is not.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Pieces that these bytes have completed, without line ends; none is empty."""
+        *lines, rest = (self._rest + data).split(b"\n")
+        pieces: list[bytes] = []
+        for line in lines:
+            whole = line.rfind(b"$") <= 0 and len(line) < MAX_LINE
+            pieces += [line] if whole else _PIECE.findall(line)
+        if len(rest) >= MAX_LINE:
+            pieces += _PIECE.findall(rest)
+            rest = b"" if len(pieces[-1]) == MAX_LINE else pieces.pop()
+        self._rest = rest
+        return [piece for line in pieces if (piece := line.rstrip(b"\r"))]
+
+
+def checksum(body: bytes) -> int:
+    """XOR of all bytes (at most MAX_LINE): the whole as one integer, folded onto its lower half until a byte is left.
+
+    Half the time of a loop over the bytes in C, a twentieth of one in Python.
+    """
+    n = int.from_bytes(body, "big")
+    for half in (4096, 2048, 1024, 512, 256, 128, 64, 32, 16, 8):
+        n ^= n >> half
+    return n & 0xFF
+
+
+def split_verified(line: bytes) -> list[bytes]:
+    """Fields of `$TAG,...*hh`, the tag (without `$`) first; SentenceError unless the checksum is there and holds."""
+    body = line[1:-3]
+    if checksum(body) != _DIGITS.get(line[-3:]):
+        raise SentenceError("checksum" if line[-3:] in _DIGITS else "no checksum")
+    return body.split(b",")
+
+
+def require_numbers(body: bytes) -> None:
+    """SentenceError unless only digits, signs, points and commas are there.
+
+    float() alone would also take `nan`, `1e9`, `1_0` and blanks.
+    """
+    if body.translate(None, _NUMERIC):
+        raise SentenceError("number")
+
+
+def number(field: bytes) -> float:
+    """Finite number of a field in plain notation."""
+    return numbers([field])[0]
+
+
+def numbers(fields: list[bytes]) -> list[float]:
+    """Finite numbers of fields in plain notation."""
+    require_numbers(b"".join(fields))
+    try:
+        return list(map(float, fields))
+    except ValueError:
+        raise SentenceError("number") from None
+
+
+def integer(field: bytes) -> int:
+    """Whole number of a field in plain notation."""
+    require_numbers(field)
+    try:
+        return int(field)
+    except ValueError:
+        raise SentenceError("number") from None
 
 
 def position_delta(fields: list[bytes]) -> Delta:
@@ -48,7 +134,9 @@ def extended(fields: list[bytes], attitude_sign: Vec3) -> BottomTrack:
     """
     if len(fields) < 35:
         raise SentenceError("fields")
-    locked = _flag(fields[1])
+    if fields[1] not in (b"T", b"F"):
+        raise SentenceError("flag")
+    locked = fields[1] == b"T"
     roll, pitch, heading, skipped, _, altitude, north, east = numbers(fields[4:12])
     if abs(roll) > 180.0 or abs(pitch) > 180.0 or not 0.0 <= heading <= 360.0 or not skipped.is_integer():
         raise SentenceError("range")
@@ -113,12 +201,6 @@ def _degrees(field: bytes, negative: bool) -> float:
 def _place(latitude_deg: float, longitude_deg: float, *, fixed: bool) -> Position | None:
     there = abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
     return Position(latitude_deg, longitude_deg, fixed) if there else None
-
-
-def _flag(field: bytes) -> bool:
-    if field not in (b"T", b"F"):
-        raise SentenceError("flag")
-    return field == b"T"
 
 
 def kalman_support(fields: list[bytes]) -> KalmanSupport:

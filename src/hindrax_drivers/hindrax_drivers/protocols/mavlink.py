@@ -4,8 +4,6 @@ Frames: https://mavlink.io/en/guide/serialization.html. Messages and the bytes t
 (CRC_EXTRA): message set common. Signed frames are refused, as the guide asks of an end that cannot check them.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

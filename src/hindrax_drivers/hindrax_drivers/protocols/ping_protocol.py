@@ -5,8 +5,6 @@ ping1d.json (messages). A frame, little endian: `BR`, payload length u16, messag
 payload, checksum u16: the sum of all bytes before it.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -137,12 +135,6 @@ class FrameSplitter:
     """
 
     def __init__(self) -> None:
-        self._bytes = b""
-        self._junk = b""
-        self._excused = 0
-
-    def clear(self) -> None:
-        """Discard unfinished data, as after a reconnection."""
         self._bytes = self._junk = b""
         self._excused = 0
 

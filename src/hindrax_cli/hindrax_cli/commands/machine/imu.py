@@ -20,7 +20,8 @@ from hindrax_core.readings import Inertial, Magnetic, Vec3
 from hindrax_core.text.screen_text import print_fitted, print_whole
 from hindrax_core.vehicle import GRAVITY_mps2, Mount, load_vehicle
 from hindrax_drivers.bus_capture import capture, mount_of, run_once
-from hindrax_drivers.devices.icm20948 import Icm20948, Icm20948Knobs
+from hindrax_drivers.devices.icm20948 import Icm20948
+from hindrax_drivers.devices.imu.icm20948_samples import Icm20948Knobs
 from hindrax_drivers.devices.imu.icm20948_selftest import self_test
 from hindrax_drivers.imu_calibration import correction, fit_sphere, roundness
 

@@ -3,8 +3,6 @@
 It is a separate die that can fail alone: the inertial sensor then continues without it, and it is set up again.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 
@@ -42,13 +40,6 @@ class Ak09916:
         self._correction = correction
         self._ready, self._tried = False, Stamp(0)
 
-    def _forget(self) -> None:
-        """Nothing is known of its field."""
-        self._heard = self._believed_at = Stamp(0)
-        self._last = b""
-        self._believed: tuple[int, ...] | None = None
-        self._repeats = self._doubted = 0
-
     def configure(self) -> Program[str]:
         """Reset, identify, measure at 100 Hz. Returns the identity, or the reason for no answer."""
         self._ready = False
@@ -62,7 +53,10 @@ class Ak09916:
         except DeviceError as error:
             return f"no AK09916 ({error})"
         self._ready = True
-        self._forget()
+        self._heard = self._believed_at = Stamp(0)
+        self._last = b""
+        self._believed: tuple[int, ...] | None = None
+        self._repeats = self._doubted = 0
         return "AK09916"
 
     def read(self, stamp: Stamp) -> Program[MagOutputs]:

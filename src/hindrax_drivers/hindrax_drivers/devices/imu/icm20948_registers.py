@@ -1,7 +1,5 @@
 """Registers, bits and scales of the ICM-20948 and of the AK09916 inside it. Source: TDK DS-000189 r1.3."""
 
-from __future__ import annotations
-
 import math
 
 from hindrax_core.vehicle import GRAVITY_mps2

@@ -1,12 +1,14 @@
-"""From the sample bytes of an ICM-20948 to readings: scale, correct, stamp, and refuse implausible samples."""
-
-from __future__ import annotations
+"""Settings of an ICM-20948, and its sample bytes to readings: scale, correct, stamp, refuse implausible samples."""
 
 import struct
+from dataclasses import dataclass
 from itertools import pairwise
 
 from hindrax_core.events import NS_PER_S, Rejected, Stamp, Stamped
+from hindrax_core.knobs import choice, knob
 from hindrax_core.readings import Inertial, Reading
+from hindrax_core.vehicle import chip_and_line
+from hindrax_drivers.devices.imu import icm20948_registers as r
 from hindrax_drivers.imu_calibration import Correction
 from hindrax_drivers.timebase import Timebase
 
@@ -19,11 +21,55 @@ HUNG_AFTER = 50
 BELIEVE_AFTER = 3
 """A step this often confirmed by the samples after it was real, however large."""
 
+FILL = 0.6
+"""Share of the FIFO that may fill up between two cycles; the rest is for a host that is late."""
+
 LONGEST_GAP_ns = 0.25 * NS_PER_S
 LARGEST_DRIFT = 0.1
 
 Outputs = list[Stamped[Reading] | Rejected]
 Raw = tuple[int, int, int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Icm20948Knobs:
+    """How the inertial sensor is set up."""
+
+    mode: str = choice("fifo", ("fifo", "burst"), "fetch all samples from the FIFO, or the newest from the registers")
+    divider: int = knob(4, 0, 255, "sample rate is 1125 Hz / (1 + divider) [-]")
+    period_s: float = knob(0.02, 0.001, 0.2, "time between two fetches [s]")
+    gyro_range_dps: str = choice("500", r.GYRO_RANGES, "full scale of the gyroscope [dps]")
+    accel_range_g: str = choice("4", r.ACCEL_RANGES, "full scale of the accelerometer [g]")
+    filter: int = knob(3, 0, 7, "low-pass filter of both; 3: 51 Hz gyroscope, 50 Hz accelerometer [-]")
+    drift_ppm: float = knob(50_000.0, 0.0, 50_000.0, "largest believed error of the sample clock [ppm]")
+    magnetometer: bool = knob(True, meaning="whether the magnetometer is used")
+    magnetometer_every: int = knob(2, 1, 1000, "the magnetometer is read in every n-th cycle [-]")
+    temperature_every: int = knob(50, 1, 100_000, "the die temperature is read in every n-th cycle [-]")
+    largest_rate_change_radps2: float = knob(225.0, 0.0, 1e5, "faster changes of the rate are damage [rad/s^2]")
+    largest_force_change_mps3: float = knob(1125.0, 0.0, 1e6, "faster changes of the specific force are damage [m/s^3]")
+
+    data_ready: str = knob("", meaning="GPIO that INT1 is wired to, CHIP:LINE; times the samples of the FIFO")
+
+    @property
+    def rate_Hz(self) -> float:
+        """Nominal sample rate."""
+        return r.BASE_RATE_Hz / (1 + self.divider)
+
+    @property
+    def filter_delay_s(self) -> float:
+        """Delay of the low-pass filter, taken off the stamps."""
+        return r.FILTER_DELAY_S[self.filter]
+
+    def __post_init__(self) -> None:
+        """Check that the FIFO cannot overflow in normal operation, and the name of the line."""
+        if self.data_ready:
+            chip_and_line(self.data_ready, "data_ready")
+        wanted = self.period_s * self.rate_Hz * r.SAMPLE_BYTES
+        if self.mode == "fifo" and wanted > FILL * r.FIFO_BYTES:
+            longest = FILL * r.FIFO_BYTES / r.SAMPLE_BYTES / self.rate_Hz
+            raise ValueError(
+                f"period_s: found {self.period_s:g}, wanted at most {longest:.3g} at {self.rate_Hz:g} Hz (FIFO size)"
+            )
 
 
 class EdgeClock:
@@ -64,23 +110,15 @@ class EdgeClock:
 class Samples:
     """Decodes samples of 12 bytes in the order in which they were taken; the n-th is tick n of the sample clock."""
 
-    def __init__(
-        self,
-        *,
-        gyro_scale: float,
-        accel_scale: float,
-        largest_rate_step_radps: float,
-        largest_force_step_mps2: float,
-        correction: Correction,
-        rate_Hz: float,
-        timebase: Timebase,
-    ) -> None:
-        self._gyro_scale, self._accel_scale = gyro_scale, accel_scale
-        self._rate_step = largest_rate_step_radps / gyro_scale
-        self._force_step = largest_force_step_mps2 / accel_scale
+    def __init__(self, knobs: Icm20948Knobs, correction: Correction) -> None:
+        self._gyro_scale = r.gyro_radps_per_lsb(r.GYRO_RANGES.index(knobs.gyro_range_dps))
+        self._accel_scale = r.accel_mps2_per_lsb(r.ACCEL_RANGES.index(knobs.accel_range_g))
+        self._rate_step = knobs.largest_rate_change_radps2 / knobs.rate_Hz / self._gyro_scale
+        self._force_step = knobs.largest_force_change_mps3 / knobs.rate_Hz / self._accel_scale
         self._correction = None if correction.idle else correction
-        self._period_ns = NS_PER_S / rate_Hz
-        self._timebase, self._edge_clock = timebase, EdgeClock(self._period_ns)
+        self._timebase = Timebase(1.0 / knobs.rate_Hz, drift_ppm=knobs.drift_ppm, latency_s=knobs.filter_delay_s)
+        self._period_ns = NS_PER_S / knobs.rate_Hz
+        self._edge_clock = EdgeClock(self._period_ns)
         self.by_edges = False
         """Whether edges have timed the last samples."""
         self.temperature_C = float("nan")

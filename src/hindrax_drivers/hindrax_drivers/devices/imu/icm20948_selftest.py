@@ -5,8 +5,6 @@ Procedure and limits as in TDK's embedded motion driver: full scales 250 dps and
 schedule: take it out before, and configure it anew afterwards.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,13 +69,9 @@ def self_test(address: int = r.ADDRESS) -> Program[SelfTest]:
     return SelfTest((gx, gy, gz), (ax, ay, az), mag)
 
 
-def factory_response(code: int) -> float:
-    """Counts that the factory measured: 2620 * 1.01^(code - 1)."""
-    return 2620.0 * 1.01 ** (code - 1)
-
-
 def _share(moved: float, code: int) -> float:
-    return moved / factory_response(code) if code else 0.0
+    """Share of the counts that the factory measured: 2620 * 1.01^(code - 1)."""
+    return moved / (2620.0 * 1.01 ** (code - 1)) if code else 0.0
 
 
 def _prepare(address: int) -> Program[bytes]:
