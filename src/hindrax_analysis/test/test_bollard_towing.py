@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_analysis.experiments import bollard, towing
-from hindrax_core.curves.curve_branches import Curve
+from hindrax_core.curves import Curve
 from hindrax_core.errors import HindraxError
 from hindrax_core.knobs import build
 from hindrax_ident.arrays import Array

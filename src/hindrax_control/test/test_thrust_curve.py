@@ -10,8 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve, thrust_curves
-from hindrax_core.curves.cubic import inverse, slope, stationary_points
-from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches
+from hindrax_core.curves import (
+    Branch,
+    Curve,
+    inverse,
+    problems_of,
+    reflected,
+    running_branches,
+    slope,
+    stationary_points,
+)
 from hindrax_core.errors import UsageError
 from hindrax_core.vehicle import Vehicle
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hindrax_core.curves.curve_branches import Curve, problems_of
+from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import UsageError, cause
 from hindrax_core.knobs import block, build, choice, fact, knob
 from hindrax_core.readings import Vec3, Vec6

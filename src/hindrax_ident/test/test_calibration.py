@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_runs import back_and_forth, fly
 
-from hindrax_core.curves.curve_branches import Branch
+from hindrax_core.curves import Branch
 from hindrax_core.vehicle import Vehicle
 from hindrax_ident.arrays import Array
 from hindrax_ident.assess.influences import INFLUENCES, Case

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hindrax_control.allocation.thrust_curve import ThrustCurve
-from hindrax_core.curves.curve_branches import Curve, reflected, scaled
+from hindrax_core.curves import Curve, reflected, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec3, Vec6
 from hindrax_core.vehicle import AXES, Drag, Hydrodynamics, Vehicle, load_vehicle

@@ -14,7 +14,7 @@ import yaml
 
 from hindrax_analysis.experiments.experiment_record import Column
 from hindrax_analysis.experiments.least_squares import Array, Value, least_squares
-from hindrax_core.curves.curve_branches import Branch
+from hindrax_core.curves import Branch
 from hindrax_core.errors import HindraxError
 from hindrax_ident.arrays import array
 

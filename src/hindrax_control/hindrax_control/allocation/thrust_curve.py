@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hindrax_control.allocation.effectiveness import effectiveness
-from hindrax_core.curves import cubic
-from hindrax_core.curves.curve_branches import Branch, Curve, problems_of, reflected, running_branches, scaled
+from hindrax_core.curves import Branch, Curve, inverse, problems_of, reflected, running_branches, scaled
 from hindrax_core.errors import UsageError
 from hindrax_core.readings import Vec6, vec6
 from hindrax_core.vehicle import Vehicle
@@ -55,8 +54,8 @@ class ThrustCurve:
         if mirrored:
             back, forth = reflected(back, self.stop_us), reflected(forth, self.stop_us)
         self._lower, self._upper = (forth, back) if mirrored else (back, forth)
-        self._back = cubic.inverse(back.c, back.from_us, back.to_us)
-        self._forth = cubic.inverse(forth.c, forth.from_us, forth.to_us)
+        self._back = inverse(back.c, back.from_us, back.to_us)
+        self._forth = inverse(forth.c, forth.from_us, forth.to_us)
         weak_back, strong_back = sorted((back.force_N(back.from_us), back.force_N(back.to_us)), reverse=True)
         weak_forth, strong_forth = sorted((forth.force_N(forth.from_us), forth.force_N(forth.to_us)))
         self.range_N, self.gap_N = (strong_back, strong_forth), (weak_back, weak_forth)

@@ -41,16 +41,8 @@ class DeviceNode(BatchedNode, LifecycleNode):
     batch of samples; without an IMU the loop of the process flushes it.
     """
 
-    def __init__(
-        self, name: str, vehicle: Vehicle, parameters: Iterable[Any] = (), publish_queue: PublishQueue | None = None
-    ) -> None:
-        super().__init__(
-            name,
-            publish_queue=publish_queue,
-            ros_time=False,
-            parameter_overrides=list(parameters),
-            enable_logger_service=False,
-        )
+    def __init__(self, name: str, vehicle: Vehicle, publish_queue: PublishQueue | None = None) -> None:
+        super().__init__(name, publish_queue=publish_queue, ros_time=False, enable_logger_service=False)
         self.health = NodeDiagnostics(hardware=name)
         self.tap = FrameTap(self, name)
         frame = text(self, "frame_id", frame_of(name), "frame of its messages [-]") if name in TOPICS_OF else ""

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from hindrax_core.curves.curve_branches import Branch, Curve
+from hindrax_core.curves import Branch, Curve
 from hindrax_core.errors import UsageError
 from hindrax_core.knobs import build, knob
 from hindrax_core.topics import NAMESPACE

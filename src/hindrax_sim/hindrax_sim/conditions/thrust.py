@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from hindrax_core.curves import cubic
-from hindrax_core.curves.curve_branches import Branch, Curve, scaled
+from hindrax_core.curves import Branch, Curve, scaled, slope, value
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_sim.conditions.realization import Realization
@@ -73,7 +72,7 @@ def _shifted(branch: Branch, by_us: float) -> Branch:
     """The branch at pulses later by `by_us`: G(P) = F(P - by), multiplied out."""
     _, _, c3, c4 = branch.c
     at = -by_us
-    c = (cubic.value(branch.c, at), cubic.slope(branch.c, at), c3 + 3.0 * c4 * at, c4)
+    c = (value(branch.c, at), slope(branch.c, at), c3 + 3.0 * c4 * at, c4)
     return replace(branch, c=c, from_us=branch.from_us + by_us, to_us=branch.to_us + by_us)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from hindrax_core.curves.curve_branches import Curve
+from hindrax_core.curves import Curve
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import ZERO6
 from hindrax_core.vehicle import Thruster, Vehicle

@@ -13,7 +13,7 @@ from hindrax_analysis.plain import print_json
 from hindrax_analysis.terminal import print_values
 from hindrax_cli.argument_types import positive
 from hindrax_cli.experiment_command import add_output, add_record, read_record, save_plot
-from hindrax_core.curves.curve_branches import Curve, problems_of
+from hindrax_core.curves import Curve, problems_of
 from hindrax_core.errors import HindraxError, UsageError
 from hindrax_core.knobs import build
 from hindrax_core.text.screen_text import print_fitted

@@ -1,0 +1,210 @@
+"""Thrust curves of the vehicle file, the check of their validity, and the inverse of a cubic in closed form.
+
+COB-2023-1394 eq. 1: F = c4 P^3 + c3 P^2 + c2 P + c1 with one cubic per direction.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from hindrax_core.knobs import fact, knob
+
+Coefficients: TypeAlias = tuple[float, float, float, float]
+"""c1, c2, c3, c4 of c4 x^3 + c3 x^2 + c2 x + c1, the order of COB-2023-1394 Table 2."""
+
+Inverse: TypeAlias = Callable[[float], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One direction of a thrust curve: F = c4 P^3 + c3 P^2 + c2 P + c1, F in N, P in us. COB-2023-1394 eq. 1."""
+
+    c: tuple[float, float, float, float] = fact(meaning="c1, c2, c3, c4 [N, N/us, N/us^2, N/us^3]")
+    from_us: float = fact(500.0, 2500.0, "lower end of validity [us]")
+    to_us: float = fact(500.0, 2500.0, "upper end of validity [us]")
+    sigma: tuple[float, float, float, float] | None = knob(None, meaning="standard deviations of c, where known")
+
+    def force_N(self, pulse_us: float) -> float:
+        """Value of the cubic (Horner); no check of validity."""
+        return value(self.c, pulse_us)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Thrust of one kind of thruster against the pulse at one supply voltage.
+
+    Where a branch begins outside the dead band, thrust rises evenly from nothing at the band to the branch's weakest.
+
+    `positive: null` in the file means the mirror image of the negative branch about the stop pulse: an assumption,
+    and marked as one. Thrust is scaled by (V / supply_V) ** supply_exponent; the default is what the published bollard
+    data of a comparable thruster show at full command from 10 to 20 V (Blue Robotics T200, 2019: 28.7 to 65.9 N).
+    """
+
+    negative: Branch
+    positive: Branch | None = knob(None, meaning="positive branch; null: the mirror image of the negative one")
+    stop_us: float = knob(1500.0, 1000.0, 2000.0, "pulse at rest, with which the output begins and ends too [us]")
+    dead_band_us: float = knob(25.0, 0.0, 200.0, "half width of the band about the stop pulse without thrust [us]")
+    supply_V: float = knob(14.8, 5.0, 60.0, "supply voltage at which the curve holds [V]")
+    supply_exponent: float = knob(1.2, 0.0, 3.0, "power of the supply voltage with which thrust grows [-]")
+    gain_sigma: float = knob(0.02, 0.0, 0.5, "standard deviation of the gain of the whole curve [-]")
+    source: str = knob("", meaning="where the curve comes from")
+
+
+def scaled(branch: Branch, gain: float) -> Branch:
+    """Return the branch with every force multiplied by a gain."""
+    c1, c2, c3, c4 = branch.c
+    return replace(branch, c=(gain * c1, gain * c2, gain * c3, gain * c4))
+
+
+def reflected(branch: Branch, stop_us: float) -> Branch:
+    """Return the branch with its pulses reflected about the stop: G(P) = F(2 stop - P), multiplied out."""
+    c3, c4 = branch.c[2:]
+    a = 2.0 * stop_us
+    c = (value(branch.c, a), -slope(branch.c, a), 3.0 * c4 * a + c3, -c4)
+    return replace(branch, c=c, from_us=a - branch.to_us, to_us=a - branch.from_us)
+
+
+def running_branches(curve: Curve) -> tuple[Branch, Branch]:
+    """Negative and positive branch, cut where the dead band begins; a missing positive one is the mirror image."""
+    negative = curve.negative
+    positive = curve.positive or scaled(reflected(negative, curve.stop_us), -1.0)
+    below = min(negative.to_us, curve.stop_us - curve.dead_band_us)
+    above = max(positive.from_us, curve.stop_us + curve.dead_band_us)
+    return replace(negative, to_us=below), replace(positive, from_us=above)
+
+
+def problems_of(curve: Curve) -> list[str]:
+    """Reasons why a curve is not a valid thrust curve, one sentence each; empty when it is valid."""
+    negative, positive = running_branches(curve)
+    found = [f"negative branch {text}" for text in _branch_problems(negative, -1.0)]
+    found += [f"positive branch {text}" for text in _branch_problems(positive, 1.0)]
+    return found
+
+
+def _branch_problems(branch: Branch, sign: float) -> list[str]:
+    if not all(math.isfinite(number) for number in (*branch.c, branch.from_us, branch.to_us)):
+        return [f"has coefficients {branch.c}, wanted finite numbers"]
+    if branch.from_us >= branch.to_us:
+        return [f"runs from {branch.from_us:g} to {branch.to_us:g} us outside the dead band, wanted a rising range"]
+    wanted = "positive" if sign > 0.0 else "negative"
+    ends = ((pulse_us, branch.force_N(pulse_us)) for pulse_us in (branch.from_us, branch.to_us))
+    wrong = [f"gives {force:.4g} N at {at:g} us, wanted a {wanted} force" for at, force in ends if force * sign < 0.0]
+    low, high = branch.from_us, branch.to_us
+    turns = [f"{point:.1f}" for point in stationary_points(branch.c) if low < point < high]
+    if turns:
+        return [f"is not monotone: it turns at {' and '.join(turns)} us, within {low:g} to {high:g} us", *wrong]
+    if branch.force_N(low) >= branch.force_N(high):
+        return [f"does not rise from {low:g} to {high:g} us, wanted thrust that grows with the pulse", *wrong]
+    return wrong
+
+
+def value(c: Coefficients, x: float) -> float:
+    """c4 x^3 + c3 x^2 + c2 x + c1."""
+    c1, c2, c3, c4 = c
+    return ((c4 * x + c3) * x + c2) * x + c1
+
+
+def slope(c: Coefficients, x: float) -> float:
+    """Return the derivative 3 c4 x^2 + 2 c3 x + c2."""
+    return (3.0 * c[3] * x + 2.0 * c[2]) * x + c[1]
+
+
+def stationary_points(c: Coefficients) -> tuple[float, ...]:
+    """Real roots of the derivative, ascending."""
+    b, half, third = c[1], c[2], 3.0 * c[3]
+    if third == 0.0:
+        return () if half == 0.0 else (-b / (2.0 * half),)
+    discriminant = half * half - third * b
+    if discriminant < 0.0:
+        return ()
+    # The sum that does not cancel gives one root, the product of the roots gives the other.
+    larger = -(half + math.copysign(math.sqrt(discriminant), half))
+    roots = (larger / third, b / larger if larger else 0.0)
+    return (min(roots), max(roots))
+
+
+def inverse(c: Coefficients, low: float, high: float) -> Inverse:
+    """Return the inverse on [low, high], where the polynomial must be strictly monotone.
+
+    A value beyond that of an end gives that end, exactly. The work that does not depend on the value is done once, so
+    that one inverse is one or two calls into the C library.
+    """
+    c1, c2, c3, c4 = c
+    if c4 == 0.0:
+        solve = _quadratic(c, 0.5 * (low + high)) if c3 else (lambda y: (y - c1) / c2)
+        return _clipped(solve, c, low, high)
+    shift = -c3 / (3.0 * c4)
+    # x = shift + t turns the cubic into t^3 + p t + q; only q depends on the value.
+    p = c2 / c4 - 3.0 * shift * shift
+    if p < 0.0 and abs(0.5 * (low + high) - shift) < math.sqrt(-p / 3.0):
+        return _between(c, low, high, shift, p)
+    q0 = value(c, shift) / c4
+    if p == 0.0:
+        return _clipped(lambda y: shift - math.cbrt(q0 - y / c4), c, low, high)
+    if p > 0.0:
+        return _clipped(_rising(shift, p, q0, c4), c, low, high)
+    return _clipped(_outside(shift, p, q0, c4, 0.5 * (low + high)), c, low, high)
+
+
+def _clipped(solve: Inverse, c: Coefficients, low: float, high: float) -> Inverse:
+    ends = ((value(c, low), low), (value(c, high), high))
+    (least, at_least), (most, at_most) = min(ends), max(ends)
+
+    def clipped(y: float) -> float:
+        if y <= least:
+            return at_least
+        return at_most if y >= most else solve(y)
+
+    return clipped
+
+
+def _quadratic(c: Coefficients, inside: float) -> Inverse:
+    c1, c2, c3, _ = c
+    vertex = -c2 / (2.0 * c3)
+    side = math.copysign(1.0, inside - vertex)
+    turning = c1 - c3 * vertex * vertex
+    return lambda y: vertex + side * math.sqrt(max(0.0, (y - turning) / c3))
+
+
+def _rising(shift: float, p: float, q0: float, c4: float) -> Inverse:
+    """No stationary point: t = m sinh(asinh(-4 q / m^3) / 3)."""
+    m = 2.0 * math.sqrt(p / 3.0)
+    offset, scale = -4.0 * q0 / m**3, 4.0 / (m**3 * c4)
+    return lambda y: shift + m * math.sinh(math.asinh(offset + scale * y) / 3.0)
+
+
+def _between(c: Coefficients, low: float, high: float, shift: float, p: float) -> Inverse:
+    """Between two stationary points, the usual case of a thrust curve: x = shift + m sin(asin(offset + scale y) / 3).
+
+    It follows from sin 3a = 3 sin a - 4 sin^3 a. Sines that are not between (least, most) belong to values beyond the
+    ends, whose x is `at_least` or `at_most`.
+    """
+    m = 2.0 * math.sqrt(-p / 3.0)
+    offset, scale = 4.0 * value(c, shift) / (c[3] * m**3), -4.0 / (m**3 * c[3])
+    ends = ((offset + scale * value(c, low), low), (offset + scale * value(c, high), high))
+    (least, at_least), (most, at_most) = min(ends), max(ends)
+    asin, sin, third = math.asin, math.sin, 1.0 / 3.0
+
+    def solve(y: float) -> float:
+        sine = offset + scale * y
+        if least < sine < most:
+            return shift + m * sin(asin(sine) * third)
+        return at_least if sine <= least else at_most
+
+    return solve
+
+
+def _outside(shift: float, p: float, q0: float, c4: float, inside: float) -> Inverse:
+    """Beyond both stationary points, on the side where `inside` lies: three real roots or one."""
+    m = 2.0 * math.sqrt(-p / 3.0)
+    side = math.copysign(1.0, inside - shift)
+    offset, scale = -4.0 * q0 * side / m**3, 4.0 * side / (m**3 * c4)
+
+    def solve(y: float) -> float:
+        cosine = max(-1.0, offset + scale * y)
+        if cosine <= 1.0:
+            return shift + side * m * math.cos(math.acos(cosine) / 3.0)
+        return shift + side * m * math.cosh(math.acosh(cosine) / 3.0)
+
+    return solve

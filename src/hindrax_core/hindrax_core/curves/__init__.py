@@ -1,1 +1,0 @@
-"""Curves of thrusters: cubic branches, their inverses, and what makes them valid."""
