@@ -339,6 +339,7 @@ def test_a_tether_pulls_back_and_drags_and_sticks(case: Case) -> None:
     assert_effect(case, "tether", of_force(array(-case.position)))
     x = V / SPEED
     assert_effect(case, "drag of the tether", of_force(array(-np.abs(x) * x)))
+    assert_effect(case, "drag of the tether with its length", of_force(array(-np.abs(x) * x * case.position)))
     assert_effect(case, "friction of the tether", of_force(array(-np.tanh(V / (0.02 * SPEED)))))
     turning = on_axis(case, Model(5, 0.4), array(np.array([0.6, 1.4, 0.0, 0.8])))
     heading = np.cumsum(V * STEPS)
@@ -462,9 +463,9 @@ def test_a_coast_is_within_one_stretch(case: Case) -> None:
 
 PRIORS: dict[str, tuple[str, float, bool, float, bool, bool]] = {
     "thrust calibration": (GAIN, 1.0, True, 1.0, False, False),
-    "losses between thrusters and hull": (GAIN, 0.08, True, 0.37, False, True),
+    "losses between thrusters and hull": (GAIN, 0.08, True, 0.21, True, True),
     "gain of the wrench": (GAIN, 0.02, True, 1.0, False, False),
-    "inflow loss": (GAIN, 0.12, True, 0.03, True, True),
+    "inflow loss": (GAIN, 0.12, True, 0.005, True, True),
     "sag over the run": (GAIN, 0.1, False, 0.03, False, True),
     "sag under load": (MODEL, 0.05, False, 0.03, False, True),
     "dead bands that differ": (MODEL, 0.01, False, 0.03, False, False),
@@ -477,10 +478,11 @@ PRIORS: dict[str, tuple[str, float, bool, float, bool, bool]] = {
     "seiche": (MODEL, 0.006, False, 0.03, False, False),
     "tether": (MODEL, 0.04 * PULL, False, 0.03, False, False),
     "drag of the tether": (MODEL, 0.04 * PULL, False, 0.03, False, True),
+    "drag of the tether with its length": (MODEL, 0.04 * PULL, False, 0.03, False, False),
     "friction of the tether": (MODEL, 0.02 * PULL, False, 0.03, False, False),
     "fluid memory": (MODEL, 0.06, False, 0.03, False, True),
     "own wake": (MODEL, 0.12, False, 0.03, False, True),
-    "fore/aft asymmetry": (MODEL, 0.05, False, 0.3, False, False),
+    "fore/aft asymmetry": (MODEL, 0.05, False, 0.2, False, False),
     "exponent of the drag": (MODEL, 0.17, False, 0.03, False, False),
     "tilt of the accelerometer": (RUN, 0.0125, True, 1.0, False, False),
     "tilt of the mount": (MODEL, 0.02, True, 1.0, False, False),
@@ -516,6 +518,21 @@ def test_thrusters_that_idle_against_each_other_leave_a_constant_force(case: Cas
     assert (row(name).scope, row(name).considered, row(name).near, row(name).loss) == (MODEL, True, 0.37, False)
 
 
+def test_port_and_starboard_are_alike_ahead_and_astern_are_not(case: Case) -> None:
+    """Of a record that only tells a wrench, thrust may be weaker one way on any axis."""
+    sigma, model = row("fore/aft asymmetry").sigma, case.fit.model
+    yaw = on_axis(case, Model(5, 0.4), THETA)
+    assert (sigma(case), sigma(yaw), sigma(on_axis(case, Model(1, model.rigid), THETA))) == (0.05, 0.0125, 0.0125)
+    assert sigma(replace(yaw, tuning=Tuning(thrust_doubt=0.02))) == 0.05
+    assert sigma(on_axis(case, Model(0, model.rigid, split=True), array(np.repeat(THETA, 2)[:6]))) == 0.0
+
+
+def test_only_along_the_pool_a_tether_grows(case: Case) -> None:
+    sigma = row("drag of the tether with its length").sigma
+    assert sigma(case) == pytest.approx(0.04 * PULL)
+    assert sigma(on_axis(case, Model(5, 0.4), THETA)) == sigma(on_axis(case, Model(2, 15.0), THETA)) == 0.0
+
+
 def test_of_a_measured_supply_a_two_hundredth_is_left(case: Case) -> None:
     """Its voltage is used in steps of 0.1 V, of 14.8 V."""
     told = replace(case, record=replace(case.record, supply_measured=True))
@@ -540,7 +557,7 @@ def test_an_influence_without_a_deviation_does_not_act(case: Case, sigma: float)
 
 def test_a_row_is_plain_unless_it_says_more(case: Case) -> None:
     plain = Influence("x", "N", RUN, lambda _case: 1.0, lambda one: one.v, "wait")
-    assert (plain.of_readings, plain.considered, plain.alone, plain.loss) == (False,) * 4
+    assert (plain.of_readings, plain.considered, plain.measured, plain.alone, plain.loss) == (False,) * 5
     assert plain.near == 1.0
     assert plain.drag is None
     assert not plain.shown(case)

@@ -166,6 +166,27 @@ def test_warnings_name_what_the_record_shows_clearest_first(budget: Budget) -> N
     assert second.warnings() == ("the record shows current (2.5 +- 0.4 m/s): wait",)
 
 
+def test_what_no_record_shows_is_named_where_it_makes_most_of_a_band(budget: Budget) -> None:
+    own, sensitivity = array(np.array([0.0, 0.0, 1.0, 0.0])), SHIFTS[0]
+    hidden = replace(budget, influences=(CURRENT, replace(GAINS, considered=True), LAW))
+    rest, total = budget.variance_without(own)["weigh"], float(budget.variance(own[None])[0])
+    assert rest < 1e-9 * total
+    said = ("no record shows gain, most of the band of the drag: weigh",)
+    # Noise of half of the variance, and a bit less.
+    assert hidden.unseen({"the drag": (own, 1.01 * total)}) == ()
+    assert hidden.unseen({"the drag": (own, 0.99 * total), "the mass": (0.0 * own, 1.0)}) == said
+    both = hidden.unseen({"the drag": (own, 0.0), "the mass": (2.0 * own, 0.0)})
+    assert both == ("no record shows gain, most of the band of the drag and the mass: weigh",)
+    # What the record may judge, what it was flown to show, and what was measured is no matter of belief.
+    assert budget.unseen({"the drag": (own, 0.0)}) == ()
+    for plain in (
+        replace(GAINS, considered=True, shown=lambda _case: True),
+        replace(GAINS, considered=True, measured=True),
+    ):
+        assert replace(budget, influences=(CURRENT, plain, LAW)).unseen({"the drag": (own, 0.0)}) == ()
+    assert hidden.unseen({"the drag": (sensitivity, 1e9)}) == ()
+
+
 @pytest.mark.parametrize("loss", [False, True])
 def test_what_a_record_may_not_judge_keeps_its_prior(case: Case, loss: bool) -> None:
     """A loss is on one side of nothing, but as far from it on the average."""
@@ -274,7 +295,7 @@ def test_the_three_waters_count_by_their_odds_and_evidence(by_others: Array | No
     own = [normal(TOLD_ABOUT, GRADIENT, usual, sigma) for usual, sigma, _ in zip(*WATERS, strict=True)]
     assert found.evidence == pytest.approx([one[0] - 1.5 for one in own])
     said = np.array([one[0] for one in own]) if by_others is None else by_others
-    weights = np.exp(said) * np.array([0.03, 0.003, 1.0])
+    weights = np.exp(said) * np.array([0.03, 0.012, 1.0])
     weights /= weights.sum()
     mean = sum(weight * one[1] for weight, one in zip(weights, own, strict=True))
     assert found.mean == pytest.approx(mean)

@@ -224,8 +224,15 @@ def result_of(motion: Motion, assessment: Assessment) -> MotionResult:
         quality=_quality(assessment),
         budget={**_budget(assessment, reported), "drag": drag.budget},
         next_step=drag.next_step,
-        warnings=assessment.budget.warnings(),
+        warnings=(*assessment.budget.warnings(), *_unseen(assessment, reported, drag)),
     )
+
+
+def _unseen(assessment: Assessment, reported: ReportedParameters, drag: _Drag) -> tuple[str, ...]:
+    """What no record shows, where it makes most of the band of the drag at the highest speed or of the added mass."""
+    mass = int(reported.rows[reported.mass])
+    of_mass = assessment.budget.shifts[mass], float(assessment.noise[mass, mass])
+    return assessment.budget.unseen({"the drag": drag.top, "the added mass": of_mass})
 
 
 def _least_offset(theta: Array, covariance: Array, reported: ReportedParameters) -> float:
@@ -279,6 +286,8 @@ class _Drag(NamedTuple):
     largest: Contribution
     budget: list[Contribution]
     next_step: NextStep
+    top: tuple[Array, float]
+    """Of the drag at the highest speed: sensitivity to the influences (m,), and variance by the noise."""
 
 
 def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
@@ -296,7 +305,7 @@ def _drag(motion: Motion, assessment: Assessment, excited: Excitation) -> _Drag:
     largest = _with_noise(variance, budget.contributions(top, (RUN, MODEL)))[0]
     rows_of_top = _with_noise(variance, budget.contributions(top))
     next_step = _next_step(variance, float(wide[-1]) ** 2, budget.variance_without(top))
-    return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step)
+    return _Drag(band if known else None, float(separable[-1]), largest, rows_of_top, next_step, (top, variance))
 
 
 def _next_step(noise: float, variance: float, without: Mapping[str, float]) -> NextStep:

@@ -45,7 +45,7 @@ TETHER = 0.04
 """Standard deviation of the pull or drag of a tether, as a share of the largest thrust [-]."""
 STUCK = 0.02
 """Share of the highest speed below which dry friction is less than that of motion [-]."""
-HEAVE, YAW = 2, 5
+SURGE, HEAVE, YAW = 0, 2, 5
 NEAR = 0.03
 """Share of the influences of a usual pool that is left in water near the model [-]."""
 IDLING = 10.0
@@ -190,6 +190,7 @@ class Influence:
     `effect`: per unit, impulses over each step (grid, k), or with `of_readings` errors of each measurement (n, k).
     `considered`: the record may not judge it, because it would do so by details that other rows explain as well;
     unless it was flown so that they do not: `shown`.
+    `measured`: its prior is that of an experiment, such as a known weight.
     `drag`: the force of one unit at velocities (n,), (n, k), where it belongs to the drag of the hull.
     `near`: share of the deviation that is left in water near the model; less than 1 for what a usual pool has.
     `alone`: it may be as usual in water that is near the model otherwise.
@@ -204,6 +205,7 @@ class Influence:
     remedy: str
     of_readings: bool = False
     considered: bool = False
+    measured: bool = False
     shown: Callable[[Case], bool] = lambda _case: False
     drag: Callable[[Case, Array], Array] | None = None
     near: float = 1.0
@@ -337,6 +339,16 @@ def _wake(case: Case) -> Array:
     return case.of_force(array(case.slope() * behind * (behind * case.v < 0.0)))
 
 
+def _asymmetry_sigma(case: Case) -> float:
+    """A hull is alike to port and starboard, so only ahead and astern differ, and in pitch what bow and top share.
+
+    Where the thrust is no more than a record's word, it may be weaker one way on any axis.
+    """
+    if case.fit.model.split:
+        return 0.0
+    return 0.05 if case.axis == SURGE or case.tuning.thrust_doubt > 0.0 else 0.0125
+
+
 def _asymmetry(case: Case, v: Array) -> Array:
     """Quadratic drag greater ahead and smaller astern, in shares of that at the highest speed: (n, 1) [N, N m]."""
     return array(case.top_drag * (v[:, None] / max(1e-9, case.speed)) ** 2)
@@ -360,8 +372,18 @@ def _tether(case: Case) -> Array:
 
 
 def _tether_drag(case: Case) -> Array:
+    return case.of_force(-_braking(case))
+
+
+def _longer_tether(case: Case) -> Array:
+    """What the drag of a tether changes by from the middle of the way to its end: it grows with its length."""
+    return case.of_force(-_braking(case) * case.position)
+
+
+def _braking(case: Case) -> Array:
+    """Against the motion, with speed squared, 1 at the highest: (n,) [-]."""
     x = case.v / max(1e-9, case.speed)
-    return case.of_force(array(-np.abs(x) * x))
+    return array(np.abs(x) * x)
 
 
 def _friction(case: Case) -> Array:
@@ -436,7 +458,7 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "gain by a known weight", "sigma", GAIN,
         lambda case: 1.0 if case.weighed else 0.0, _weighed_gain,
-        "weigh with a larger load, for longer, with the battery of the flight", considered=True,
+        "weigh with a larger load, for longer, with the battery of the flight", considered=True, measured=True,
     ),
     Influence(
         "gain of the wrench", "-", GAIN,
@@ -446,12 +468,12 @@ INFLUENCES: tuple[Influence, ...] = (
     Influence(
         "losses between thrusters and hull", "-", GAIN,
         lambda case: 0.08 if len(case.weighed) < 2 else 0.0, _losses,
-        MEASURED_THRUST, considered=True, near=0.37, loss=True,
+        MEASURED_THRUST, considered=True, near=0.21, alone=True, loss=True,
     ),
     Influence(
         "inflow loss", "of 10 N at 0.5 m/s", GAIN, _always(0.12), _inflow,
         "legs with the thrust off at speed, beside boosts from rest and plateaus, separate it from drag",
-        considered=True, shown=_coasts, near=NEAR, alone=True, loss=True,
+        considered=True, shown=_coasts, near=0.005, alone=True, loss=True,
     ),
     Influence(
         "differences between idle thrusters", "of their forces", MODEL,
@@ -513,6 +535,11 @@ INFLUENCES: tuple[Influence, ...] = (
         "fly near the fixed end of the tether, or with a thinner one", near=NEAR, loss=True,
     ),
     Influence(
+        "drag of the tether with its length", "N", MODEL,
+        lambda case: TETHER * case.pull if case.axis in HORIZONTAL else 0.0,
+        _longer_tether, "fly near the fixed end of the tether, or with a thinner one", near=NEAR,
+    ),
+    Influence(
         "friction of the tether", "N", MODEL, lambda case: case.tuning.thrust_doubt * case.pull, _friction,
         "keep the tether off the floor and the edge", near=NEAR,
     ),
@@ -526,8 +553,8 @@ INFLUENCES: tuple[Influence, ...] = (
     ),
     Influence(
         "fore/aft asymmetry", "-", MODEL,
-        lambda case: 0.0 if case.fit.model.split else 0.05, lambda case: case.of_force(-_asymmetry(case, case.v)),
-        "identify each direction for itself", drag=_asymmetry, near=0.3,
+        _asymmetry_sigma, lambda case: case.of_force(-_asymmetry(case, case.v)),
+        "identify each direction for itself", drag=_asymmetry, near=0.2,
     ),
     Influence(
         "exponent of the drag", "-", MODEL, _always(0.17),

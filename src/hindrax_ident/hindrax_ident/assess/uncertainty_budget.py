@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from hindrax_ident.fit.score_test import score
 ALL = (GAIN, RUN, MODEL)
 FREEDOM = 1.0
 """Degrees of freedom of the priors."""
-ODDS = (math.log(0.03), math.log(0.003), 0.0)
+ODDS = (math.log(0.03), math.log(0.012), 0.0)
 """What the water may be: near the model, near it but for inflow loss, or that of a usual pool; logarithms of odds."""
 LOSS_MEAN = 0.75**0.5
 """Mean over root mean square of what is anywhere between nothing and its greatest."""
@@ -34,6 +34,8 @@ SAME_EXPLANATION = 0.1
 """Difference of two explanations, in prior deviations, below which they are one."""
 MOST_INFORMATION, MOST_VARIANCE = 1e6, 1e4
 """Limits in prior units: beyond them the inverse would lose its digits, and nothing would change."""
+MOST = 0.5
+"""Share of a variance above which it is mostly that of its cause."""
 SURPRISE = 3.0
 """Standard deviations from zero beyond which an influence seen in a record is reported."""
 
@@ -153,6 +155,26 @@ class Budget:
                     )
                 out.append((surprise, told))
         return tuple(text for _, text in sorted(out, reverse=True))
+
+    def unseen(self, quantities: Mapping[str, tuple[Array, float]]) -> tuple[str, ...]:
+        """One sentence for each remedy of what no record shows and what makes most of the variance of quantities.
+
+        By their names: sensitivity (m,), and variance by the noise of the record.
+        """
+        rows: dict[str, list[str]] = {}
+        for influence in self.influences:
+            if influence.considered and not influence.measured and not influence.shown(self.case):
+                rows.setdefault(influence.remedy, []).append(influence.name)
+        left = {
+            name: (self.variance_without(along), noise, noise + float(self.variance(along[None])[0]))
+            for name, (along, noise) in quantities.items()
+        }
+        out = []
+        for remedy, names in rows.items():
+            wide = [name for name, (rest, noise, total) in left.items() if noise + rest[remedy] < (1.0 - MOST) * total]
+            if wide:
+                out.append(f"no record shows {' and '.join(names)}, most of the band of {' and '.join(wide)}: {remedy}")
+        return tuple(out)
 
     @property
     def _surprise(self) -> Array:
