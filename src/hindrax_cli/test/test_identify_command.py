@@ -364,8 +364,8 @@ def test_the_gain_of_a_wrench_is_never_taken_as_exact(
     k_q = document["motions"]["surge"]["k_q"]
     budget = document["motions"]["surge"]["budget"]["k_q"]
     assert budget["gain of the wrench"] == pytest.approx(share * k_q["value"], rel=0.1)
-    # The rest is what thrusters lose in water that is near the model.
-    assert 0.95 < k_q["std_calibrated"] / math.hypot(k_q["std"], share * k_q["value"]) < 1.3
+    # The rest is what thrusters may lose: the record has no coasts that would tell.
+    assert 0.95 < k_q["std_calibrated"] / math.hypot(k_q["std"], share * k_q["value"]) < 1.5
     assert any("--gain-sigma" in one for one in document["assumptions"])
 
 
