@@ -32,10 +32,10 @@ from hindrax_core.errors import UsageError
 from hindrax_core.events import NS_PER_S
 from hindrax_core.readings import Vec6
 from hindrax_core.signals import Allocation
-from hindrax_core.vehicle import AXES, Vehicle, load_vehicle
+from hindrax_core.vehicle import Vehicle, load_vehicle
 from hindrax_ident.arrays import Array, array
 from hindrax_ident.assess.results import Results
-from hindrax_ident.model.motion_model import model_of
+from hindrax_ident.model.motion_model import MOTIONS, model_of
 from hindrax_ident.model.simulation import Grid, Trajectory, trajectory
 
 if TYPE_CHECKING:
@@ -117,10 +117,8 @@ def predict(results: Results, axis: str, time_s: ArrayLike, force: ArrayLike, st
     t, f = array(np.asarray(time_s, dtype=float)), array(np.asarray(force, dtype=float))
     if t.shape != f.shape or len(t) < 2 or not np.all(np.diff(t) > 0.0):
         raise UsageError(f"found times {t.shape} and forces {f.shape}, wanted as many of both, and rising times")
-    starts = np.arange(len(t)) == 0
-    grid = Grid(t, starts, np.concatenate(([0.0], f[:-1] * np.diff(t))))
-    guess = Trajectory(np.full(len(t), start), np.zeros(len(t)))
-    path = trajectory(model, theta, grid, guess)
+    grid = Grid(t, np.arange(len(t)) == 0, np.concatenate(([0.0], f[:-1] * np.diff(t))))
+    path = trajectory(model, theta, grid, Trajectory(np.full(len(t), start), np.zeros(len(t))))
     if path is None:
         raise UsageError(f"{axis}: no motion follows from these coefficients and forces; are the units right?")
     return path.v
@@ -134,7 +132,7 @@ def plot(results: Results, motion: str, axes: Axes | None = None) -> Axes:
     if result is None or result.drag is None:
         raise UsageError(f"{motion}: has no drag curve; there is one of {', '.join(results.motions) or 'nothing'}")
     shown = plt.subplots()[1] if axes is None else axes
-    drag, turns = result.drag, AXES.index(motion.partition("_")[0]) >= 3
+    drag, turns = result.drag, MOTIONS[motion].axis >= 3
     band = TWO_SIDED_95 * np.where(np.isfinite(drag.std_calibrated), drag.std_calibrated, drag.std)
     shown.fill_between(drag.speed, drag.force - band, drag.force + band, alpha=0.25, label="95 % band")
     shown.plot(drag.speed, drag.force, label=motion)

@@ -123,8 +123,6 @@ class SavedMotion:
     identifiable: bool
     reasons: tuple[str, ...]
     speeds: tuple[float, float]
-    samples: int
-    method: str = ""
 
     def value(self, name: str) -> float:
         """Value of a coefficient; NaN where missing."""
@@ -178,27 +176,17 @@ def _motion(body: object, path: str) -> SavedMotion:
     if not isinstance(speeds, list | tuple) or len(speeds) != 2:
         raise HindraxError(f"{path}.speeds: found {speeds!r}, wanted the lowest and the highest speed")
     low, high = (_finite(speed, f"{path}.speeds") for speed in speeds)
-    return SavedMotion(
-        numbers=numbers,
-        identifiable=bool(body.get("identifiable", True)),
-        reasons=tuple(str(one) for one in body.get("reasons", ())),
-        speeds=(low, high),
-        samples=int(body.get("samples", 0)),
-        method=str(body.get("method", "")),
-    )
+    reasons = tuple(str(one) for one in body.get("reasons", ()))
+    return SavedMotion(numbers, bool(body.get("identifiable", True)), reasons, (low, high))
 
 
 def _number(body: object, path: str) -> Number:
     if not isinstance(body, Mapping):
         raise HindraxError(f"{path}: found {body!r}, wanted a mapping with value and std")
-    truth = body.get("truth")
-    return Number(
-        value=_finite(body.get("value"), f"{path}.value"),
-        std=_float(body.get("std", math.nan), f"{path}.std"),
-        std_calibrated=_float(body.get("std_calibrated", math.nan), f"{path}.std_calibrated"),
-        truth=None if truth is None else _finite(truth, f"{path}.truth"),
-        unit=str(body.get("unit", "")),
-    )
+    value, truth = _finite(body.get("value"), f"{path}.value"), body.get("truth")
+    std, calibrated = (_float(body.get(name, math.nan), f"{path}.{name}") for name in ("std", "std_calibrated"))
+    true = None if truth is None else _finite(truth, f"{path}.truth")
+    return Number(value, std, calibrated, true, str(body.get("unit", "")))
 
 
 def _float(value: object, path: str, wanted: str = "a number") -> float:

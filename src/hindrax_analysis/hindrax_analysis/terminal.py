@@ -33,13 +33,9 @@ def working(sentence: str) -> Iterator[None]:
     """Tell on a terminal what is being computed and for how long; a file or a pipe gets nothing."""
     shown = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
     screen = Console(stderr=True)
+    quiet = not sys.stderr.isatty()
     with Progress(
-        *shown,
-        console=screen,
-        transient=True,
-        refresh_per_second=4,
-        redirect_stdout=False,
-        disable=not sys.stderr.isatty(),
+        *shown, console=screen, transient=True, refresh_per_second=4, redirect_stdout=False, disable=quiet
     ) as progress:
         progress.add_task(sentence, total=None)
         yield
@@ -82,9 +78,8 @@ def _stacked(columns: Sequence[Column], cells: Sequence[str], width: int) -> lis
             pairs.append(f"{heading}: {cell}" if heading else cell)
     # A heading and its number stay on one line; sentences wrap.
     glued = [pair.replace(" ", NO_BREAK) if len(pair) <= width // 2 else pair for pair in pairs]
-    indent = "  "
     wrap = TextWrapper(
-        width, break_long_words=False, break_on_hyphens=False, initial_indent=indent, subsequent_indent=indent
+        width, initial_indent="  ", subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
     )
     # Names that are too long side by side stand below each other.
     name = ["  ".join(words)] if len("  ".join(words)) <= width else words
@@ -99,11 +94,8 @@ def _plain(cell: RenderableType | None) -> str:
 def _least_width(table: Table) -> int:
     """Characters a line at which no name and no number is cut; prose counts with the least it is readable in."""
     wide = Console(width=UNBOUNDED)
-    prose = [column for column in table.columns if not column.no_wrap]
-    spare = 0
-    for column in prose:
-        longest = max((wide.measure(cell).maximum for cell in (column.header, *column.cells)), default=0)
-        spare += max(0, longest - PROSE_WIDTH)
+    prose = [(column.header, *column.cells) for column in table.columns if not column.no_wrap]
+    spare = sum(max(0, *(wide.measure(cell).maximum - PROSE_WIDTH for cell in cells)) for cells in prose)
     return wide.measure(table).maximum - spare
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hindrax_analysis.records.poses import FrameErrors, compare_frames, to_body, to_world, velocities_from_poses
+from hindrax_analysis.records.bag_track import FrameErrors, compare_frames, to_body, to_world, velocities_from_poses
 from hindrax_ident.arrays import Array, array
 
 T = array(np.arange(0.0, 60.0, 0.05))

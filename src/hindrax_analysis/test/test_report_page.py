@@ -55,7 +55,7 @@ def report(vehicle: Vehicle, outcome: Outcome) -> RunReport:
 def a_run(label: str, k_q: float, std: float = 0.5, *, identifiable: bool = True) -> SavedCoefficients:
     numbers = {"k_q": Number(k_q, std, 2.0 * std, unit="N s^2/m^2"), "k_l": Number(1.0, 0.1, unit="N s/m")}
     blank = Conditions("hindrax", 15.0, 0.015, 0.6, 1000.0, 1e-6, mock=False)
-    return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4), 100)})
+    return SavedCoefficients(label, blank, {"surge": SavedMotion(numbers, identifiable, (), (0.1, 0.4))})
 
 
 def main_of(page: str) -> str:

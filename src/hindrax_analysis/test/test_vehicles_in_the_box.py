@@ -50,5 +50,5 @@ def test_each_flies_all_it_can_and_its_drag_is_within_its_band(file: Path, world
     assert flight.world.box.wall_hits == 0
     trial = trial_of(3, flight.outcome, flight.truth, flight.drag_N)
     assert {one.motion.partition("_")[0] for one in trial.drag} == set(motions)
-    assert max(abs(one.z) for one in trial.drag) < 3.0
+    assert max(abs(one.error / one.std_calibrated) for one in trial.drag) < 3.0
     assert [one.motion for one in trial.drag if world == "ideal" and one.share == 1.0 and abs(one.error) > 0.02] == []

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hindrax_analysis.records.third_party_bag import topics_of
+from hindrax_analysis.records.third_party_bag import listed, topics_of
 from hindrax_bag.message_comparison import ComparisonReport, Rules, load_rules
 from hindrax_bag.read.bag_reader import BagMessage, attached_vehicle, attachments, messages
 from hindrax_core.errors import UsageError
@@ -49,12 +49,8 @@ class Replayed:
     def document(self) -> dict[str, Any]:
         """As it appears in JSON."""
         differences = [one.document(self.begin) for one in self.ledger.differences()]
-        return {
-            "bag": str(self.bag),
-            "fields_compared": self.ledger.fields_compared,
-            "differences": differences,
-            "explained": self.ledger.explanations(),
-        }
+        found = {"bag": str(self.bag), "fields_compared": self.ledger.fields_compared, "differences": differences}
+        return {**found, "explained": self.ledger.explanations()}
 
 
 def replay(
@@ -121,15 +117,13 @@ def names_of(bag: Path, remaps: Sequence[str]) -> dict[str, str]:
         return dict(_remap(word, topics, bag) for word in remaps)
     found: dict[str, str] = {}
     for theirs, kind in topics.items():
-        ours = BY_TYPE.get(kind)
-        if ours is None:
-            continue
-        if ours in found.values():
-            raise UsageError(f"{bag}: several topics are of type {kind}; name the one with --remap THEIRS:={ours}")
-        found[theirs] = ours
+        if ours := BY_TYPE.get(kind):
+            if ours in found.values():
+                raise UsageError(f"{bag}: several topics are of type {kind}; name the one with --remap THEIRS:={ours}")
+            found[theirs] = ours
     if resolved(IMU) not in found.values():
         raise UsageError(
-            f"{bag}: found no topic of type {IMU.type}, which the navigator rests on; it holds {_list(topics)}"
+            f"{bag}: found no topic of type {IMU.type}, which the navigator rests on; it holds {listed(topics)}"
         )
     return found
 
@@ -140,12 +134,8 @@ def _remap(word: str, topics: Mapping[str, str], bag: Path) -> tuple[str, str]:
         raise UsageError(f"--remap {word}: wanted THEIRS:=OURS, ours being a topic such as {resolved(PRESSURE)}")
     if topics.get(theirs) != TYPES[ours]:
         found = topics.get(theirs, "no such topic")
-        raise UsageError(f"--remap {word}: found {found}, wanted {TYPES[ours]}; {bag} holds {_list(topics)}")
+        raise UsageError(f"--remap {word}: found {found}, wanted {TYPES[ours]}; {bag} holds {listed(topics)}")
     return theirs, ours
-
-
-def _list(topics: Mapping[str, str]) -> str:
-    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
 
 
 # ---- references: what our own code made of a bag the last time they were reviewed; written only when asked for

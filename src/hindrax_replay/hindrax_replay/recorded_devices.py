@@ -26,12 +26,10 @@ from hindrax_core.events import Stamp, Stamped, after
 from hindrax_core.knobs import build
 from hindrax_core.text.yaml_text import read_yaml
 from hindrax_core.topics import resolved
-from hindrax_core.vehicle import Mount, Vehicle
+from hindrax_core.vehicle import Vehicle
 from hindrax_drivers.driver_registry import DEVICES
 from hindrax_drivers.nodes.reading_messages import ReadingMessages
 
-AddMade = Callable[[str, int, Any], None]
-"""Called with everything a device publishes: full topic, stamp, message or its CDR bytes."""
 Parameters = Mapping[str, Mapping[str, Any]]
 TICK_S = 0.05
 TRIES = 4
@@ -89,10 +87,9 @@ class RegisterWire:
         if direction == SENT:
             self._asked = _transaction(data)
             return ()
-        asked, self._asked = self._asked, None
-        return self._answer(asked, data) if asked is not None else ()
-
-    def _answer(self, recorded: Transaction, answer: bytes) -> Sequence[Output]:
+        recorded, self._asked = self._asked, None
+        if recorded is None:
+            return ()
         wanted: Operation | None = None
         for _ in range(TRIES):
             if self._program is None:
@@ -100,7 +97,7 @@ class RegisterWire:
                 self._operation = None
                 self._resume(None)
             if self._operation == recorded:
-                return self._resume(answer)
+                return self._resume(data)
             wanted = wanted or self._operation
             self._resume(DeviceError(f"{self.name}: this transaction is not in the record"))
         self.strange.append(f"{self.name}: asks for {wanted}, the record has {recorded}")
@@ -130,7 +127,11 @@ class RegisterWire:
 class ReplayedDevice:
     """One device of the vehicle on its recorded wire; its readings become messages."""
 
-    def __init__(self, name: str, mount: Mount, vehicle: Vehicle, parameters: Parameters, add_made: AddMade) -> None:
+    def __init__(
+        self, name: str, vehicle: Vehicle, parameters: Parameters, add_made: Callable[[str, int, Any], None]
+    ) -> None:
+        """`add_made` is called with all that the device publishes: full topic, stamp, message or its CDR bytes."""
+        mount = vehicle.sensors[name]
         self.name, self._add_made = name, add_made
         row = DEVICES[mount.device]
         device = row.make(knobs_of(row.knobs, parameters, name), mount, vehicle)

@@ -164,13 +164,17 @@ def _compare(topic: str, rule: Rule, there: list[Row], here: list[Row], ledger: 
     """
     by_values = (topic in DEVICES and not rule.sampled) or topic == ALLOCATION_NAME
     exact = [name for name in there[0][1] if by_values and rule.is_sharp(name)]
-    candidates: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
+
+    def key(values: dict[str, Any]) -> tuple[str, ...]:
+        return tuple(repr(values.get(name)) for name in exact)
+
+    candidates: dict[tuple[str, ...], list[Row]] = defaultdict(list)
     for row in here:
-        candidates[_key(row, exact)].append(row)
+        candidates[key(row[1])].append(row)
     for stamp, values in there:
         if not here[0][0] + SETTLING_NS <= stamp <= here[-1][0] - SAME_NS:
             continue
-        same = candidates[_key((stamp, values), exact)]
+        same = candidates[key(values)]
         at = bisect_left(same, stamp, key=lambda row: row[0])
         nearest = min(same[max(0, at - 1) : at + 1], key=lambda row: abs(row[0] - stamp), default=None)
         if nearest is None or abs(nearest[0] - stamp) > (SAME_NS if by_values else NEAR_NS):
@@ -180,7 +184,3 @@ def _compare(topic: str, rule: Rule, there: list[Row], here: list[Row], ledger: 
         ledger.compare_values(topic, stamp, values, nearest[1])
         if by_values:
             same.remove(nearest)
-
-
-def _key(row: Row, names: list[str]) -> tuple[Any, ...]:
-    return tuple(repr(row[1].get(name)) for name in names)

@@ -97,19 +97,16 @@ class StateStage:
                 if self._samples.due(f"{ESTIMATE_NAME} {motion}", one.stamp):
                     self._samples.keep(ESTIMATE_NAME, f"{one.stamp} {motion}", estimate_to_msg(one))
         for motion, stamp, message in self._recorded_estimates:
-            self._check_estimate(motion, stamp, message)
+            made = self._estimates.get(motion, [])
+            at = bisect_left(made, stamp - SAME_NS, key=lambda one: one.stamp)
+            if at == len(made) or made[at].stamp > stamp + SAME_NS:
+                self._ledger.unmatched(ESTIMATE_NAME, stamp, "recorded, not replayed", motion, "none")
+                continue
+            data = serialized(estimate_to_msg(made[at]))
+            self._ledger.compare_bytes(ESTIMATE_NAME, stamp, message.data, data, message.form.decode)
         if self._dropped > self._feed.dropped:
             why = f"{self._dropped} measurements came too late for the live identifier on a busy machine"
             self._ledger.explain(ESTIMATE_NAME, f"{why}; `identify` uses them")
-
-    def _check_estimate(self, motion: str, stamp: Stamp, message: BagMessage) -> None:
-        made = self._estimates.get(motion, [])
-        at = bisect_left(made, stamp - SAME_NS, key=lambda one: one.stamp)
-        if at == len(made) or made[at].stamp > stamp + SAME_NS:
-            self._ledger.unmatched(ESTIMATE_NAME, stamp, "recorded, not replayed", motion, "none")
-            return
-        data = serialized(estimate_to_msg(made[at]))
-        self._ledger.compare_bytes(ESTIMATE_NAME, stamp, message.data, data, message.form.decode)
 
     def keep_results(self) -> None:
         """Store the identified coefficients for a reference; those of unidentifiable motions are rounding."""

@@ -29,8 +29,6 @@ COMPARED = frozenset(resolved(topic) for topic in MEASURED.values() if topic is 
 """A leak has no stamp by which it could be found again."""
 RAW_NAMES = {resolved(topic): source for source, topic in RAW_FRAMES.items()}
 AS_RECORDED, NOT_YET = b"", None
-Forward = Callable[[bytes | None], None]
-"""Called for every input message of the next stages, with its replacement if the device publishes something else."""
 
 
 class Samples(dict[str, dict[str, Any]]):
@@ -74,9 +72,7 @@ class _Stream:
 
     def note(self, stamp: int) -> bool:
         """Note the stamp of a recorded message; False for the first."""
-        self.last = max(self.last, stamp)
-        if not self.first:
-            self.first = stamp
+        self.first, self.last = self.first or stamp, max(self.last, stamp)
         return stamp > self.first
 
 
@@ -89,11 +85,11 @@ class WireStage:
         parameters: Parameters,
         ledger: ComparisonReport,
         samples: Samples,
-        forward: Forward,
+        forward: Callable[[bytes | None], None],
         *,
         followed: frozenset[str],
     ) -> None:
-        """`forward` is called with the messages of the topics `followed`."""
+        """`forward` is called for each message of `followed`, with the replacement if the device gives another."""
         self.begin, self.seconds = 0, 0.0
         self._vehicle, self._parameters = vehicle, parameters
         self._ledger, self._samples, self._forward = ledger, samples, forward
@@ -131,8 +127,7 @@ class WireStage:
             topic, received = message.topic, message.received
             self.begin = self.begin or received
             self.seconds = max(self.seconds, (received - self.begin) / NS_PER_S)
-            device = self._device(RAW_NAMES[topic]) if topic in RAW_NAMES else None
-            if device is not None:
+            if topic in RAW_NAMES and (device := self._device(RAW_NAMES[topic])) is not None:
                 device.frames(message.decoded())
         self._waiting += [one for one in window if one.topic in self._ordered]
         if self.seconds > LOOK_AHEAD_S or self._finishing:
@@ -141,8 +136,7 @@ class WireStage:
     def _device(self, name: str) -> ReplayedDevice | None:
         """Device of a wire; None when it is no sensor of the vehicle."""
         if name in self._vehicle.sensors and name not in self._devices:
-            mount = self._vehicle.sensors[name]
-            device = ReplayedDevice(name, mount, self._vehicle, self._parameters, self._add_made)
+            device = ReplayedDevice(name, self._vehicle, self._parameters, self._add_made)
             self._devices[name] = device
             self._streams |= {topic: _Stream(topic, device) for topic in device.topics.values()}
         return self._devices.get(name)

@@ -67,20 +67,12 @@ class Dimensions:
                 raise HindraxError(f"estimate: {name} is {ratio:.3g} of its box, wanted more than 0 and at most 1")
 
     @property
-    def areas_m2(self) -> tuple[float, float, float]:
-        """Projected areas seen along x, y and z."""
-        L, W, H = self.length_m, self.width_m, self.height_m
-        full = (H * W, L * H, L * W)
-        given = (self.front_m2, self.side_m2, self.top_m2)
-        x, y, z = (box if area is None else area for box, area in zip(full, given, strict=True))
-        return (x, y, z)
-
-    @property
     def area_ratios(self) -> tuple[float, float, float]:
-        """Projected area over the box's: Cp_YZ, Cp_XZ, Cp_XY."""
+        """Projected areas seen along x, y and z over the box's: Cp_YZ, Cp_XZ, Cp_XY."""
         L, W, H = self.length_m, self.width_m, self.height_m
-        x, y, z = self.areas_m2
-        return (x / (H * W), y / (L * H), z / (L * W))
+        pairs = ((self.front_m2, H * W), (self.side_m2, L * H), (self.top_m2, L * W))
+        x, y, z = (1.0 if area is None else area / box for area, box in pairs)
+        return (x, y, z)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +113,10 @@ def empirical(dimensions: Dimensions) -> EmpiricalModel:
     notes = [AREAS_ASSUMED] if None in given else []
     added, scale_added = _added_mass(dimensions, notes)
     quadratic, scale_drag = _quadratic_drag(dimensions, notes)
-    inertia = prism_inertia(dimensions)
+    # A homogeneous prism. Eidsvik 2015 eq. 3.1.
+    twelfth = dimensions.mass_kg / 12.0
+    L, W, H = (size**2 for size in (dimensions.length_m, dimensions.width_m, dimensions.height_m))
+    inertia = (twelfth * (W + H), twelfth * (L + H), twelfth * (W + L))
     restoring = dimensions.mass_kg * GRAVITY_mps2 * dimensions.buoyancy_arm_m
     return EmpiricalModel(
         added_mass=added,
@@ -141,13 +136,6 @@ def hydrodynamics_of(model: EmpiricalModel) -> Hydrodynamics:
     added, k_q, k_l = ([float(f"{one:.3g}") for one in row] for row in tables)
     surge, sway, heave, roll, pitch, yaw = map(Drag, k_q, k_l)
     return Hydrodynamics(cast("Vec6", tuple(added)), surge, sway, heave, roll, pitch, yaw)
-
-
-def prism_inertia(dimensions: Dimensions) -> tuple[float, float, float]:
-    """Moments of inertia of a homogeneous prism about x, y, z [kg m^2]. Eidsvik 2015 eq. 3.1."""
-    twelfth = dimensions.mass_kg / 12.0
-    L, W, H = (size**2 for size in (dimensions.length_m, dimensions.width_m, dimensions.height_m))
-    return (twelfth * (W + H), twelfth * (L + H), twelfth * (W + L))
 
 
 def _added_mass(dimensions: Dimensions, notes: list[str]) -> tuple[Vec6, float]:
@@ -179,7 +167,8 @@ def _quadratic_drag(dimensions: Dimensions, notes: list[str]) -> tuple[Vec6, flo
     outwards) at three quarters of the half length, and its depth counts against the half length.
     """
     L, W, H, rho = dimensions.length_m, dimensions.width_m, dimensions.height_m, dimensions.density_kgpm3
-    front, side, top = dimensions.areas_m2
+    part_x, part_y, part_z = dimensions.area_ratios
+    front, side, top = part_x * H * W, part_y * L * H, part_z * L * W
     section = _Table("drag of a section", SECTION_DRAG_RATIO, SECTION_DRAG, notes)
     body = _Table("drag of a body", BODY_DRAG_RATIO, BODY_DRAG, notes)
     across = 0.5 * (H + W)

@@ -45,17 +45,15 @@ def read_columns(text: str, columns: Sequence[Column], source: str) -> dict[str,
         wanted = ", ".join(column.name for column in columns)
         raise HindraxError(f"{source}: the file is empty, wanted a header line with {wanted}")
     header = rows[0][1]
-    present = [column for column in columns if _has(header, column, source)]
-    values: dict[str, list[float]] = {column.name: [] for column in present}
+    present = [column.name for column in columns if _has(header, column, source)]
+    if present and not rows[1:]:
+        raise HindraxError(f"{source}: found a header line and no data below it, wanted at least one line of numbers")
+    values: dict[str, list[float]] = {name: [] for name in present}
     for line, cells in rows[1:]:
         check_width(cells, header, f"{source}, line {line}")
-        for column in present:
-            where = f"{source}, line {line}, column {column.name}"
-            values[column.name].append(_number(cells, header.index(column.name), where))
-    arrays = {name: np.array(numbers, dtype=np.float64) for name, numbers in values.items()}
-    if any(array.size == 0 for array in arrays.values()):
-        raise HindraxError(f"{source}: found a header line and no data below it, wanted at least one line of numbers")
-    return arrays
+        for name in present:
+            values[name].append(_number(cells, header.index(name), f"{source}, line {line}, column {name}"))
+    return {name: np.array(numbers, dtype=np.float64) for name, numbers in values.items()}
 
 
 def _has(header: list[str], column: Column, source: str) -> bool:

@@ -17,7 +17,6 @@ Array: TypeAlias = NDArray[np.float64]
 RANK_TOLERANCE = 1e-10
 """Smallest singular value of the scaled regressor, relative to its largest, that still counts as information."""
 
-
 MOST_STEPS = 60
 """Most steps of a nonlinear fit; from a good start, ten are enough."""
 

@@ -26,10 +26,7 @@ from hindrax_analysis.experiments.least_squares import (
 from hindrax_core.errors import HindraxError
 from hindrax_core.vehicle import GRAVITY_mps2
 
-COLUMNS = (
-    Column("time_s", "time [s], increasing"),
-    Column("theta_rad", "angle from the vertical [rad]"),
-)
+COLUMNS = (Column("time_s", "time [s], increasing"), Column("theta_rad", "angle from the vertical [rad]"))
 
 NOT_A_PENDULUM = 0.5
 """Largest residual of the angle after the fit, root mean square, relative."""
@@ -111,15 +108,8 @@ def analyze(
         raise HindraxError(f"{source}: the swing grows, wanted a pendulum that comes to rest; cut the record")
     simulated = _parameters(values, covariance, pendulum)
     check_added_mass(simulated.added_mass_kg, pendulum.mass_kg, source, "mass, arm and buoyancy")
-    return PendulumFit(
-        regression=first,
-        output_error=simulated,
-        residual_rad=float(np.std(theta - model)),
-        samples=theta.size,
-        time_s=np.arange(theta.size) / rate,
-        theta_rad=theta,
-        model_rad=model,
-    )
+    time = np.arange(theta.size) / rate
+    return PendulumFit(first, simulated, float(np.std(theta - model)), theta.size, time, theta, model)
 
 
 def _best_regression(theta: Array, rate_Hz: float, window_s: float | None, source: str) -> tuple[Array, Array]:
@@ -163,14 +153,10 @@ def _parameters(values: Array, covariance: Array, pendulum: Pendulum) -> Paramet
     def total(v: Array) -> float:
         return -pendulum.net_weight_N / (float(v[0]) * pendulum.arm_m)
 
-    return Parameters(
-        alpha=alpha,
-        beta=beta,
-        gamma=gamma,
-        added_mass_kg=propagate(lambda v: total(v) - pendulum.mass_kg, values, covariance),
-        k_l=propagate(lambda v: float(v[1]) * total(v), values, covariance),
-        k_q=propagate(lambda v: float(v[2]) * total(v) / pendulum.arm_m, values, covariance),
-    )
+    added = propagate(lambda v: total(v) - pendulum.mass_kg, values, covariance)
+    k_l = propagate(lambda v: float(v[1]) * total(v), values, covariance)
+    k_q = propagate(lambda v: float(v[2]) * total(v) / pendulum.arm_m, values, covariance)
+    return Parameters(alpha, beta, gamma, added, k_l, k_q)
 
 
 def simulate(time_s: Array, coefficients: Array, theta_rad: float, speed_radps: float = 0.0) -> Array:

@@ -110,8 +110,7 @@ def fit(tests: Sequence[StepTest], mass_kg: float) -> StepFit:
             f"step: {found.residual_std:.3g} m/s residual after the fit; the record has no step from rest, "
             "or its thrust is wrong"
         )
-    relative = np.sqrt(np.diag(found.covariance))
-    pairs = zip(np.exp(found.values), relative, strict=True)
+    pairs = zip(np.exp(found.values), np.sqrt(np.diag(found.covariance)), strict=True)
     mass, k_l, k_q = (Value(float(value), float(value * part)) for value, part in pairs)
     added = Value(mass.value - mass_kg, mass.std)
     check_added_mass(added, mass_kg, "step", "mass and the unit of the thrust")

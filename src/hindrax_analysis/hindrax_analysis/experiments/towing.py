@@ -41,12 +41,9 @@ def fit(
         raise HindraxError(
             "towing: all points have the same speed, wanted at least two; one speed cannot tell k_l from k_q"
         )
-    columns = [np.abs(speed_mps) * speed_mps, speed_mps]
-    names = ["k_q", "k_l"]
-    if offset:
-        columns.append(np.ones(speed_mps.size))
-        names.append("b")
-    found = least_squares(np.column_stack(columns), drag_N, names)
+    columns = {"k_q": np.abs(speed_mps) * speed_mps, "k_l": speed_mps}
+    columns |= {"b": np.ones(speed_mps.size)} if offset else {}
+    found = least_squares(np.column_stack(list(columns.values())), drag_N, list(columns))
     pressure = 0.5 * density_kgpm3 * area_m2 if area_m2 else math.nan
     k_q, fastest = found["k_q"], float(np.max(np.abs(speed_mps)))
     force = k_q.value * fastest**2 + found["k_l"].value * fastest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import TypeAlias, cast
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -101,40 +101,40 @@ def export_model(saved: SavedCoefficients, vehicle: Vehicle, source: str, *, com
     if notes and not motions and not complete:
         raise HindraxError(f"{source}: {notes[0]}, and no motion of that is identifiable; fly it again")
     prior = vehicle.hydrodynamics if complete else None
-    top = [_top_speed(motions, axis, vehicle) for axis in AXES]
-    drags = {
-        axis: _axis_drag(axis, motions, prior, top[i], notes, unidentified=unidentified) for i, axis in enumerate(AXES)
-    }
-    masses = [_axis_added_mass(axis, motions, prior, i, notes) for i, axis in enumerate(AXES)]
+    # Pool tests reach one radian per second.
+    tops, drags = [vehicle.limits.speed_mps] * 3 + [1.0] * 3, {}
+    sides = {axis: _sides(axis, motions) for axis in AXES}
+    for index, axis in enumerate(AXES):
+        tested = [abs(speed) for side in sides[axis] if side is not None for speed in side.speeds]
+        tops[index] = max(tested, default=0.0) or tops[index]
+        drags[axis] = _axis_drag(axis, sides[axis], prior, tops[index], notes, unidentified=unidentified)
+    masses = [_axis_added_mass(axis, sides[axis], prior, notes) for axis in AXES]
     cross = prior.added_mass_cross if prior else ()
     hydrodynamics = Hydrodynamics(added_mass=cast("Vec6", tuple(masses)), added_mass_cross=cross, **drags)
     notes = [*_joined(notes), *_uncertainty_notes(motions), *(f"assumed: {one}" for one in assumptions)]
-    return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(top)), source, tuple(notes))
+    return ExportModel(vehicle, hydrodynamics, cast("Vec6", tuple(tops)), source, tuple(notes))
 
 
-def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> tuple[SavedMotion | None, SavedMotion | None]:
+Sides: TypeAlias = tuple[SavedMotion | None, SavedMotion | None]
+
+
+def _sides(axis: str, motions: Mapping[str, SavedMotion]) -> Sides:
     """Results for motion in the positive and in the negative direction of an axis; heave is positive down."""
     if axis == "heave" and ("heave_down" in motions or "heave_up" in motions):
         return motions.get("heave_down"), motions.get("heave_up")
     return motions.get(axis), motions.get(axis)
 
 
-def _top_speed(motions: Mapping[str, SavedMotion], axis: str, vehicle: Vehicle) -> float:
-    top = max((abs(speed) for side in _sides(axis, motions) if side is not None for speed in side.speeds), default=0.0)
-    # Pool tests reach one radian per second.
-    return top or (vehicle.limits.speed_mps if AXES.index(axis) < 3 else 1.0)
-
-
 def _axis_drag(
     axis: str,
-    motions: Mapping[str, SavedMotion],
+    sides: Sides,
     prior: Hydrodynamics | None,
     top: float,
     notes: list[str],
     *,
     unidentified: Mapping[str, str],
 ) -> Drag:
-    forward, backward = _sides(axis, motions)
+    forward, backward = sides
     reason = next((why for name, why in unidentified.items() if name.startswith(axis)), "")
     if forward is None and backward is None:
         if prior is None:
@@ -173,17 +173,14 @@ def _passive(motion: SavedMotion | None, axis: str, top: float, notes: list[str]
     return k_q, k_l
 
 
-def _axis_added_mass(
-    axis: str, motions: Mapping[str, SavedMotion], prior: Hydrodynamics | None, index: int, notes: list[str]
-) -> float:
-    sides = [side for side in _sides(axis, motions) if side is not None]
-    found = [side.numbers["added_mass"] for side in sides if "added_mass" in side.numbers]
+def _axis_added_mass(axis: str, sides: Sides, prior: Hydrodynamics | None, notes: list[str]) -> float:
+    found = [side.numbers["added_mass"] for side in sides if side is not None and "added_mass" in side.numbers]
     if not found:
         if prior is None:
             raise HindraxError(f"motion {axis}: no added mass in the results; add --vehicle FILE to take it from there")
-        if sides:
+        if any(sides):
             notes.append(f"{axis}: added mass is not in the results but from the vehicle file")
-        return prior.added_mass[index]
+        return prior.added_mass[AXES.index(axis)]
     weights = [one.std**-2 if all(one.std > 0.0 for one in found) else 1.0 for one in found]
     mass = float(np.average([one.value for one in found], weights=weights))
     if mass < 0.0:

@@ -34,7 +34,7 @@ def write(model: ExportModel, link: str = "base_link") -> str:
     for name, edge in zip(("length", "width", "height"), vehicle.envelope_m, strict=True):
         add(box, name, number(edge))
     x, y, z = vehicle.center_of_buoyancy_m
-    add(body, "center_of_buoyancy", " ".join(number(value) for value in (x, -y, -z)))
+    add(body, "center_of_buoyancy", " ".join(map(number, (x, -y, -z))))
     hydrodynamics = ET.SubElement(body, "hydrodynamic_model")
     add(hydrodynamics, "type", "fossen")
     add(hydrodynamics, "added_mass", " ".join(number(float(value)) for value in model.added_mass.ravel()))

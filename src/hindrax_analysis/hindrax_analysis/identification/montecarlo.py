@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from hindrax_analysis.plain import plain
+from hindrax_ident.arrays import Array
 from hindrax_ident.assess.assessment import METHOD, Assessment
 from hindrax_ident.assess.results import MotionResult
 from hindrax_ident.fit.cramer_rao import bound_of, true_parameters
@@ -44,11 +45,6 @@ class DragError:
     share: float
     error: float
     std_calibrated: float = math.nan
-
-    @property
-    def z(self) -> float:
-        """Error in calibrated standard deviations."""
-        return self.error / self.std_calibrated
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,48 +113,30 @@ def _drag(result: MotionResult, drag_force: Callable[[str, float], float]) -> It
         yield DragError(result.motion, abs(v) / result.speeds[1], error, std / abs(true))
 
 
-@dataclass(frozen=True, slots=True)
-class AccuracyCell:
-    """One coefficient over all runs. `ratio` is the root mean square of error over bound: 1 is the limit."""
+def tabulate(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """One row per motion, coefficient and method over all runs, in the order of their first appearance.
 
-    motion: str
-    coefficient: str
-    method: str
-    runs: int
-    truth: float
-    bias: float
-    rmse: float
-    crlb: float
-    ratio: float
-    coverage95: float
-    coverage95_calibrated: float
-
-
-def tabulate(trials: Sequence[Trial]) -> list[AccuracyCell]:
-    """One cell per motion, coefficient and method, in the order of their first appearance."""
-    groups: dict[tuple[str, str, str], list[CoefficientError]] = {}
+    `ratio` is the root mean square of error over bound: 1 is the limit.
+    """
+    groups: dict[tuple[str, str, str], list[tuple[float, ...]]] = {}
     for trial in trials:
         for one in trial.found:
-            groups.setdefault((one.motion, one.coefficient, one.method), []).append(one)
-    return [_cell(*key, group) for key, group in groups.items()]
+            numbers = (one.error, one.bound, one.std, one.std_calibrated, one.truth)
+            groups.setdefault((one.motion, one.coefficient, one.method), []).append(numbers)
+    rows = []
+    for (motion, coefficient, method), group in groups.items():
+        errors, bounds, stds, calibrated, truths = np.array(group).T
+        row = {"motion": motion, "coefficient": coefficient, "method": method, "runs": len(group)}
+        row |= {"truth": float(truths.mean()), "bias": float(errors.mean())}
+        row |= {"rmse": _rms(errors), "crlb": _rms(bounds), "ratio": _rms(errors / bounds)}
+        row["coverage95"] = float(np.mean(np.abs(errors) <= Z95 * stds))
+        row["coverage95_calibrated"] = float(np.mean(np.abs(errors) <= Z95 * calibrated))
+        rows.append(row)
+    return rows
 
 
-def _cell(motion: str, coefficient: str, method: str, group: list[CoefficientError]) -> AccuracyCell:
-    rows = [(one.error, one.bound, one.std, one.std_calibrated, one.truth) for one in group]
-    errors, bounds, stds, calibrated, truths = np.array(rows).T
-    return AccuracyCell(
-        motion=motion,
-        coefficient=coefficient,
-        method=method,
-        runs=len(group),
-        truth=float(truths.mean()),
-        bias=float(errors.mean()),
-        rmse=float(np.sqrt(np.mean(errors**2))),
-        crlb=float(np.sqrt(np.mean(bounds**2))),
-        ratio=float(np.sqrt(np.mean((errors / bounds) ** 2))),
-        coverage95=float(np.mean(np.abs(errors) <= Z95 * stds)),
-        coverage95_calibrated=float(np.mean(np.abs(errors) <= Z95 * calibrated)),
-    )
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def by_chance(runs: int) -> tuple[float, float]:
@@ -179,7 +157,7 @@ def drag_bias(trials: Sequence[Trial]) -> list[dict[str, Any]]:
     out = []
     for (motion, share), group in groups.items():
         errors, stds = np.array([(one.error, one.std_calibrated) for one in group]).T
-        rmse = float(np.sqrt(np.mean(errors**2)))
+        rmse = _rms(errors)
         coverage = float(np.mean(np.abs(errors) <= Z95 * stds))
         row = {"bias": float(np.mean(errors)), "rmse": rmse, "coverage95_calibrated": coverage}
         row |= {"rmse_per_band": rmse / float(np.median(stds)), "cases": len(group)}
@@ -195,12 +173,12 @@ def summary(trials: Sequence[Trial]) -> dict[str, Any]:
     cells = tabulate(trials)
     others: dict[str, list[object]] = {}
     for cell in cells:
-        if cell.method != METHOD:
-            others.setdefault(cell.method, []).append(plain(cell))
+        if cell["method"] != METHOD:
+            others.setdefault(cell["method"], []).append(plain(cell))
     return {
         "runs": len(trials),
         "ratio_by_chance": list(by_chance(len(trials))),
-        "cells": [plain(cell) for cell in cells if cell.method == METHOD],
+        "cells": [plain(cell) for cell in cells if cell["method"] == METHOD],
         "methods": others,
         "drag": plain(drag_bias(trials)),
         "troubles": {str(trial.seed): trial.trouble for trial in trials if trial.trouble},

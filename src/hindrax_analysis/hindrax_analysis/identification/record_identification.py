@@ -10,17 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from hindrax_analysis.identification.bag_identification import IdentifiedBag, identify_bag
+from hindrax_analysis.records import plausibility
 from hindrax_analysis.records.autopilot_log import ENDINGS, read_log
 from hindrax_analysis.records.csv_record import read_csv
 from hindrax_analysis.records.damage import without_damage
 from hindrax_analysis.records.own_bag import bag_events, is_mock, truth_in
-from hindrax_analysis.records.plausibility import (
-    with_doubt_of_inertia,
-    with_plausibility_check,
-    with_reason,
-    with_weight_check,
-    wrong_thrust_sign,
-)
 from hindrax_analysis.records.recording import (
     Recording,
     are_parts,
@@ -117,15 +111,14 @@ def open_sources(paths: Sequence[Path], wanted: TopicSelection, vehicle: Vehicle
             sources[-1] = RecordSource(before.path, joined(before.recording, found.recording), parts=parts)
         else:
             sources.append(found)
-    return [source if source.recording is None else _whole(source, source.recording) for source in sources]
-
-
-def _whole(source: RecordSource, recording: Recording) -> RecordSource:
-    """The record without damage; UsageError where it holds velocities or forces alone."""
-    if not is_complete(recording):
-        has, lacks = ("forces", "velocities") if len(recording.wrench_t) else ("velocities", "forces")
-        raise UsageError(f"{source.path}: holds {has} alone; name the file with the {lacks} of the same time beside it")
-    return replace(source, recording=without_damage(recording))
+    for index, source in enumerate(sources):
+        if (recording := source.recording) is not None:
+            if not is_complete(recording):
+                has, lacks = ("forces", "velocities") if len(recording.wrench_t) else ("velocities", "forces")
+                beside = f"name the file with the {lacks} of the same time beside it"
+                raise UsageError(f"{source.path}: holds {has} alone; {beside}")
+            sources[index] = replace(source, recording=without_damage(recording))
+    return sources
 
 
 def _read(path: Path, wanted: TopicSelection, vehicle: Vehicle | None, *, part: bool) -> RecordSource:
@@ -208,9 +201,8 @@ def _identify(sources: Sequence[RecordSource], vehicle: Vehicle, task: Identific
         outcome = _session_over(_own_events(ours, vehicle, span), vehicle, task.tuning).finalize()
         if not outcome.results.motions:
             end = "on" if math.isinf(span.to_s) else f"to {span.to_s:g} s"
-            raise UsageError(
-                f"no motion was flown from {span.from_s:g} s {end}; `./hindrax bag plot` shows when it was"
-            )
+            found_none = f"no motion was flown from {span.from_s:g} s {end}"
+            raise UsageError(f"{found_none}; `./hindrax bag plot` shows when it was")
         mock = all(source.mock for source in ours)
         truths = [truth_in(source.path, vehicle) for source in ours if mock]
         # Runs in different worlds have no truth in common.
@@ -304,9 +296,9 @@ def _identify_recordings(
         usable = [one for one in recordings if not reason_to_skip(one, axis)]
         if usable:
             outcome, seen = _axis(usable, vehicle, axis, tuning)
-            against = wrong_thrust_sign(usable, axis)
-            found = {name: with_plausibility_check(one, vehicle) for name, one in outcome.results.motions.items()}
-            motions |= {name: with_reason(one, against) for name, one in found.items()}
+            against = plausibility.wrong_thrust_sign(usable, axis)
+            for name, one in outcome.results.motions.items():
+                motions[name] = plausibility.with_plausibility_check(one, vehicle, against)
             assessments |= outcome.assessments
             traces |= seen
         elif task.axes or any(has_signal(one, axis) for one in recordings):
@@ -319,7 +311,8 @@ def _identify_recordings(
         raise UsageError(f"{recordings[0].source}: has no axis with both finite velocities and finite forces")
     for name, one in motions.items():
         if task.mass_known:
-            motions[name] = with_doubt_of_inertia(with_weight_check(one, vehicle), vehicle)
+            weighed = plausibility.with_weight_check(one, vehicle)
+            motions[name] = plausibility.with_doubt_of_inertia(weighed, vehicle)
         else:
             kept = {key: number for key, number in one.coefficients.items() if key != "added_mass"}
             motions[name] = replace(one, coefficients=kept)

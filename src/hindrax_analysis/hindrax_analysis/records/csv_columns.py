@@ -14,12 +14,18 @@ from hindrax_core.errors import HindraxError
 
 COLUMNS: dict[str, str] = {
     "t": "time [s], from any origin",
-    **dict(zip("uvw", ("surge, forward [m/s]", "sway, to starboard [m/s]", "heave, down [m/s]"), strict=True)),
-    **dict(
-        zip("pqr", ("roll rate [rad/s]", "pitch rate [rad/s]", "yaw rate, clockwise from above [rad/s]"), strict=True)
-    ),
-    **dict(zip("XYZ", ("force forward [N]", "force to starboard [N]", "force down [N]"), strict=True)),
-    **dict(zip("KMN", ("moment about x [N m]", "moment about y [N m]", "moment about z [N m]"), strict=True)),
+    "u": "surge, forward [m/s]",
+    "v": "sway, to starboard [m/s]",
+    "w": "heave, down [m/s]",
+    "p": "roll rate [rad/s]",
+    "q": "pitch rate [rad/s]",
+    "r": "yaw rate, clockwise from above [rad/s]",
+    "X": "force forward [N]",
+    "Y": "force to starboard [N]",
+    "Z": "force down [N]",
+    "K": "moment about x [N m]",
+    "M": "moment about y [N m]",
+    "N": "moment about z [N m]",
     "roll": "angle [rad]",
     "pitch": "angle [rad]",
     "depth": "below the surface [m]; serves heave where there is no w",

@@ -42,27 +42,25 @@ class _Stretch:
     last: int
     value: float
 
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return self.last - self.first + 1
-
 
 def without_damage(recording: Recording) -> Recording:
     """The record without what is no measurement; what was found is added to its assumptions."""
     spread, notes = _with_even_times(recording)
-    velocity, thrust = spread.velocity.copy(), _thrust_at(spread)
+    velocity = spread.velocity.copy()
+    # Forces that hold at the times of the velocities; NaN before the first.
+    at = np.searchsorted(spread.wrench_t, spread.velocity_t, side="right")
+    thrust = np.vstack([np.full((1, 6), np.nan), spread.wrench])[at]
     for axis, name in enumerate(AXES):
         known = np.flatnonzero(np.isfinite(spread.velocity[:, axis]))
         t, v = spread.velocity_t[known], spread.velocity[known, axis]
         if len(known) <= 2 * FEWEST or np.ptp(v) == 0.0:  # never measured, which is reported where it is asked for
             continue
         for sentence, damaged in _damage(t, v, thrust[known, axis]):
-            at = known[damaged]
-            velocity[at, axis] = np.nan
+            gone = known[damaged]
+            velocity[gone, axis] = np.nan
             if axis < 3:  # without lock a DVL has no velocity at all
-                rows = spread.velocity[at, :3]
-                velocity[at, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[at, :3])
+                rows = spread.velocity[gone, :3]
+                velocity[gone, :3] = np.where((rows == 0.0) & (v[damaged] == 0.0)[:, None], np.nan, velocity[gone, :3])
             notes.append(f"{name}: {sentence}")
     return replace(spread, velocity=array(velocity), assumptions=(*recording.assumptions, *notes, *_gaps(spread)))
 
@@ -78,7 +76,7 @@ def _damage(t: Array, v: Array, force: Array) -> Iterator[tuple[str, Flags]]:
         gone |= found
         yield f"{found.sum()} velocities of exactly 0 in motion are of a sensor without lock: {_left(zeros, t)}", found
     coincidence = _longest_by_chance(v)
-    held = [one for one in stretches if one.value != 0.0 and one.count > coincidence]
+    held = [one for one in stretches if one.value != 0.0 and one.last - one.first + 1 > coincidence]
     for extreme in (float(v.min()), float(v.max())):
         tops = [one for one in held if one.value == extreme]
         if len(tops) > 1:
@@ -150,14 +148,6 @@ def _outliers(v: Array) -> Flags:
     return found if limit > 0.0 and found.mean() <= MOST_OUTLIERS else np.zeros(len(v), dtype=bool)
 
 
-def _thrust_at(recording: Recording) -> Array:
-    """Forces that hold at the times of the velocities: (n, 6) [N, N m]; NaN before the first."""
-    if not len(recording.wrench_t):
-        return np.full((len(recording.velocity_t), 6), np.nan)
-    at = np.searchsorted(recording.wrench_t, recording.velocity_t, side="right") - 1
-    return np.where(at[:, None] >= 0, recording.wrench[np.maximum(at, 0)], np.nan)
-
-
 def _with_even_times(recording: Recording) -> tuple[Recording, list[str]]:
     """Velocities that arrived in bursts, spread evenly from the end of one burst to that of the next."""
     t, known = recording.velocity_t, np.isfinite(recording.velocity)
@@ -180,9 +170,7 @@ def _gaps(recording: Recording) -> list[str]:
     """Note on gaps between the velocities of any axis."""
     t = recording.velocity_t[np.isfinite(recording.velocity).any(axis=1)]
     steps = np.diff(t)
-    if not len(steps):
-        return []
-    found = np.flatnonzero(steps > max(GAP_S, GAP_STEPS * float(np.median(steps))))
+    found = np.flatnonzero(steps > max(GAP_S, GAP_STEPS * float(np.median(steps)))) if len(steps) else steps
     if not len(found):
         return []
     longest = found[int(np.argmax(steps[found]))]

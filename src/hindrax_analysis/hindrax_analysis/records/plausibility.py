@@ -54,16 +54,11 @@ def _velocity_and_thrust(recording: Recording, axis: int) -> Array:
     return np.column_stack([recording.velocity[moved, axis], thrust.force(recording.velocity_t[moved])])
 
 
-def with_reason(result: MotionResult, reason: str) -> MotionResult:
-    """The result with one more reason against it, if not empty."""
-    return replace(result, identifiable=False, reasons=(*result.reasons, reason)) if reason else result
-
-
-def with_plausibility_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
-    """The result, with each implausibility as a reason against it."""
-    for found in _implausibilities(result, vehicle) if result.coefficients else ():
-        result = with_reason(result, found)
-    return result
+def with_plausibility_check(result: MotionResult, vehicle: Vehicle, against: str = "") -> MotionResult:
+    """The result, with each implausibility, and what else speaks `against` it, as a reason."""
+    found = _implausibilities(result, vehicle) if result.coefficients else []
+    reasons = [*found, against] if against else found
+    return replace(result, identifiable=False, reasons=(*result.reasons, *reasons)) if reasons else result
 
 
 def with_weight_check(result: MotionResult, vehicle: Vehicle) -> MotionResult:
@@ -90,11 +85,8 @@ def with_doubt_of_inertia(result: MotionResult, vehicle: Vehicle) -> MotionResul
     doubt = Contribution("inertia of the body", INERTIA_SHARE * rigid_mass(vehicle, axis), INERTIA_REMEDY)
     wider = replace(found, std_calibrated=math.hypot(found.std_calibrated, doubt.std))
     rows = sorted([doubt, *result.budget.get("added_mass", ())], key=lambda row: -row.std)
-    return replace(
-        result,
-        coefficients={**result.coefficients, "added_mass": wider},
-        budget={**result.budget, "added_mass": rows},
-    )
+    numbers, budget = {**result.coefficients, "added_mass": wider}, {**result.budget, "added_mass": rows}
+    return replace(result, coefficients=numbers, budget=budget)
 
 
 def _implausibilities(result: MotionResult, vehicle: Vehicle) -> list[str]:

@@ -52,22 +52,17 @@ class Recording:
     @property
     def duration_s(self) -> float:
         """From the first measurement to the last."""
-        return max(0.0, self._measured[1] - self._measured[0])
-
-    @property
-    def _measured(self) -> tuple[float, float]:
-        known = [t for t in (self.velocity_t, self.attitude_t) if len(t)]
-        return min((float(t[0]) for t in known), default=0.0), max((float(t[-1]) for t in known), default=0.0)
+        return max(0.0, self.end_s - self.begin_s)
 
     @property
     def begin_s(self) -> float:
         """Time of the first measurement."""
-        return self._measured[0]
+        return min((float(t[0]) for t in (self.velocity_t, self.attitude_t) if len(t)), default=0.0)
 
     @property
     def end_s(self) -> float:
         """Time of the last measurement."""
-        return self._measured[1]
+        return max((float(t[-1]) for t in (self.velocity_t, self.attitude_t) if len(t)), default=0.0)
 
     def between(self, start_s: float, end_s: float) -> Recording:
         """Part of a record, with the force at its start."""
@@ -86,13 +81,9 @@ class Recording:
 
     def half_turned(self) -> Recording:
         """The same record rotated by half a turn about x: left and up for starboard and down."""
-        tilts = HALF_TURN[:3] * np.array([1.0, 1.0, -1.0])
-        return replace(
-            self,
-            velocity=array(self.velocity * HALF_TURN),
-            wrench=array(self.wrench * HALF_TURN),
-            attitude=array(self.attitude * tilts),
-        )
+        velocity, wrench = array(self.velocity * HALF_TURN), array(self.wrench * HALF_TURN)
+        attitude = array(self.attitude * np.array([1.0, -1.0, 1.0]))
+        return replace(self, velocity=velocity, wrench=wrench, attitude=attitude)
 
 
 def is_complete(recording: Recording) -> bool:
@@ -230,16 +221,12 @@ def events(recording: Recording, axis: int, begin_s: float = 0.0) -> Iterator[St
     rows = zip(recording.velocity_t[known].tolist(), recording.velocity[known].tolist(), strict=True)
     # Of all axes: motion along the others causes forces on this one.
     parts += [(t, 3, Velocity((u, v, w, p, q, r), unknown, SOURCE)) for t, (u, v, w, p, q, r) in rows]
-    parts += [(t, 2, attitude) for t, attitude in _attitudes(recording, axis)]
-    parts.sort(key=lambda part: part[:2])
-    yield from (Stamped(stamp_from_s(begin_s + t), event) for t, _, event in parts)
-    yield Stamped(stamp_from_s(begin_s + parts[-1][0] + 1e-3), Phase("", ""))
-
-
-def _attitudes(recording: Recording, axis: int) -> Iterator[tuple[float, Attitude]]:
     measured = bool(np.isfinite(recording.velocity[:, axis]).any())
     for t, (roll, pitch, depth) in zip(recording.attitude_t.tolist(), recording.attitude.tolist(), strict=True):
         if axis == 2 and not measured and math.isfinite(depth):
-            yield t, Attitude((NAN, NAN, NAN), depth)
+            parts.append((t, 2, Attitude((NAN, NAN, NAN), depth)))
         elif axis != 2 and (math.isfinite(roll) or math.isfinite(pitch)):
-            yield t, Attitude((roll, pitch, NAN))
+            parts.append((t, 2, Attitude((roll, pitch, NAN))))
+    parts.sort(key=lambda part: part[:2])
+    yield from (Stamped(stamp_from_s(begin_s + t), event) for t, _, event in parts)
+    yield Stamped(stamp_from_s(begin_s + parts[-1][0] + 1e-3), Phase("", ""))

@@ -16,11 +16,13 @@ from hindrax_analysis.records.bag_track import (
     VELOCITY_TYPES,
     WRENCH_TYPES,
     Track,
+    compare_frames,
     quaternions_of,
     tilts_of,
+    to_body,
+    velocities_from_poses,
     wrenches_of,
 )
-from hindrax_analysis.records.poses import compare_frames, to_body, velocities_from_poses
 from hindrax_analysis.records.recording import HALF_TURN, Recording
 from hindrax_bag.read.bag_reader import messages
 from hindrax_control.allocation.thrust_curve import PULSE_FIELDS
@@ -67,6 +69,11 @@ def topics_of(bag: Path) -> dict[str, str]:
     return found
 
 
+def listed(topics: Mapping[str, str]) -> str:
+    """The topics and their types, for a sentence."""
+    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
+
+
 def is_ours(topics: Mapping[str, str]) -> bool:
     """Whether a bag was recorded by this stack: it has the maneuver and the achieved wrench."""
     return resolved(ALLOCATION) in topics and resolved(MANEUVER) in topics
@@ -93,7 +100,7 @@ def _choose(
     (automatic, only_named), (what, option) = types, words
     fitting = sorted(topic for topic, kind in topics.items() if kind in automatic)
     possible = sorted(topic for topic, kind in topics.items() if kind in only_named)
-    there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "nothing"
+    there = listed(topics)
     short = " or ".join(kind.partition("/msg/")[2] for kind in automatic)
     if named:
         if named in fitting or named in possible:
@@ -144,11 +151,9 @@ def _recording(bag: Path, velocity: Track, wrench: Track, frame: str, vehicle: V
 def _forces(wrench: Track, velocity: Track, signs: Array, axes: _FrameChoice, vehicle: Vehicle | None) -> Array:
     """Wrenches in SNAME axes, in the order of the bag: (n, 6) [N, N m]."""
     if wrench.kind in PULSE_FIELDS:
-        forces = wrenches_of(wrench, vehicle)
-        axes.notes.append(
-            f"{wrench.topic} holds pulses of the channels, converted to newtons by the curves of the vehicle file"
-        )
-        return forces
+        told = "holds pulses of the channels, converted to newtons by the curves of the vehicle file"
+        axes.notes.append(f"{wrench.topic} {told}")
+        return wrenches_of(wrench, vehicle)
     if wrench.frame or axes.is_given:
         signs = _signs_to_sname(wrench, axes)
     else:
@@ -190,9 +195,8 @@ def _in_world(track: Track, at_s: Array, rows: Array, poses: tuple[Array, Array]
         axes.notes.append(f"{track.topic}: suspect, its velocities contradict the change of its positions in any axes")
     if named_world or (found is not None and found.is_world):
         why = "as named" if named_world else f"not in {track.frame or 'those of the body'}: its positions change so"
-        axes.notes.append(
-            f"{track.topic}: velocities taken in the axes of the world, {why}, and turned by its attitude"
-        )
+        told = f"velocities taken in the axes of the world, {why}, and turned by its attitude"
+        axes.notes.append(f"{track.topic}: {told}")
         return True
     return False
 

@@ -23,14 +23,31 @@ Role: TypeAlias = Literal["measured", "model", "online", "plateau", "truth", "pa
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """A line through points, interrupted at values that are not finite. Without a `label` it is not in the legend."""
+class Series:
+    """Numbers over a coordinate, (n,) each. Without a `label` it is not in the legend."""
 
     x: Array
     y: Array
     role: Role
     label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Line(Series):
+    """A line through points, interrupted at values that are not finite."""
+
     dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Points(Series):
+    """Dots; `small` ones for many samples."""
+
+    small: bool = False
+
+
+class Stems(Series):
+    """Vertical strokes from zero, for an autocorrelation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,32 +63,11 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True)
-class Points:
-    """Dots; `small` ones for many samples."""
-
-    x: Array
-    y: Array
-    role: Role
-    label: str = ""
-    small: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Bars:
     """A histogram: edges (n + 1,), heights (n,)."""
 
     edges: Array
     heights: Array
-    role: Role
-    label: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Stems:
-    """Vertical strokes from zero, for an autocorrelation."""
-
-    x: Array
-    y: Array
     role: Role
     label: str = ""
 

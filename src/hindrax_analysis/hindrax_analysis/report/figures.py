@@ -114,22 +114,22 @@ def _force_velocity(figures: MotionFigures) -> Chart:
 def _distance_from_fit(figures: MotionFigures) -> Chart:
     """The first chart minus the fitted curve: shows the bands of a good fit."""
     whole, numbers = _force_velocity(figures), figures.result.coefficients
-    layers = tuple(_minus_fit(layer, _steady(numbers, xs(layer))) for layer in whole.layers)
+    layers: list[Layer] = []
+    for layer in whole.layers:
+        fitted = _steady(numbers, xs(layer))
+        if isinstance(layer, Band):
+            layers.append(replace(layer, low=array(layer.low - fitted), high=array(layer.high - fitted)))
+        elif isinstance(layer, Line | Points):
+            layers.append(replace(layer, y=array(layer.y - fitted)))
     close = [ys(layer) for layer in layers if layer.role != "paper"]
     return replace(
         whole,
         title="Distance from the fitted curve",
         y_label=f"{figures.words[1]} \u2212 fitted [{figures.units[1]}]",
         caption="The same minus the fitted curve, which makes the bands visible.",
-        layers=layers,
+        layers=tuple(layers),
         y_range=data_range(close, margin=0.15),
     )
-
-
-def _minus_fit(layer: Layer, fitted: Array) -> Layer:
-    if isinstance(layer, Band):
-        return replace(layer, low=array(layer.low - fitted), high=array(layer.high - fitted))
-    return replace(layer, y=array(layer.y - fitted)) if isinstance(layer, Line | Points) else layer
 
 
 def _curve(k_q: float, k_l: float, b: float, v: Array) -> Array:

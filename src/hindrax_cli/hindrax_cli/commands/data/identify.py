@@ -200,7 +200,7 @@ def _report(
 def _saved(source: RecordSource, results: Results, conditions: Conditions) -> SavedCoefficients:
     """One of several records, as the report shows earlier runs."""
     motions = {
-        name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds, one.samples, one.method)
+        name: SavedMotion(one.coefficients, one.identifiable, one.reasons, one.speeds)
         for name, one in results.motions.items()
     }
     label = source.path.parent.name if source.path.name == "bag" else source.path.stem
